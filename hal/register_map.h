@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace bendloop::hal {
+
+enum class RegisterSpace : std::uint8_t { kHolding, kInput };  // FC 3/6/16, FC 4
+enum class RegisterType : std::uint8_t { kUint16, kInt16, kUint32, kInt32, kFloat32 };
+
+constexpr std::uint16_t RegisterCount(RegisterType type) {
+  return type == RegisterType::kUint16 || type == RegisterType::kInt16 ? 1 : 2;
+}
+
+// One value in a controller: value = raw * scale + offset.
+struct RegisterField {
+  std::uint16_t address = 0;  // zero-based, as on the wire; inside a row: relative to the row
+  RegisterSpace space = RegisterSpace::kHolding;
+  RegisterType type = RegisterType::kUint16;
+  double scale = 1;
+  double offset = 0;
+};
+
+// Where a whole program stands: a head and `max_rows` rows, `row_stride` registers apart.
+struct ProgramArea {
+  RegisterField part_number;
+  RegisterField sequence;
+  RegisterField row_count;  // rows including the end length
+  RegisterField crc;        // uint32
+  std::uint16_t rows_address = 0;
+  RegisterSpace rows_space = RegisterSpace::kHolding;
+};
+
+// How a PLC shows a bender: read from a register-map file, so that no code knows an address.
+struct RegisterMap {
+  std::string name;
+  bool high_word_first = true;  // of 32-bit values
+  bool high_byte_first = true;  // within a register; Modbus says true
+  std::uint16_t max_rows = 0;
+  std::uint16_t max_read_registers = 125;
+  std::uint16_t max_write_registers = 123;
+
+  // State, read in as few requests as the addresses allow.
+  RegisterField mode;
+  std::uint32_t mode_not_ready = 0;  // what `mode` reads in each BenderMode
+  std::uint32_t mode_idle = 1;
+  std::uint32_t mode_bending = 2;
+  std::uint32_t mode_fault = 3;
+  std::optional<RegisterField> fault_code;
+  std::optional<RegisterField> heartbeat;
+  std::optional<RegisterField> parts_bent;
+
+  // Handshake: we write the staged sequence to `commit`; the bender copies it to `reply_sequence`
+  // and says in `reply` what it did.
+  std::optional<RegisterField> commit;  // empty: no commit register, weaker guarantee
+  RegisterField reply_sequence;
+  RegisterField reply;
+  std::uint32_t reply_accepted = 1;
+  std::uint32_t reply_rejected = 2;
+  std::optional<RegisterField> reply_code;
+
+  ProgramArea active;
+  ProgramArea staging;
+  std::uint16_t row_stride = 0;
+  RegisterField row_length_mm;  // addresses relative to the row
+  RegisterField row_rotation_deg;
+  RegisterField row_angle_deg;
+  std::optional<RegisterField> row_bend_radius_mm;
+
+  // The controller's conventions, ours on the left of the arrow in config/README.md.
+  bool rotation_sign_reversed = false;
+  bool rotation_cumulative = false;  // absolute 0..360 instead of relative
+  bool length_cumulative = false;    // feed position instead of straight length
+};
+
+}  // namespace bendloop::hal

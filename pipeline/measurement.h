@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "hal/tube.h"
+
+namespace bendloop::pipeline {
+
+// Distances of the samples used from the fitted surface [mm].
+struct FitQuality {
+  std::size_t samples = 0;   // used by the fit
+  std::size_t outliers = 0;  // left out, at any stage
+  double median_abs_distance_mm = 0;
+  double rms_distance_mm = 0;
+  double p95_abs_distance_mm = 0;
+};
+
+// A point of the measured spine with the local radius of the pipe.
+struct SpineSample {
+  Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+  double pipe_radius_mm = 0;
+};
+
+// A scanned point with its signed distance from the fitted surface (outside positive).
+struct SurfaceSample {
+  Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+  double distance_mm = 0;
+};
+
+struct StageTime {
+  std::string stage;
+  double ms = 0;
+};
+
+// What a scan says of a tube.
+struct Measurement {
+  hal::Tube tube;          // in the world frame
+  hal::BendProgram sigma;  // 1 sigma of every value of tube.program, row by row
+  double pipe_radius_sigma_mm = 0;
+  double noise_mm = 0;        // 1 sigma of a sample along the surface normal, from the residuals
+  double coverage = 0;        // part of the spine's length that has samples, 0..1
+  double longest_gap_mm = 0;  // of the spine without samples
+  FitQuality fit;
+  std::vector<SpineSample> spine;      // along the tube, evenly spaced
+  std::vector<SurfaceSample> surface;  // evenly thinned samples, for deviations and pictures
+  std::vector<std::string> warnings;   // for a person, one sentence each
+  std::vector<StageTime> timing;
+};
+
+}  // namespace bendloop::pipeline
