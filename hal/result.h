@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <nonstd/expected.hpp>
+#include <string>
+#include <tl/expected.hpp>
 #include <utility>
 
 #include "hal/error.h"
@@ -10,14 +11,12 @@ namespace bendloop::hal {
 
 // What every fallible call of hal, drivers and the loops returns; nothing throws across them.
 template <class T>
-using Result = nonstd::expected<T, Error>;
+using Result = tl::expected<T, Error>;
 
 // `return Fail(ErrorKind::kDevice, "...")` from any function that returns a Result.
-inline nonstd::unexpected_type<Error> Fail(ErrorKind kind, std::string message) {
-  return nonstd::make_unexpected(Error{kind, std::move(message)});
+inline tl::unexpected<Error> Fail(ErrorKind kind, std::string message) {
+  return tl::unexpected<Error>(Error{kind, std::move(message)});
 }
-inline nonstd::unexpected_type<Error> Fail(Error error) {
-  return nonstd::make_unexpected(std::move(error));
-}
+inline tl::unexpected<Error> Fail(Error error) { return tl::unexpected<Error>(std::move(error)); }
 
 }  // namespace bendloop::hal
