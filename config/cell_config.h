@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "config/part_config.h"
+#include "hal/register_map.h"
+
+namespace bendloop::config {
+
+enum class ScannerKind : std::uint8_t { kSimulated, kStream, kUsb, kSession };
+
+// Where profiles come from.
+struct ScannerConfig {
+  ScannerKind kind = ScannerKind::kStream;
+  std::string host = "127.0.0.1";  // kSimulated, kStream
+  std::uint16_t port = 7420;       // kSimulated, kStream
+  std::string serial;              // kUsb: the device with this serial number; empty: the only one
+  std::filesystem::path session;   // kSession: the recording to play
+  std::size_t queue_profiles =
+      1024;  // between acquisition and pipeline; all memory is taken at start
+};
+
+// Which end of the nominal the scan begins with.
+enum class ScanDirection : std::uint8_t { kAuto, kForward, kReverse };
+// What ends a scan: the scanner's word, or the nominal being covered.
+enum class ScanEnd : std::uint8_t { kEvent, kCoverage };
+
+struct ScanConfig {
+  ScanDirection direction = ScanDirection::kAuto;
+  ScanEnd end = ScanEnd::kEvent;
+  double max_seconds = 120;         // a longer scan is ended and held
+  std::uint32_t min_profiles = 20;  // a shorter one is not a scan
+};
+
+enum class BenderKind : std::uint8_t { kNone, kModbusTcp, kSimulated };
+
+// How the bender is reached.
+struct BenderConfig {
+  BenderKind link = BenderKind::kNone;
+  std::string host = "127.0.0.1";
+  std::uint16_t port = 502;
+  std::uint8_t unit_id = 1;
+  std::filesystem::path register_map_file;
+  hal::RegisterMap register_map;  // loaded from register_map_file; unused when link is kNone
+  std::chrono::milliseconds connect_timeout{2000};
+  std::chrono::milliseconds response_timeout{500};
+  std::chrono::milliseconds byte_timeout{100};
+  std::chrono::milliseconds commit_timeout{5000};  // until the bender acknowledges
+  std::uint32_t retries = 2;                       // of one exchange, before the link is down
+};
+
+struct CorrectionLimits {
+  double length_mm = 0;
+  double rotation_deg = 0;
+  double angle_deg = 0;
+};
+
+// corrected = commanded + gain * (nominal - measured), within limits.
+struct CorrectionConfig {
+  bool enabled = true;
+  bool correct_lengths = true;
+  bool correct_rotations = true;
+  bool correct_angles = true;
+  double gain_length = 0.8;
+  double gain_rotation = 0.8;
+  double gain_angle = 0.8;
+  CorrectionLimits max_step{2.0, 3.0, 5.0};    // from one part to the next
+  CorrectionLimits max_total{5.0, 8.0, 12.0};  // from the nominal
+  double deadband_sigmas = 2;  // deviations below this many 1-sigma uncertainties are left alone
+};
+
+// A part that misses one of these is not measured well enough to be acted on: the run is refused.
+struct InterlockConfig {
+  double min_coverage = 0.8;                  // fraction of the spine with samples
+  double max_gap_mm = 60;                     // longest piece of the spine without samples
+  double max_fit_rms_mm = 0.3;                // of the samples from the fitted surface
+  CorrectionLimits max_sigma{0.3, 0.3, 0.2};  // 1 sigma of any corrected row
+  double max_session_age_s = 600;             // from the end of the scan to the commit
+};
+
+struct RecordConfig {
+  std::filesystem::path directory = "sessions";  // below state_dir unless absolute
+  std::uint64_t disk_budget_mb = 4096;           // the oldest sessions go first
+};
+
+enum class LogLevel : std::uint8_t { kDebug, kInfo, kWarning, kError };
+
+enum class RealtimeMode : std::uint8_t { kRequired, kBestEffort };
+
+struct RealtimeConfig {
+  RealtimeMode mode = RealtimeMode::kBestEffort;
+  std::optional<int> cpu;  // the acquisition thread is bound to it; empty: any
+  int priority = 50;       // SCHED_FIFO
+};
+
+// Everything the daemon knows about its cell. The defaults here are the defaults of the cell file,
+// schema "bendloop.cell/1" (README.md). Paths are absolute after loading.
+struct CellConfig {
+  std::string name;
+  std::filesystem::path part_file;
+  PartConfig part;  // loaded from part_file
+  std::filesystem::path state_dir = "/var/lib/bendloop";
+  ScannerConfig scanner;
+  ScanConfig scan;
+  BenderConfig bender;
+  CorrectionConfig correction;
+  InterlockConfig interlocks;
+  RecordConfig record;
+  LogLevel log_level = LogLevel::kInfo;
+  RealtimeConfig realtime;
+
+  std::filesystem::path file;  // where it came from; empty: from text
+};
+
+}  // namespace bendloop::config

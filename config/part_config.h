@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/bend_program.h"
+
+namespace bendloop::config {
+
+// What the drawing allows; each is a plus-minus about the nominal.
+struct Tolerances {
+  double length_mm = 0.5;
+  double rotation_deg = 0.5;
+  double angle_deg = 0.5;
+  double envelope_mm = 1.0;  // tangent points, after best-fit alignment
+  double surface_mm = 1.0;   // whole surface, after best-fit alignment
+};
+
+// How the material answers to bending, as the trade enters it. Springback is linear in the bend
+// angle, through the two given points; positive: the tube opens after the bend.
+struct Material {
+  double springback_at_20_deg = 0;
+  double springback_at_120_deg = 0;
+  double elongation_percent = 0;  // (measured length - cut length) / sum of the arc lengths
+};
+
+// One part number: its nominal, what may deviate, what it is made of. The defaults here are the
+// defaults of the part file, schema "bendloop.part/1" (README.md).
+struct PartConfig {
+  std::string name;
+  std::uint32_t part_number = 0;
+  double pipe_radius_mm = 0;  // outer
+  std::optional<double> wall_mm;
+  // Exactly one of these two holds the nominal.
+  hal::BendProgram rows;                 // from [[row]]; every bend has its bend radius
+  std::vector<Eigen::Vector3d> xyz_mm;   // from [nominal]: control polygon, both ends included
+  std::optional<double> bend_radius_mm;  // CLR of every bend without its own; given with xyz_mm
+  Tolerances tolerance;
+  Material material;
+
+  std::filesystem::path file;  // where it came from; empty: from text
+};
+
+}  // namespace bendloop::config
