@@ -12,9 +12,11 @@
 namespace bendloop::hal {
 
 struct BenderInfo {
-  std::string description;    // for the log: address, map
-  std::size_t max_rows = 0;   // rows that a program may have
-  bool atomic_commit = true;  // false: no commit register; a documented weaker guarantee
+  std::string description;     // for the log: address, map
+  std::size_t max_rows = 0;    // rows that a program may have
+  bool atomic_commit = true;   // false: no commit register; a documented weaker guarantee
+  bool has_heartbeat = false;  // BenderState::heartbeat is the controller's own
+  std::uint32_t max_sequence = 0xFFFFFFFF;  // the largest that the carrier can hold
 };
 
 // The words with a bender, without the order in which they must be said: that is the commit

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "drivers/modbus_bender/register_image.h"
+#include "hal/register_map.h"
+#include "hal/result.h"
+
+namespace bendloop::drivers {
+
+// One value to and from registers: value = raw * scale + offset, in the map's word and byte order.
+// `what` names the value in messages.
+
+// kBadInput if the value is not finite or does not fit the field's type; never wraps or clips.
+hal::Result<void> PutField(const hal::RegisterMap& map, const hal::RegisterField& field,
+                           double value, std::string_view what, RegisterImage& image);
+
+// kDevice if the registers hold a float that is not finite.
+hal::Result<double> GetField(const hal::RegisterMap& map, const hal::RegisterField& field,
+                             std::string_view what, const RegisterImage& image);
+
+// kDevice if the registers do not hold a whole number from 0 to 2^32 - 1.
+hal::Result<std::uint32_t> GetInteger(const hal::RegisterMap& map, const hal::RegisterField& field,
+                                      std::string_view what, const RegisterImage& image);
+
+// The largest whole number such that it and every one below it down to 1 keep their value.
+std::uint32_t MaxInteger(const hal::RegisterField& field);
+
+RegisterRange RangeOf(const hal::RegisterField& field);
+
+}  // namespace bendloop::drivers

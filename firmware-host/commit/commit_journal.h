@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "hal/bend_program.h"
+#include "hal/result.h"
+
+struct sqlite3;
+
+namespace bendloop::host {
+
+enum class CommitStep : std::uint8_t {
+  kBegun,         // about to stage; nothing sent yet
+  kCommitting,    // the commit write may have been sent from here on
+  kCommitted,     // the bender was seen holding the new program
+  kNotCommitted,  // the bender was seen holding another one, and the commit cannot come late
+};
+
+// One program on its way to the bender.
+struct CommitAttempt {
+  std::int64_t id = 0;
+  std::string session;     // the scan that the correction came from
+  hal::ProgramBlock base;  // active before
+  hal::ProgramBlock next;  // as the link encodes it
+  CommitStep step = CommitStep::kBegun;
+  std::string detail;  // of the last step
+};
+
+// Append-only record of every attempt, flushed to disk at every step (SQLite, WAL,
+// synchronous=FULL), so that after a power loss it is known what may have been sent. One process
+// at a time. Errors are kInternal with SQLite's words, or kBadInput for a file that is no journal.
+class CommitJournal {
+ public:
+  // Creates the file if there is none. ":memory:" for tests.
+  static hal::Result<CommitJournal> Open(const std::filesystem::path& path);
+  CommitJournal(CommitJournal&&) noexcept;
+  CommitJournal& operator=(CommitJournal&&) noexcept;
+  ~CommitJournal();
+
+  // Appends kBegun and returns the attempt's id.
+  hal::Result<std::int64_t> Begin(const CommitAttempt& attempt);
+  hal::Result<void> Append(std::int64_t attempt, CommitStep step, const std::string& detail);
+
+  // The newest attempt if its last step leaves open which program is active.
+  hal::Result<std::optional<CommitAttempt>> Unfinished() const;
+  hal::Result<std::optional<CommitAttempt>> Last() const;
+  // Has this session's correction reached the bender? Then its measurement is of an older program.
+  hal::Result<bool> SessionCommitted(const std::string& session) const;
+  // The last sequence number given out; 0: none.
+  hal::Result<std::uint32_t> LastSequence() const;
+  // Notes a sequence number that was used outside an attempt.
+  hal::Result<void> NoteSequence(std::uint32_t sequence);
+
+ private:
+  explicit CommitJournal(sqlite3* db) : db_(db) {}
+  sqlite3* db_ = nullptr;
+};
+
+}  // namespace bendloop::host

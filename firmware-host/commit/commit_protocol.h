@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "firmware-host/commit/commit_journal.h"
+#include "hal/bend_program.h"
+#include "hal/bender_link.h"
+#include "hal/clock.h"
+
+namespace bendloop::host {
+
+struct CommitOptions {
+  std::chrono::milliseconds reply_timeout{3000};      // from the commit write to a known end
+  std::chrono::milliseconds poll_period{10};          // of the bender's state meanwhile
+  std::chrono::milliseconds heartbeat_timeout{2000};  // a heartbeat older than this is dead
+  bool allow_non_atomic = false;                      // send to a bender without commit register
+};
+
+struct CommitRequest {
+  std::string session;       // the scan that the correction came from
+  hal::ProgramBlock base;    // the program that bent the part, as read from the bender
+  hal::BendProgram program;  // the corrected one
+};
+
+enum class CommitOutcome : std::uint8_t {
+  kCommitted,  // the new program is active, read back and equal
+  kRefused,    // we or the bender declined; the active program is untouched
+  kFailed,   // link or bender failed; the new program is not active and cannot become so by itself
+  kUnknown,  // the bender cannot be asked: it holds the old or the new program; Resume finds out
+};
+
+struct CommitReport {
+  CommitOutcome outcome = CommitOutcome::kUnknown;
+  std::string reason;                       // one line for the setter; empty when committed
+  std::uint32_t sequence = 0;               // of the new program; 0 if none was given out
+  std::optional<hal::ProgramBlock> active;  // as last read from the bender
+};
+
+const char* Name(CommitOutcome outcome);
+
+// The one way in which a program reaches a bender, whatever the carrier. At every moment, power
+// loss included, the bender holds the old or the new program complete, and the journal tells what
+// must be asked. The commit of one sequence number is written at most once.
+class CommitProtocol {
+ public:
+  CommitProtocol(hal::BenderLink& link, CommitJournal& journal, hal::Clock& clock,
+                 CommitOptions options = {});
+
+  // Tells of a state that somebody read, so that Commit need not wait for the next heartbeat.
+  void Observe(const hal::BenderState& state);
+
+  // Blocks until the end is known or the timeouts have passed.
+  CommitReport Commit(const CommitRequest& request);
+
+  // Ends an attempt that a crash or a lost link left open; Commit does so by itself. nullopt: there
+  // was none.
+  std::optional<CommitReport> Resume();
+
+ private:
+  struct Attempt;
+
+  std::optional<CommitReport> CheckReady(const hal::BenderState& state, const char* when);
+  std::optional<CommitReport> CheckAlive(const hal::BenderInfo& info, hal::BenderState& state);
+  hal::Result<std::uint32_t> NextSequence(const hal::BenderInfo& info,
+                                          const hal::ProgramBlock& active,
+                                          const hal::BenderState& state);
+  CommitReport AwaitReply(const Attempt& attempt, const std::string& write_error);
+  CommitReport Settle(const Attempt& attempt, const std::string& why);
+  hal::Result<void> Disarm(const Attempt& attempt);
+  CommitReport Finish(const Attempt& attempt, CommitOutcome outcome, std::string reason,
+                      std::optional<hal::ProgramBlock> active);
+
+  hal::BenderLink& link_;
+  CommitJournal& journal_;
+  hal::Clock& clock_;
+  CommitOptions options_;
+  std::optional<std::uint32_t> last_heartbeat_;
+  std::optional<std::chrono::nanoseconds> heartbeat_changed_;
+};
+
+// The number after all of these that differs from each: their largest plus one, 1 after `max`
+// (0 means never set).
+std::uint32_t NextSequenceNumber(std::initializer_list<std::uint32_t> used, std::uint32_t max);
+
+// "part 7, sequence 12, 5 rows, crc 0x1234abcd"
+std::string Describe(const hal::ProgramBlock& block);
+
+}  // namespace bendloop::host
