@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "hal/result.h"
+
+namespace bendloop::host {
+
+// What the acquisition thread asks of the kernel.
+struct RealtimePolicy {
+  bool enabled = false;   // ask for SCHED_FIFO and locked memory
+  bool required = false;  // refuse to start without them
+  int priority = 50;      // SCHED_FIFO, 1..99
+  int cpu = -1;           // pin the thread to this CPU; -1: anywhere
+};
+
+// Applies `policy` to the calling thread (memory lock: to the process). The note says in one line
+// what was not granted and how to grant it, "" if nothing is missing. kDevice when it is required.
+hal::Result<std::string> ApplyRealtime(const RealtimePolicy& policy);
+
+}  // namespace bendloop::host
