@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/result/result_json.h"
+
+#include "firmware-host/result/program_json.h"
+
+namespace bendloop::host {
+namespace {
+
+Json Point(const Eigen::Vector3d& p) { return {Number(p.x()), Number(p.y()), Number(p.z())}; }
+
+// q and -q are the same rotation; w >= 0 makes the bytes one.
+Json Orientation(Eigen::Quaterniond q) {
+  if (q.w() < 0) q.coeffs() = -q.coeffs();
+  return {Number(q.w(), 9), Number(q.x(), 9), Number(q.y(), 9), Number(q.z(), 9)};
+}
+
+Json TubeJson(const hal::Tube& tube) {
+  return {{"pipe_radius_mm", Number(tube.pipe_radius_mm)},
+          {"rows", RowsJson(tube.program)},
+          {"position_mm", Point(tube.X_WT.position_mm)},
+          {"orientation_wxyz", Orientation(tube.X_WT.orientation)}};
+}
+
+Json FitJson(const pipeline::Measurement& m) {
+  return {{"samples", m.fit.samples},
+          {"outliers", m.fit.outliers},
+          {"median_abs_distance_mm", Number(m.fit.median_abs_distance_mm)},
+          {"rms_distance_mm", Number(m.fit.rms_distance_mm)},
+          {"p95_abs_distance_mm", Number(m.fit.p95_abs_distance_mm)},
+          {"noise_mm", Number(m.noise_mm)},
+          {"coverage", Number(m.coverage)},
+          {"longest_gap_mm", Number(m.longest_gap_mm)}};
+}
+
+Json SpineJson(const std::vector<pipeline::SpineSample>& spine) {
+  Json samples = Json::array();
+  for (const auto& sample : spine) {
+    samples.push_back({{"position_mm", Point(sample.position_mm)},
+                       {"pipe_radius_mm", Number(sample.pipe_radius_mm)}});
+  }
+  return samples;
+}
+
+// A stage that ran more than once is one key with the sum; "total" is last.
+Json TimingJson(const std::vector<pipeline::StageTime>& timing) {
+  Json sums = Json::object();
+  double total_ms = 0, given_total_ms = -1;
+  for (const auto& [stage, ms] : timing) {
+    if (stage == "total") {
+      given_total_ms = ms;
+      continue;
+    }
+    total_ms += ms;
+    sums[stage] = sums.value(stage, 0.0) + ms;
+  }
+  for (auto& ms : sums) ms = Number(ms.get<double>(), 3);
+  sums["total"] = Number(given_total_ms >= 0 ? given_total_ms : total_ms, 3);
+  return sums;
+}
+
+}  // namespace
+
+Json ResultJson(const RunResult& result, const ResultJsonOptions& options) {
+  const pipeline::Measurement& m = result.measurement;
+  Json json = {{"schema", "bendloop.result/1"}};
+  if (!result.part.empty()) json["part"] = result.part;
+  if (!result.session.empty()) json["session"] = result.session;
+  if (!result.time.empty()) json["time"] = result.time;
+  if (!result.software.empty()) json["software"] = result.software;
+  json["tube"] = TubeJson(m.tube);
+  json["uncertainty_1sigma"] = {{"pipe_radius_mm", Number(m.pipe_radius_sigma_mm)},
+                                {"rows", SigmaRowsJson(m.sigma, m.tube.program)}};
+  json["fit"] = FitJson(m);
+  json["warnings"] = m.warnings;
+  if (options.spine) json["spine"] = SpineJson(m.spine);
+  if (options.timing) json["timing_ms"] = TimingJson(m.timing);
+  return json;
+}
+
+std::string WriteResultJson(const RunResult& result, const ResultJsonOptions& options) {
+  return Dump(ResultJson(result, options), 2) + "\n";
+}
+
+}  // namespace bendloop::host

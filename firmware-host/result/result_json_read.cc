@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "firmware-host/result/json_reader.h"
+#include "firmware-host/result/program_json.h"
+#include "firmware-host/result/result_json.h"
+
+namespace bendloop::host {
+namespace {
+
+// A program has tens of rows and a spine thousands of samples; more is not a result of ours.
+constexpr std::size_t kMaxRows = 10'000;
+constexpr std::size_t kMaxSpine = 1'000'000;
+
+Eigen::Vector3d Point(const JsonReader& json) {
+  if (json.Size(3) != 3) json.Wrong("three numbers x, y, z");
+  return {json.Item(0).Number(), json.Item(1).Number(), json.Item(2).Number()};
+}
+
+Eigen::Quaterniond Orientation(const JsonReader& json) {
+  if (json.Size(4) != 4) json.Wrong("four numbers w, x, y, z");
+  const Eigen::Quaterniond q(json.Item(0).Number(), json.Item(1).Number(), json.Item(2).Number(),
+                             json.Item(3).Number());
+  // Rounded to 1e-9 when written, so that it is a unit quaternion to that order.
+  if (!(std::abs(q.norm() - 1) < 1e-3)) {
+    json.Wrong("a unit quaternion");
+    return Eigen::Quaterniond::Identity();
+  }
+  return q;
+}
+
+void ReadFit(const JsonReader& json, pipeline::Measurement& m) {
+  m.fit.samples = json.At("samples").Count();
+  m.fit.outliers = json.At("outliers").Count();
+  m.fit.median_abs_distance_mm = json.At("median_abs_distance_mm").Number();
+  m.fit.rms_distance_mm = json.At("rms_distance_mm").Number();
+  m.fit.p95_abs_distance_mm = json.At("p95_abs_distance_mm").Number();
+  m.noise_mm = json.NumberOr("noise_mm", 0);
+  m.coverage = json.NumberOr("coverage", 0);
+  m.longest_gap_mm = json.NumberOr("longest_gap_mm", 0);
+}
+
+void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
+  const JsonReader tube = json.At("tube");
+  m.tube.pipe_radius_mm = tube.At("pipe_radius_mm").Number();
+  m.tube.program = ReadRows(tube.At("rows"), kMaxRows);
+  m.tube.X_WT.position_mm = Point(tube.At("position_mm"));
+  m.tube.X_WT.orientation = Orientation(tube.At("orientation_wxyz"));
+
+  const JsonReader sigma = json.At("uncertainty_1sigma");
+  m.pipe_radius_sigma_mm = sigma.NumberOr("pipe_radius_mm", 0);
+  m.sigma = ReadRows(sigma.At("rows"), kMaxRows);
+  if (m.sigma.rows.size() != m.tube.program.rows.size()) {
+    sigma.At("rows").Wrong("as many rows as tube/rows");
+  }
+  ReadFit(json.At("fit"), m);
+
+  if (json.Has("warnings")) {
+    const JsonReader warnings = json.At("warnings");
+    for (std::size_t i = 0, n = warnings.Size(kMaxRows); i < n; ++i) {
+      m.warnings.push_back(warnings.Item(i).Text());
+    }
+  }
+  if (json.Has("spine")) {
+    const JsonReader spine = json.At("spine");
+    for (std::size_t i = 0, n = spine.Size(kMaxSpine); i < n; ++i) {
+      const JsonReader sample = spine.Item(i);
+      m.spine.push_back({Point(sample.At("position_mm")), sample.At("pipe_radius_mm").Number()});
+    }
+  }
+  if (json.Has("timing_ms")) {
+    const JsonReader timing = json.At("timing_ms");
+    if (!timing.json().is_object()) timing.Wrong("an object of stages");
+    for (const auto& [stage, ms] : timing.json().items()) {
+      m.timing.push_back({stage, timing.At(stage.c_str()).Number()});
+    }
+  }
+}
+
+}  // namespace
+
+hal::Result<RunResult> ReadResultJson(std::string_view text, std::string_view name) {
+  Json root;
+  try {
+    root = Json::parse(text);
+  } catch (const Json::parse_error& error) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     std::string(name) + ": byte " + std::to_string(error.byte) +
+                         ": not JSON; expected a bendloop.result/1 document");
+  }
+  std::optional<hal::Error> error;
+  const JsonReader json(root, name, error);
+  const std::string schema = json.At("schema").Text();
+  if (!error && schema != "bendloop.result/1") {
+    return hal::Fail(hal::ErrorKind::kBadInput, std::string(name) + "/schema: found \"" + schema +
+                                                    "\", expected \"bendloop.result/1\"");
+  }
+  RunResult result;
+  result.part = json.TextOr("part");
+  result.session = json.TextOr("session");
+  result.time = json.TextOr("time");
+  result.software = json.TextOr("software");
+  ReadMeasurement(json, result.measurement);
+  if (error) return hal::Fail(*error);
+  return result;
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/result/result_json.h"
+
+#include <gmock/gmock.h>
+
+#include <limits>
+#include <random>
+
+namespace bendloop::host {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+RunResult Sample() {
+  RunResult result;
+  result.part = "brake-line";
+  result.session = "s-0001";
+  result.time = "2024-05-06T07:08:09Z";
+  result.software = "bendloop 0.1.0";
+  pipeline::Measurement& m = result.measurement;
+  m.tube.pipe_radius_mm = 4.00000012;
+  m.tube.program.rows = {
+      {42.1, 0, 35.2, 12.0}, {0, -90.1234567, 190.5, 12.0}, {30, -0.0, -1e-9, std::nullopt}};
+  m.tube.X_WT.position_mm = {1, -2.5, 1.0 / 3};
+  m.tube.X_WT.orientation = Eigen::Quaterniond(-0.5, 0.5, 0.5, -0.5);
+  m.sigma.rows = {{0.02, 7, 0.01, 0.05}, {0.03, 0.02, 0.012, 0.06}, {0.04, 0.3, 0.2, std::nullopt}};
+  m.pipe_radius_sigma_mm = 0.001;
+  m.noise_mm = 0.05;
+  m.coverage = 0.97;
+  m.longest_gap_mm = 8;
+  m.fit = {12000, 34, 0.03, 0.05, 0.1};
+  m.spine = {{{0, 0, 0}, 4}, {{1, 0, 0}, 4.1}};
+  m.warnings = {"the clamp hides 8 mm of row 2"};
+  m.timing = {{"projection", 1.23456}, {"fit", 4}, {"projection", 1}, {"total", 7}};
+  return result;
+}
+
+std::vector<std::string> Keys(const Json& json) {
+  std::vector<std::string> keys;
+  for (const auto& item : json.items()) keys.push_back(item.key());
+  return keys;
+}
+
+TEST(ResultJson, HasTheKeysOfTheSchemaInOrder) {
+  const Json json = ResultJson(Sample(), {.spine = true});
+  EXPECT_THAT(Keys(json),
+              ElementsAre("schema", "part", "session", "time", "software", "tube",
+                          "uncertainty_1sigma", "fit", "warnings", "spine", "timing_ms"));
+  EXPECT_EQ(json["schema"], "bendloop.result/1");
+  EXPECT_THAT(Keys(json["tube"]),
+              ElementsAre("pipe_radius_mm", "rows", "position_mm", "orientation_wxyz"));
+  for (const auto& rows : {json["tube"]["rows"], json["uncertainty_1sigma"]["rows"]}) {
+    ASSERT_EQ(rows.size(), 3u);
+    for (const auto& row : rows) {
+      EXPECT_THAT(Keys(row),
+                  ElementsAre("length_mm", "rotation_deg", "angle_deg", "bend_radius_mm"));
+    }
+    EXPECT_TRUE(rows[2]["bend_radius_mm"].is_null());
+    EXPECT_EQ(rows[0]["rotation_deg"], 0.0);
+  }
+  EXPECT_THAT(Keys(json["fit"]), testing::Contains("median_abs_distance_mm").Times(1));
+  EXPECT_THAT(Keys(json["spine"][1]), ElementsAre("position_mm", "pipe_radius_mm"));
+  EXPECT_EQ(json["tube"]["rows"][1]["rotation_deg"].dump(), "-90.123457");
+  EXPECT_EQ(json["tube"]["orientation_wxyz"].dump(), "[0.5,-0.5,-0.5,0.5]");
+}
+
+TEST(ResultJson, TimingIsTheLastKeyAndSumsRepeatedStages) {
+  const Json json = ResultJson(Sample());
+  EXPECT_EQ(Keys(json).back(), "timing_ms");
+  EXPECT_EQ(json["timing_ms"].dump(), R"({"projection":2.235,"fit":4.0,"total":7.0})");
+  RunResult no_total = Sample();
+  no_total.measurement.timing.pop_back();
+  EXPECT_EQ(ResultJson(no_total)["timing_ms"]["total"], 6.235);
+  EXPECT_FALSE(ResultJson(Sample(), {.timing = false}).contains("timing_ms"));
+}
+
+TEST(ResultJson, WithoutTimingTheBytesDoNotDependOnIt) {
+  RunResult a = Sample(), b = Sample();
+  b.measurement.timing = {{"other", 1e9}};
+  b.measurement.tube.X_WT.orientation.coeffs() *= -1;
+  EXPECT_EQ(WriteResultJson(a, {.timing = false}), WriteResultJson(b, {.timing = false}));
+}
+
+TEST(ResultJson, HasNoMinusZeroAndNoNotANumber) {
+  RunResult result = Sample();
+  result.measurement.tube.program.rows[1].length_mm = -1e-12;
+  result.measurement.sigma.rows[1].length_mm = kNan;
+  result.measurement.noise_mm = std::numeric_limits<double>::infinity();
+  result.measurement.timing.push_back({"broken", kNan});
+  const std::string text = WriteResultJson(result);
+  EXPECT_THAT(text, testing::Not(HasSubstr("-0.0,")));
+  EXPECT_THAT(text, testing::Not(HasSubstr("nan")));
+  const Json json = Json::parse(text);
+  EXPECT_TRUE(json["uncertainty_1sigma"]["rows"][1]["length_mm"].is_null());
+  EXPECT_TRUE(json["fit"]["noise_mm"].is_null());
+}
+
+TEST(ResultJson, UncertaintyKeepsTheShapeOfTheTube) {
+  RunResult result = Sample();
+  result.measurement.sigma.rows.clear();
+  const Json rows = ResultJson(result)["uncertainty_1sigma"]["rows"];
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_TRUE(rows[1]["length_mm"].is_null());
+  EXPECT_EQ(rows[0]["rotation_deg"], 0.0);
+}
+
+TEST(ResultJson, BytesThatAreNotUtf8DoNotThrow) {
+  RunResult result = Sample();
+  result.part = "\xff\xfe</script>";
+  EXPECT_THAT(WriteResultJson(result), HasSubstr("\xEF\xBF\xBD"));
+}
+
+TEST(ResultJson, ReadingGivesTheSameBytesBack) {
+  std::mt19937 random(20240506);
+  std::uniform_real_distribution<double> value(-200, 200);
+  for (int round = 0; round < 100; ++round) {
+    SCOPED_TRACE(round);
+    RunResult result = Sample();
+    for (auto* program : {&result.measurement.tube.program, &result.measurement.sigma}) {
+      program->rows.clear();
+      for (int i = 0; i <= round % 7; ++i) {
+        program->rows.push_back({value(random), value(random), value(random), value(random)});
+      }
+      program->rows.back().bend_radius_mm.reset();
+    }
+    result.measurement.tube.X_WT.orientation =
+        Eigen::Quaterniond(value(random), value(random), value(random), value(random)).normalized();
+    const std::string text = WriteResultJson(result, {.spine = true});
+    const auto read = ReadResultJson(text, "a.json");
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(WriteResultJson(*read, {.spine = true}), text);
+  }
+}
+
+struct Wrong {
+  const char* pointer;
+  Json value;
+  const char* message;
+};
+
+TEST(ReadResultJson, SaysWhereAndWhatWasExpected) {
+  const std::vector<Wrong> cases = {
+      {"/schema", "bendloop.result/2", "a.json/schema: found \"bendloop.result/2\""},
+      {"/tube/rows/1/angle_deg", "ninety", "a.json/tube/rows/1/angle_deg: found string, expected"},
+      {"/tube/rows", 3, "a.json/tube/rows: found number, expected an array"},
+      {"/tube", Json::object(), "key \"pipe_radius_mm\" is missing"},
+      {"/tube/position_mm", {1, 2}, "a.json/tube/position_mm: found array, expected three"},
+      {"/tube/orientation_wxyz", {0, 0, 0, 0}, "expected a unit quaternion"},
+      {"/uncertainty_1sigma/rows", Json::array(), "as many rows as tube/rows"},
+      {"/fit/samples", -1, "a.json/fit/samples: found number, expected a whole number"},
+      {"/warnings", {1}, "a.json/warnings/0: found number, expected a string"},
+      {"/timing_ms", 4, "a.json/timing_ms: found number"},
+  };
+  for (const Wrong& wrong : cases) {
+    SCOPED_TRACE(wrong.pointer);
+    Json json = ResultJson(Sample());
+    json[Json::json_pointer(wrong.pointer)] = wrong.value;
+    const auto read = ReadResultJson(json.dump(), "a.json");
+    ASSERT_FALSE(read);
+    EXPECT_EQ(read.error().kind, hal::ErrorKind::kBadInput);
+    EXPECT_THAT(read.error().message, HasSubstr(wrong.message));
+    EXPECT_THAT(read.error().message, testing::Not(HasSubstr("\n")));
+  }
+  const auto cut = ReadResultJson(WriteResultJson(Sample()).substr(0, 100), "a.json");
+  ASSERT_FALSE(cut);
+  EXPECT_THAT(cut.error().message, HasSubstr("a.json: byte 101: not JSON"));
+}
+
+}  // namespace
+}  // namespace bendloop::host
