@@ -13,10 +13,22 @@ const Json& Null() {
 
 }  // namespace
 
-void JsonReader::Wrong(std::string_view expected) const {
+void JsonReader::Fail(const std::string& what) const {
   if (*error_) return;
-  *error_ = hal::Error{hal::ErrorKind::kBadInput, path_ + ": found " + json_->type_name() +
-                                                      ", expected " + std::string(expected)};
+  std::string message = path_ + what;
+  // A key of the file may hold a line break; an error is one line.
+  for (char& c : message) {
+    if (static_cast<unsigned char>(c) < 0x20) c = '?';
+  }
+  *error_ = hal::Error{hal::ErrorKind::kBadInput, std::move(message)};
+}
+
+void JsonReader::Wrong(std::string_view expected) const {
+  Fail(": found " + std::string(json_->type_name()) + ", expected " + std::string(expected));
+}
+
+void JsonReader::WrongText(std::string_view expected) const {
+  Fail(": found " + Dump(*json_).substr(0, 60) + ", expected " + std::string(expected));
 }
 
 bool JsonReader::Has(const char* key) const {
@@ -31,10 +43,7 @@ JsonReader JsonReader::At(const char* key) const {
   }
   const auto it = json_->find(key);
   if (it == json_->end()) {
-    if (!*error_) {
-      *error_ = hal::Error{hal::ErrorKind::kBadInput,
-                           path_ + ": key \"" + key + "\" is missing from the object"};
-    }
+    Fail(": key \"" + std::string(key) + "\" is missing from the object");
     return {Null(), path_ + "/" + key, error_};
   }
   return {*it, path_ + "/" + key, error_};
@@ -91,6 +100,21 @@ std::string JsonReader::Text() const {
 
 double JsonReader::NumberOr(const char* key, double missing) const {
   return Has(key) ? At(key).Number() : missing;
+}
+
+std::uint32_t JsonReader::Count32() const {
+  const std::size_t value = Count();
+  if (value > std::numeric_limits<std::uint32_t>::max()) {
+    Wrong("a whole number below 2^32");
+    return 0;
+  }
+  return static_cast<std::uint32_t>(value);
+}
+
+std::vector<std::string> JsonReader::Texts() const {
+  std::vector<std::string> texts;
+  for (std::size_t i = 0, n = Size(kMaxRows); i < n; ++i) texts.push_back(Item(i).Text());
+  return texts;
 }
 
 std::string JsonReader::TextOr(const char* key, std::string missing) const {

@@ -38,9 +38,9 @@ Json SigmaRowsJson(const hal::BendProgram& sigma, const hal::BendProgram& shape)
   return rows;
 }
 
-hal::BendProgram ReadRows(const JsonReader& rows, std::size_t at_most) {
+hal::BendProgram ReadRows(const JsonReader& rows) {
   hal::BendProgram program;
-  for (std::size_t i = 0, n = rows.Size(at_most); i < n; ++i) {
+  for (std::size_t i = 0, n = rows.Size(kMaxRows); i < n; ++i) {
     const JsonReader row = rows.Item(i);
     program.rows.push_back({row.At("length_mm").Number(), row.At("rotation_deg").Number(),
                             row.At("angle_deg").Number(), row.At("bend_radius_mm").NumberOrNull()});

@@ -17,6 +17,6 @@ Json SigmaRowsJson(const hal::BendProgram& sigma, const hal::BendProgram& shape)
 
 // Reads the rows that RowsJson and SigmaRowsJson write; null numbers are NaN. Wrong ones are kept
 // in the reader's error.
-hal::BendProgram ReadRows(const JsonReader& rows, std::size_t at_most = 10'000);
+hal::BendProgram ReadRows(const JsonReader& rows);
 
 }  // namespace bendloop::host

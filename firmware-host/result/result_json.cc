@@ -2,23 +2,16 @@
 #include "firmware-host/result/result_json.h"
 
 #include "firmware-host/result/program_json.h"
+#include "firmware-host/result/sections.h"
 
 namespace bendloop::host {
 namespace {
 
-Json Point(const Eigen::Vector3d& p) { return {Number(p.x()), Number(p.y()), Number(p.z())}; }
-
-// q and -q are the same rotation; w >= 0 makes the bytes one.
-Json Orientation(Eigen::Quaterniond q) {
-  if (q.w() < 0) q.coeffs() = -q.coeffs();
-  return {Number(q.w(), 9), Number(q.x(), 9), Number(q.y(), 9), Number(q.z(), 9)};
-}
-
 Json TubeJson(const hal::Tube& tube) {
   return {{"pipe_radius_mm", Number(tube.pipe_radius_mm)},
           {"rows", RowsJson(tube.program)},
-          {"position_mm", Point(tube.X_WT.position_mm)},
-          {"orientation_wxyz", Orientation(tube.X_WT.orientation)}};
+          {"position_mm", PointJson(tube.X_WT.position_mm)},
+          {"orientation_wxyz", OrientationJson(tube.X_WT.orientation)}};
 }
 
 Json FitJson(const pipeline::Measurement& m) {
@@ -35,7 +28,7 @@ Json FitJson(const pipeline::Measurement& m) {
 Json SpineJson(const std::vector<pipeline::SpineSample>& spine) {
   Json samples = Json::array();
   for (const auto& sample : spine) {
-    samples.push_back({{"position_mm", Point(sample.position_mm)},
+    samples.push_back({{"position_mm", PointJson(sample.position_mm)},
                        {"pipe_radius_mm", Number(sample.pipe_radius_mm)}});
   }
   return samples;
@@ -72,6 +65,12 @@ Json ResultJson(const RunResult& result, const ResultJsonOptions& options) {
                                 {"rows", SigmaRowsJson(m.sigma, m.tube.program)}};
   json["fit"] = FitJson(m);
   json["warnings"] = m.warnings;
+  if (result.nominal) json["nominal"] = {{"rows", RowsJson(*result.nominal)}};
+  if (result.inspection) json["inspection"] = InspectionJson(*result.inspection);
+  if (result.commanded) json["commanded"] = ProgramBlockJson(*result.commanded);
+  if (result.correction) json["correction"] = CorrectionJson(*result.correction);
+  if (result.interlocks) json["interlocks"] = InterlocksJson(*result.interlocks);
+  if (result.bender) json["bender"] = BenderJson(*result.bender);
   if (options.spine) json["spine"] = SpineJson(m.spine);
   if (options.timing) json["timing_ms"] = TimingJson(m.timing);
   return json;

@@ -1,33 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
-
 #include "firmware-host/result/json_reader.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/result/result_json.h"
+#include "firmware-host/result/sections.h"
 
 namespace bendloop::host {
 namespace {
 
-// A program has tens of rows and a spine thousands of samples; more is not a result of ours.
-constexpr std::size_t kMaxRows = 10'000;
 constexpr std::size_t kMaxSpine = 1'000'000;
-
-Eigen::Vector3d Point(const JsonReader& json) {
-  if (json.Size(3) != 3) json.Wrong("three numbers x, y, z");
-  return {json.Item(0).Number(), json.Item(1).Number(), json.Item(2).Number()};
-}
-
-Eigen::Quaterniond Orientation(const JsonReader& json) {
-  if (json.Size(4) != 4) json.Wrong("four numbers w, x, y, z");
-  const Eigen::Quaterniond q(json.Item(0).Number(), json.Item(1).Number(), json.Item(2).Number(),
-                             json.Item(3).Number());
-  // Rounded to 1e-9 when written, so that it is a unit quaternion to that order.
-  if (!(std::abs(q.norm() - 1) < 1e-3)) {
-    json.Wrong("a unit quaternion");
-    return Eigen::Quaterniond::Identity();
-  }
-  return q;
-}
 
 void ReadFit(const JsonReader& json, pipeline::Measurement& m) {
   m.fit.samples = json.At("samples").Count();
@@ -43,29 +23,25 @@ void ReadFit(const JsonReader& json, pipeline::Measurement& m) {
 void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
   const JsonReader tube = json.At("tube");
   m.tube.pipe_radius_mm = tube.At("pipe_radius_mm").Number();
-  m.tube.program = ReadRows(tube.At("rows"), kMaxRows);
-  m.tube.X_WT.position_mm = Point(tube.At("position_mm"));
-  m.tube.X_WT.orientation = Orientation(tube.At("orientation_wxyz"));
+  m.tube.program = ReadRows(tube.At("rows"));
+  m.tube.X_WT.position_mm = ReadPoint(tube.At("position_mm"));
+  m.tube.X_WT.orientation = ReadOrientation(tube.At("orientation_wxyz"));
 
   const JsonReader sigma = json.At("uncertainty_1sigma");
   m.pipe_radius_sigma_mm = sigma.NumberOr("pipe_radius_mm", 0);
-  m.sigma = ReadRows(sigma.At("rows"), kMaxRows);
+  m.sigma = ReadRows(sigma.At("rows"));
   if (m.sigma.rows.size() != m.tube.program.rows.size()) {
     sigma.At("rows").Wrong("as many rows as tube/rows");
   }
   ReadFit(json.At("fit"), m);
 
-  if (json.Has("warnings")) {
-    const JsonReader warnings = json.At("warnings");
-    for (std::size_t i = 0, n = warnings.Size(kMaxRows); i < n; ++i) {
-      m.warnings.push_back(warnings.Item(i).Text());
-    }
-  }
+  if (json.Has("warnings")) m.warnings = json.At("warnings").Texts();
   if (json.Has("spine")) {
     const JsonReader spine = json.At("spine");
     for (std::size_t i = 0, n = spine.Size(kMaxSpine); i < n; ++i) {
       const JsonReader sample = spine.Item(i);
-      m.spine.push_back({Point(sample.At("position_mm")), sample.At("pipe_radius_mm").Number()});
+      m.spine.push_back(
+          {ReadPoint(sample.At("position_mm")), sample.At("pipe_radius_mm").Number()});
     }
   }
   if (json.Has("timing_ms")) {
@@ -101,6 +77,12 @@ hal::Result<RunResult> ReadResultJson(std::string_view text, std::string_view na
   result.time = json.TextOr("time");
   result.software = json.TextOr("software");
   ReadMeasurement(json, result.measurement);
+  if (json.Has("nominal")) result.nominal = ReadRows(json.At("nominal").At("rows"));
+  if (json.Has("inspection")) result.inspection = ReadInspection(json.At("inspection"));
+  if (json.Has("commanded")) result.commanded = ReadProgramBlock(json.At("commanded"));
+  if (json.Has("correction")) result.correction = ReadCorrection(json.At("correction"));
+  if (json.Has("interlocks")) result.interlocks = ReadInterlocks(json.At("interlocks"));
+  if (json.Has("bender")) result.bender = ReadBender(json.At("bender"));
   if (error) return hal::Fail(*error);
   return result;
 }
