@@ -13,14 +13,13 @@
 
 namespace bendloop::config {
 
-enum class ScannerKind : std::uint8_t { kSimulated, kStream, kUsb, kSession };
+enum class ScannerKind : std::uint8_t { kSimulated, kStream, kSession };
 
 // Where profiles come from.
 struct ScannerConfig {
   ScannerKind kind = ScannerKind::kStream;
   std::string host = "127.0.0.1";  // kSimulated, kStream
   std::uint16_t port = 7420;       // kSimulated, kStream
-  std::string serial;              // kUsb: the device with this serial number; empty: the only one
   std::filesystem::path session;   // kSession: the recording to play
   std::size_t queue_profiles =
       1024;  // between acquisition and pipeline; all memory is taken at start
