@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <modbus/modbus.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "drivers/modbus_bender/modbus_bender.h"
+#include "drivers/modbus_bender/register_image.h"
+#include "hal/clock.h"
+#include "hal/result.h"
+
+namespace bendloop::drivers {
+
+// One Modbus TCP connection: transactions of bounded time, each answer checked down to transaction
+// and unit id. A transaction that fails closes the connection, so that a late answer can never be
+// taken for a later one's; the next call connects again. Errors are kDevice and name address,
+// function and registers.
+class ModbusConnection {
+ public:
+  ModbusConnection(ModbusBenderOptions options, hal::Clock& clock);
+  ModbusConnection(const ModbusConnection&) = delete;
+  ModbusConnection& operator=(const ModbusConnection&) = delete;
+
+  // Does nothing when connected.
+  hal::Result<void> Connect();
+  // range.count <= 125; `to` takes as many.
+  hal::Result<void> Read(const RegisterRange& range, std::uint16_t* to);
+  // FC 16 (FC 6 for one register); range.count <= 123, holding registers only.
+  hal::Result<void> Write(const RegisterRange& range, const std::uint16_t* from);
+  void Close();
+
+  std::string peer() const;  // "127.0.0.1:502 unit 1"
+
+ private:
+  struct Free {
+    void operator()(modbus_t* context) const;
+  };
+
+  // Sends a request (function and data) and returns the checked answer (function and data).
+  hal::Result<std::vector<std::uint8_t>> Transact(const std::vector<std::uint8_t>& request,
+                                                  const std::string& what);
+  hal::Result<std::vector<std::uint8_t>> Exchange(const std::vector<std::uint8_t>& request,
+                                                  const std::string& what);
+
+  ModbusBenderOptions options_;
+  hal::Clock& clock_;
+  std::unique_ptr<modbus_t, Free> context_;
+  bool connected_ = false;
+  std::uint16_t transaction_ = 0;
+  int failed_connects_ = 0;
+  std::chrono::nanoseconds next_connect_{0};
+};
+
+}  // namespace bendloop::drivers
