@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drivers/simulated_bender/misbehaviour.h"
+
+#include <map>
+#include <sstream>
+#include <string>
+
+namespace bendloop::drivers {
+namespace {
+
+using Answer = Misbehaviour::Answer;
+
+constexpr unsigned kMaxDelayMs = 600000;
+
+}  // namespace
+
+std::string_view MisbehaviourHelp() {
+  return "  late MS            do and answer every request MS milliseconds later\n"
+         "  ack-late MS        handle a commit MS milliseconds after it was written\n"
+         "  silent             neither do nor answer anything\n"
+         "  mute               do everything, answer nothing\n"
+         "  exception N        answer every request with Modbus exception N\n"
+         "  garbage            answer noise\n"
+         "  short              answer half an answer\n"
+         "  wrong-unit         answer as another unit\n"
+         "  wrong-transaction  answer another transaction\n"
+         "  drop-after-stage   hang up on the next commit without doing it\n"
+         "  drop-after-commit  do the next commit, then hang up\n"
+         "  half-write         keep only half of the next write to the staging area\n"
+         "  reject N           reject the next commit with reply code N\n"
+         "  reboot             hang up, forget staging and reply, be not ready for a cycle time\n"
+         "  other-program      an operator loads another program\n"
+         "  lying-rows         the active row count says more rows than there are\n"
+         "  freeze             the heartbeat stands still\n"
+         "  mode MODE          idle, not-ready, bending or fault\n"
+         "  behave             none of these any more\n";
+}
+
+hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Misbehaviour& now) {
+  std::istringstream words{std::string(command)};
+  std::string verb;
+  words >> verb;
+  MisbehaviourCommand result;
+
+  const auto bad = [&](const std::string& expected) {
+    return hal::Fail(hal::ErrorKind::kUsage, "misbehave \"" + std::string(command) +
+                                                 "\": " + expected + " was expected; there are\n" +
+                                                 std::string(MisbehaviourHelp()));
+  };
+  unsigned number = 0;
+  const auto number_up_to = [&](unsigned max) { return words >> number && number <= max; };
+
+  static const std::map<std::string, Answer> kAnswers{
+      {"silent", Answer::kSilent},        {"mute", Answer::kMute},
+      {"garbage", Answer::kGarbage},      {"short", Answer::kShort},
+      {"wrong-unit", Answer::kWrongUnit}, {"wrong-transaction", Answer::kWrongTransaction}};
+  static const std::map<std::string, bool Misbehaviour::*> kFlags{
+      {"half-write", &Misbehaviour::half_write},
+      {"drop-after-stage", &Misbehaviour::drop_after_stage},
+      {"drop-after-commit", &Misbehaviour::drop_after_commit},
+      {"freeze", &Misbehaviour::freeze}};
+  static const std::map<std::string, MisbehaviourEvent> kEvents{
+      {"reboot", MisbehaviourEvent::kReboot},
+      {"other-program", MisbehaviourEvent::kOtherProgram},
+      {"lying-rows", MisbehaviourEvent::kLyingRows}};
+  static const std::map<std::string, hal::BenderMode> kModes{
+      {"idle", hal::BenderMode::kIdle},
+      {"not-ready", hal::BenderMode::kNotReady},
+      {"bending", hal::BenderMode::kBending},
+      {"fault", hal::BenderMode::kFault}};
+
+  if (const auto answer = kAnswers.find(verb); answer != kAnswers.end()) {
+    now.answer = answer->second;
+  } else if (const auto flag = kFlags.find(verb); flag != kFlags.end()) {
+    now.*flag->second = true;
+  } else if (const auto event = kEvents.find(verb); event != kEvents.end()) {
+    result.event = event->second;
+  } else if (verb == "late" || verb == "ack-late") {
+    if (!number_up_to(kMaxDelayMs)) return bad("a delay of 0 to 600000 ms");
+    (verb == "late" ? now.late : now.acknowledge_late) = std::chrono::milliseconds(number);
+  } else if (verb == "exception") {
+    if (!number_up_to(127) || number == 0) return bad("an exception code of 1 to 127");
+    now.answer = Answer::kException;
+    now.exception = static_cast<std::uint8_t>(number);
+  } else if (verb == "reject") {
+    if (!number_up_to(65535) || number == 0) return bad("a reply code of 1 to 65535");
+    now.reject_code = number;
+  } else if (verb == "mode") {
+    std::string name;
+    words >> name;
+    const auto mode = kModes.find(name);
+    if (mode == kModes.end()) return bad("idle, not-ready, bending or fault");
+    result.event = MisbehaviourEvent::kMode;
+    result.mode = mode->second;
+  } else if (verb == "behave") {
+    now = {};
+  } else {
+    return bad("a fault from the list");
+  }
+  if (std::string rest; words >> rest) return bad("nothing after \"" + verb + "\"");
+  return result;
+}
+
+}  // namespace bendloop::drivers

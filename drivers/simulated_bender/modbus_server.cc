@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drivers/simulated_bender/modbus_server.h"
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstddef>
+#include <string>
+
+namespace bendloop::drivers {
+namespace {
+
+constexpr std::size_t kMaxClients = 16;
+constexpr std::uint32_t kPartialRequestMs = 500;  // a request must be whole within
+
+std::uint16_t Load16(const std::vector<std::uint8_t>& bytes, std::size_t at) {
+  return static_cast<std::uint16_t>(bytes[at] << 8 | bytes[at + 1]);
+}
+
+// Is the request as long as its function and counts say? libmodbus trusts them.
+bool IsWhole(const std::vector<std::uint8_t>& bytes) {
+  constexpr std::size_t kFixed = 12;
+  if (bytes.size() < 8) return false;
+  switch (bytes[7]) {
+    case 0x03:
+    case 0x04:
+    case 0x06:
+      return bytes.size() == kFixed;
+    case 0x10: {
+      if (bytes.size() <= kFixed) return false;
+      const std::size_t data = 2u * Load16(bytes, 10);
+      return bytes[12] == data && bytes.size() == kFixed + 1 + data;
+    }
+    default:
+      return true;  // will be answered by an exception
+  }
+}
+
+}  // namespace
+
+RegisterRange ModbusRequest::range() const {
+  const auto space = function() == 0x04 ? hal::RegisterSpace::kInput : hal::RegisterSpace::kHolding;
+  const std::uint32_t count = function() == 0x06 ? 1 : Load16(bytes, 10);
+  return {space, Load16(bytes, 8), count};
+}
+
+hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::Listen(std::uint16_t port) {
+  std::unique_ptr<ModbusServer> server(new ModbusServer);
+  server->context_.reset(modbus_new_tcp("127.0.0.1", port));
+  server->wake_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  if (server->context_ && server->wake_ >= 0) {
+    server->listener_ = modbus_tcp_listen(server->context_.get(), kMaxClients);
+  }
+  sockaddr_in address{};
+  socklen_t size = sizeof address;
+  if (server->listener_ < 0 ||
+      getsockname(server->listener_, reinterpret_cast<sockaddr*>(&address), &size) != 0) {
+    return hal::Fail(hal::ErrorKind::kDevice, "cannot listen on 127.0.0.1:" + std::to_string(port) +
+                                                  ": " + modbus_strerror(errno));
+  }
+  server->port_ = ntohs(address.sin_port);
+  modbus_set_indication_timeout(server->context_.get(), 0, kPartialRequestMs * 1000);
+  // libmodbus waits this long before it answers with some exceptions.
+  modbus_set_response_timeout(server->context_.get(), 0, 1000);
+  return server;
+}
+
+ModbusServer::~ModbusServer() {
+  HangUpAll();
+  if (listener_ >= 0) close(listener_);
+  if (wake_ >= 0) close(wake_);
+}
+
+void ModbusServer::Wake() { (void)eventfd_write(wake_, 1); }
+
+void ModbusServer::Poll(std::chrono::milliseconds timeout,
+                        const std::function<void(const ModbusRequest&)>& handle) {
+  std::vector<pollfd> polled{{wake_, POLLIN, 0}, {listener_, POLLIN, 0}};
+  const std::vector<Client> clients = clients_;
+  for (const Client& client : clients) polled.push_back({client.socket, POLLIN, 0});
+  if (poll(polled.data(), polled.size(), static_cast<int>(timeout.count())) <= 0) return;
+  if (polled[0].revents != 0) {
+    eventfd_t count = 0;
+    (void)eventfd_read(wake_, &count);
+  }
+  if (polled[1].revents != 0) Accept();
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    if (polled[i + 2].revents == 0 || SocketOf(clients[i].id) < 0) continue;
+    if (!Receive(clients[i], handle)) HangUp(clients[i].id);
+  }
+}
+
+void ModbusServer::Accept() {
+  const int socket = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+  if (socket < 0) return;
+  if (clients_.size() >= kMaxClients) {
+    close(socket);
+    return;
+  }
+  clients_.push_back({next_id_++, socket});
+}
+
+bool ModbusServer::Receive(const Client& client,
+                           const std::function<void(const ModbusRequest&)>& handle) {
+  std::uint8_t query[MODBUS_TCP_MAX_ADU_LENGTH];
+  modbus_set_socket(context_.get(), client.socket);
+  const int size = modbus_receive(context_.get(), query);
+  if (size <= 0) return false;
+  ModbusRequest request{client.id, {query, query + size}};
+  if (!IsWhole(request.bytes)) return false;
+  handle(request);
+  return true;
+}
+
+int ModbusServer::SocketOf(std::uint64_t client) const {
+  const auto found = std::find_if(clients_.begin(), clients_.end(),
+                                  [client](const Client& c) { return c.id == client; });
+  return found == clients_.end() ? -1 : found->socket;
+}
+
+void ModbusServer::Execute(const ModbusRequest& request, RegisterImage& image) {
+  modbus_mapping_t mapping{};
+  mapping.nb_registers = kAddressSpaceSize;
+  mapping.tab_registers = image.At(hal::RegisterSpace::kHolding, 0);
+  mapping.nb_input_registers = kAddressSpaceSize;
+  mapping.tab_input_registers = image.At(hal::RegisterSpace::kInput, 0);
+  modbus_set_socket(context_.get(), SocketOf(request.client));
+  modbus_reply(context_.get(), request.bytes.data(), static_cast<int>(request.bytes.size()),
+               &mapping);
+}
+
+void ModbusServer::ReplyException(const ModbusRequest& request, std::uint8_t code) {
+  modbus_set_socket(context_.get(), SocketOf(request.client));
+  modbus_reply_exception(context_.get(), request.bytes.data(), code);
+}
+
+void ModbusServer::SendRaw(std::uint64_t client, const std::vector<std::uint8_t>& bytes) {
+  const int socket = SocketOf(client);
+  if (socket >= 0) (void)!send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+}
+
+void ModbusServer::HangUp(std::uint64_t client) {
+  std::erase_if(clients_, [client](const Client& c) {
+    if (c.id != client) return false;
+    close(c.socket);
+    return true;
+  });
+}
+
+void ModbusServer::HangUpAll() {
+  for (const Client& client : clients_) close(client.socket);
+  clients_.clear();
+}
+
+}  // namespace bendloop::drivers
