@@ -6,6 +6,8 @@
 #include <limits>
 #include <random>
 
+#include "tests/unit/result/sample_run.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -132,6 +134,60 @@ TEST(ResultJson, ReadingGivesTheSameBytesBack) {
     const auto read = ReadResultJson(text, "a.json");
     ASSERT_TRUE(read) << read.error().message;
     EXPECT_EQ(WriteResultJson(*read, {.spine = true}), text);
+  }
+}
+
+TEST(ResultJson, AWholeCellRunReadsBackToTheSameBytes) {
+  RunResult run = SampleRun();
+  run.interlocks->checks[0].passed = false;
+  run.correction->rows[1].angle_deg.flags = pipeline::kFlagDeadband | pipeline::kFlagUnexpected;
+  run.correction->refusals = {"too far from the base program"};
+  const std::string text = WriteResultJson(run);
+  const auto read = ReadResultJson(text, "a.json");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(WriteResultJson(*read), text);
+
+  const Json json = Json::parse(text);
+  EXPECT_EQ(json["inspection"]["verdict"], "fail");
+  EXPECT_EQ(json["inspection"]["rows"][1]["angle_deg"]["state"], "out");
+  EXPECT_EQ(json["inspection"]["rows"][4]["bend_radius_mm"], nullptr);
+  EXPECT_EQ(json["correction"]["rows"][1]["angle_deg"]["flags"].dump(),
+            R"(["deadband","unexpected"])");
+  EXPECT_TRUE(json["correction"]["refused"].get<bool>());
+  EXPECT_FALSE(json["interlocks"]["passed"].get<bool>());
+  EXPECT_EQ(json["bender"]["outcome"], "committed");
+  EXPECT_EQ(Keys(json).back(), "timing_ms");
+}
+
+TEST(ReadResultJson, EveryCutIsAnErrorAndNoCrash) {
+  const std::string text = WriteResultJson(SampleRun());
+  for (std::size_t size = 0; size + 2 < text.size(); size += 97) {
+    EXPECT_FALSE(ReadResultJson(std::string_view(text).substr(0, size), "a.json")) << size;
+  }
+}
+
+// Takes every leaf and branch in turn and puts something of another type there.
+void Spoil(const Json& whole, const Json::json_pointer& at, const Json& value) {
+  for (const Json& wrong :
+       {Json("x"), Json(true), Json::array({1}), Json::object(), Json(nullptr)}) {
+    Json spoilt = whole;
+    spoilt[at] = wrong;
+    const auto read = ReadResultJson(spoilt.dump(), "a.json");
+    if (!read) {
+      EXPECT_THAT(read.error().message, testing::StartsWith("a.json"));
+    }
+  }
+  if (value.is_object()) {
+    for (const auto& item : value.items()) Spoil(whole, at / item.key(), item.value());
+  } else if (value.is_array() && !value.empty()) {
+    Spoil(whole, at / (value.size() - 1), value.back());
+  }
+}
+
+TEST(ReadResultJson, AnyValueMayBeOfAnyType) {
+  const Json whole = ResultJson(SampleRun());
+  for (const auto& item : whole.items()) {
+    Spoil(whole, Json::json_pointer() / item.key(), item.value());
   }
 }
 

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string_view>
+
+#include "firmware-host/result/result_json.h"
+
+// Whatever is read can be written again, and reads back to the same bytes.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace bendloop::host;
+  const auto read = ReadResultJson({reinterpret_cast<const char*>(data), size}, "fuzz.json");
+  if (!read) return 0;
+  const ResultJsonOptions options{.spine = true, .timing = false};
+  const std::string text = WriteResultJson(*read, options);
+  const auto again = ReadResultJson(text, "again.json");
+  if (!again) std::abort();
+  if (WriteResultJson(*again, options) != text) std::abort();
+  return 0;
+}
