@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drivers/session/session_check.h"
+
+#include <sys/stat.h>
+
+#include "drivers/session/session_reader.h"
+
+namespace bendloop::drivers {
+namespace {
+
+constexpr std::size_t kMaxProblems = 100;
+
+void Add(SessionSummary& summary, const std::string& problem) {
+  if (summary.problems.size() < kMaxProblems) {
+    summary.problems.push_back(problem);
+  } else {
+    ++summary.problems_left_out;
+  }
+}
+
+// SQLite's own look at its pages.
+void CheckPages(const SessionReader& reader, SessionSummary& summary) {
+  auto check = Prepare(reader.database(), reader.path(), "PRAGMA quick_check(10)");
+  if (!check) return Add(summary, check.error().message);
+  int code = SQLITE_ROW;
+  while ((code = sqlite3_step(check->get())) == SQLITE_ROW) {
+    const auto* const text = reinterpret_cast<const char*>(sqlite3_column_text(check->get(), 0));
+    std::string line = text != nullptr ? text : "no answer";
+    if (line == "ok") continue;
+    for (char& c : line) {
+      if (c == '\n') c = ' ';
+    }
+    Add(summary, reader.path() + ": " + line);
+  }
+  if (code != SQLITE_DONE) {
+    Add(summary, DatabaseError(reader.database(), reader.path(), "cannot check the pages").message);
+  }
+}
+
+void CheckProfiles(SessionReader& reader, SessionSummary& summary) {
+  hal::LaserProfile profile(reader.max_points());
+  std::size_t backward = 0;
+  std::size_t lost = 0;
+  bool first = true;
+  std::uint64_t sequence_before = 0;
+  while (!reader.damaged()) {
+    const auto taken = reader.NextProfile(profile);
+    if (!taken) {
+      Add(summary, taken.error().message);
+      continue;
+    }
+    if (!*taken) break;
+    if (first) summary.first_t_ns = profile.t_ns;
+    if (!first && profile.t_ns < summary.last_t_ns) ++backward;
+    if (!first) lost += profile.sequence - sequence_before - 1;
+    first = false;
+    sequence_before = profile.sequence;
+    summary.last_t_ns = profile.t_ns;
+    ++summary.profiles;
+    summary.points += profile.points.size();
+  }
+  if (backward > 0) {
+    summary.warnings.push_back(reader.path() + ": table profile: t_ns goes back " +
+                               std::to_string(backward) + " times");
+  }
+  if (lost > 0) {
+    summary.warnings.push_back(reader.path() + ": table profile: " + std::to_string(lost) +
+                               " seq numbers are missing");
+  }
+  if (reader.intensities_ignored() > 0) {
+    summary.warnings.push_back(reader.path() + ": table profile: intensity ignored in " +
+                               std::to_string(reader.intensities_ignored()) +
+                               " profiles; expected a blob of one byte a point");
+  }
+}
+
+}  // namespace
+
+hal::Result<SessionSummary> CheckSession(const std::string& path) {
+  auto reader = SessionReader::Open(path);
+  if (!reader) return hal::Fail(reader.error());
+  SessionSummary summary;
+  summary.meta = reader->meta();
+  summary.max_points = reader->max_points();
+  CheckPages(*reader, summary);
+  CheckProfiles(*reader, summary);
+  hal::ScanEvent event;
+  while (true) {
+    const auto taken = reader->NextEvent(event);
+    if (!taken) {
+      Add(summary, taken.error().message);
+      if (reader->damaged()) break;
+      continue;
+    }
+    if (!*taken) break;
+    ++summary.events;
+  }
+  struct stat status {};
+  if (stat((path + "-wal").c_str(), &status) == 0 && status.st_size > 0) {
+    summary.warnings.push_back(path + ": not finished, a log stands beside it; keep " + path +
+                               "-wal with it");
+  }
+  if (summary.profiles == 0) summary.warnings.push_back(path + ": no profiles");
+  return summary;
+}
+
+}  // namespace bendloop::drivers

@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drivers/session/session_writer.h"
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <string_view>
+#include <system_error>
+
+#include "drivers/session/session_blob.h"
+#include "drivers/session/session_format.h"
+
+namespace bendloop::drivers {
+namespace {
+
+using hal::ErrorKind;
+using hal::Fail;
+using hal::Result;
+
+std::string ProfileName(const std::string& path, std::uint64_t sequence) {
+  return path + ": table profile, seq " + std::to_string(sequence) + ": ";
+}
+
+Result<void> CheckWritable(const std::string& path, const hal::LaserProfile& profile) {
+  const auto fail = [&](const std::string& why) {
+    return Fail(ErrorKind::kBadInput, ProfileName(path, profile.sequence) + why);
+  };
+  if (profile.sequence > std::uint64_t{std::numeric_limits<std::int64_t>::max()}) {
+    return fail("the sequence does not fit the file's signed 64 bits");
+  }
+  if (profile.points.size() > kSessionMaxPoints) {
+    return fail(std::to_string(profile.points.size()) + " points; at most " +
+                std::to_string(kSessionMaxPoints) + " are allowed");
+  }
+  if (!profile.intensity.empty() && profile.intensity.size() != profile.points.size()) {
+    return fail(std::to_string(profile.intensity.size()) + " intensities for " +
+                std::to_string(profile.points.size()) + " points; expected one a point or none");
+  }
+  if (!profile.X_WS.position_mm.allFinite() ||
+      !(std::abs(profile.X_WS.orientation.norm() - 1.0) <= kSessionUnitTolerance)) {
+    return fail("the pose is not finite or its quaternion is not of unit length");
+  }
+  for (std::size_t i = 0; i < profile.points.size(); ++i) {
+    if (!std::isfinite(profile.points[i].x_mm) || !std::isfinite(profile.points[i].z_mm)) {
+      return fail("point " + std::to_string(i) + " is not finite");
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::Clock& clock,
+                                            SessionWriterOptions options) {
+  std::error_code error;
+  if (std::filesystem::exists(path, error)) {
+    if (!options.replace) {
+      return Fail(ErrorKind::kBadInput,
+                  path + ": exists; a session is not recorded over another, choose a new name");
+    }
+    if (!std::filesystem::is_regular_file(path, error)) {
+      return Fail(ErrorKind::kBadInput, path + ": not a regular file; choose another name");
+    }
+    std::filesystem::remove(path, error);
+  }
+  // A log that an earlier file left behind would be taken for this one's.
+  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
+    std::filesystem::remove(path + suffix, error);
+  }
+
+  SessionWriter writer;
+  writer.path_ = path;
+  writer.clock_ = &clock;
+  writer.options_ = options;
+  auto database = OpenSessionForWriting(path);
+  if (!database) return Fail(database.error());
+  writer.database_ = std::move(*database);
+  sqlite3* const raw = writer.database_.get();
+  // The empty tables are in the file itself before the log begins, so that the file alone is
+  // always a session. One fsync a commit (FULL): NORMAL would lose more than the last interval.
+  const std::string set_up =
+      "PRAGMA page_size=16384; PRAGMA synchronous=" + std::string(options.sync ? "FULL" : "OFF") +
+      "; PRAGMA application_id=" + std::to_string(kSessionApplicationId) +
+      "; PRAGMA user_version=" + std::to_string(kSessionVersion) + "; BEGIN; " + kSessionTables +
+      " INSERT INTO meta VALUES('units', 'mm'); COMMIT; "
+      "PRAGMA journal_mode=WAL;";
+  if (auto done = Execute(raw, path, set_up.c_str()); !done) return Fail(done.error());
+
+  const auto prepare = [&](StatementPtr& statement, const char* sql) -> Result<void> {
+    auto prepared = Prepare(raw, path, sql);
+    if (!prepared) return Fail(prepared.error());
+    statement = std::move(*prepared);
+    return {};
+  };
+  auto done = prepare(writer.insert_meta_, "INSERT OR REPLACE INTO meta VALUES(?, ?)");
+  if (done) done = prepare(writer.insert_profile_, "INSERT INTO profile VALUES(?, ?, ?, ?, ?)");
+  if (done) done = prepare(writer.insert_event_, "INSERT INTO event VALUES(?, ?, ?)");
+  if (!done) return Fail(done.error());
+  return writer;
+}
+
+SessionWriter::~SessionWriter() {
+  if (database_) (void)Finish();
+}
+
+Result<void> SessionWriter::Begin() {
+  if (!database_) {
+    return Fail(ErrorKind::kInternal, path_ + ": the session is finished; nothing can be written");
+  }
+  if (in_transaction_) return {};
+  if (auto begun = Execute(database_.get(), path_, "BEGIN"); !begun) return begun;
+  in_transaction_ = true;
+  begun_ = clock_->Now();
+  waiting_ = 0;
+  return {};
+}
+
+Result<void> SessionWriter::Step(sqlite3_stmt* statement, const std::string& what) {
+  const int code = sqlite3_step(statement);
+  Result<void> result;
+  if (code != SQLITE_DONE) result = Fail(DatabaseError(database_.get(), path_, what));
+  sqlite3_reset(statement);
+  sqlite3_clear_bindings(statement);
+  // Some errors (a full disk) end the transaction by themselves.
+  if (sqlite3_get_autocommit(database_.get()) != 0) in_transaction_ = false;
+  return result;
+}
+
+Result<void> SessionWriter::SetMeta(const std::string& key, const std::string& value) {
+  if (auto begun = Begin(); !begun) return begun;
+  sqlite3_bind_text64(insert_meta_.get(), 1, key.data(), key.size(), SQLITE_STATIC, SQLITE_UTF8);
+  sqlite3_bind_text64(insert_meta_.get(), 2, value.data(), value.size(), SQLITE_STATIC,
+                      SQLITE_UTF8);
+  if (auto done = Step(insert_meta_.get(), "table meta, key " + key); !done) return done;
+  return Tick();
+}
+
+Result<void> SessionWriter::SetMeta(const std::map<std::string, std::string>& entries) {
+  for (const auto& [key, value] : entries) {
+    if (auto done = SetMeta(key, value); !done) return done;
+  }
+  return {};
+}
+
+Result<void> SessionWriter::Write(const hal::LaserProfile& profile) {
+  if (auto checked = CheckWritable(path_, profile); !checked) return checked;
+  if (auto begun = Begin(); !begun) return begun;
+
+  std::array<unsigned char, kSessionPoseBytes> pose{};
+  const auto& X_WS = profile.X_WS;
+  const std::array<double, 7> numbers = {
+      X_WS.position_mm.x(), X_WS.position_mm.y(), X_WS.position_mm.z(), X_WS.orientation.w(),
+      X_WS.orientation.x(), X_WS.orientation.y(), X_WS.orientation.z()};
+  for (std::size_t i = 0; i < numbers.size(); ++i) StoreFloat64(numbers[i], &pose[8 * i]);
+  points_bytes_.resize(profile.points.size() * kSessionPointBytes);
+  for (std::size_t i = 0; i < profile.points.size(); ++i) {
+    unsigned char* const bytes = points_bytes_.data() + i * kSessionPointBytes;
+    StoreFloat32(profile.points[i].x_mm, bytes);
+    StoreFloat32(profile.points[i].z_mm, bytes + sizeof(float));
+  }
+
+  sqlite3_stmt* const insert = insert_profile_.get();
+  sqlite3_bind_int64(insert, 1, static_cast<std::int64_t>(profile.sequence));
+  sqlite3_bind_int64(insert, 2, profile.t_ns);
+  sqlite3_bind_blob64(insert, 3, pose.data(), pose.size(), SQLITE_STATIC);
+  if (points_bytes_.empty()) {
+    sqlite3_bind_zeroblob(insert, 4, 0);  // a null pointer would be NULL
+  } else {
+    sqlite3_bind_blob64(insert, 4, points_bytes_.data(), points_bytes_.size(), SQLITE_STATIC);
+  }
+  if (profile.intensity.empty()) {
+    sqlite3_bind_null(insert, 5);
+  } else {
+    sqlite3_bind_blob64(insert, 5, profile.intensity.data(), profile.intensity.size(),
+                        SQLITE_STATIC);
+  }
+  const auto done = Step(insert, "table profile, seq " + std::to_string(profile.sequence));
+  if (!done) return done;
+  ++profiles_;
+  ++waiting_;
+  return Tick();
+}
+
+Result<void> SessionWriter::Write(const hal::ScanEvent& event) {
+  if (auto begun = Begin(); !begun) return begun;
+  const std::string_view kind = hal::Name(event.kind);
+  const std::string_view detail = event.detail();
+  sqlite3_stmt* const insert = insert_event_.get();
+  sqlite3_bind_int64(insert, 1, event.t_ns);
+  sqlite3_bind_text64(insert, 2, kind.data(), kind.size(), SQLITE_STATIC, SQLITE_UTF8);
+  if (detail.empty()) {
+    sqlite3_bind_null(insert, 3);
+  } else {
+    sqlite3_bind_text64(insert, 3, detail.data(), detail.size(), SQLITE_STATIC, SQLITE_UTF8);
+  }
+  if (auto done = Step(insert, "table event"); !done) return done;
+  ++events_;
+  return Tick();
+}
+
+Result<void> SessionWriter::Tick() {
+  if (!in_transaction_) return {};
+  if (waiting_ < options_.commit_profiles && clock_->Now() - begun_ < options_.commit_interval) {
+    return {};
+  }
+  return Commit();
+}
+
+Result<void> SessionWriter::Commit() {
+  if (!in_transaction_) return {};
+  const auto committed = Execute(database_.get(), path_, "COMMIT");
+  if (!committed && sqlite3_get_autocommit(database_.get()) == 0) {
+    (void)Execute(database_.get(), path_, "ROLLBACK");
+  }
+  in_transaction_ = false;
+  waiting_ = 0;
+  return committed;
+}
+
+Result<void> SessionWriter::Finish() {
+  if (!database_) return {};
+  auto result = Commit();
+  insert_meta_.reset();
+  insert_profile_.reset();
+  insert_event_.reset();
+  // Leaving log mode moves the whole log into the file and removes it and its index.
+  const auto left = Execute(database_.get(), path_,
+                            "PRAGMA wal_checkpoint(TRUNCATE); PRAGMA journal_mode=DELETE");
+  if (result && !left) result = left;
+  database_.reset();
+  return result;
+}
+
+}  // namespace bendloop::drivers

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fstream>
+
+#include "drivers/session/session_check.h"
+#include "session_fixture.h"
+
+namespace bendloop::drivers {
+namespace {
+
+using ::testing::Test;
+
+class DamagedSessionTest : public SessionTest {
+ protected:
+  // A good session of 20 profiles with 30 points each.
+  std::string Good(std::size_t points = 30) {
+    std::mt19937_64 engine(5);
+    const hal::ManualClock clock;
+    auto writer = SessionWriter::Create(Path("a.session"), clock, {.replace = true});
+    for (std::uint64_t i = 0; i < 20; ++i) {
+      EXPECT_TRUE(writer->Write(RandomProfile(engine, i, points)));
+    }
+    EXPECT_TRUE(writer->Write(Event(hal::ScanEventKind::kScanEnd, 1, "done")));
+    EXPECT_TRUE(writer->Finish());
+    return Path("a.session");
+  }
+  static std::string FirstError(const std::string& path) {
+    auto reader = SessionReader::Open(path);
+    if (!reader) return reader.error().message;
+    hal::LaserProfile profile;
+    while (true) {
+      const auto taken = reader->NextProfile(profile);
+      if (!taken) return taken.error().message;
+      if (!*taken) break;
+    }
+    hal::ScanEvent event;
+    const auto taken = reader->NextEvent(event);
+    return taken ? "" : taken.error().message;
+  }
+  void ExpectError(const std::string& sql, const std::string& words) {
+    const std::string path = Good();
+    Sql(path, sql);
+    const std::string message = FirstError(path);
+    EXPECT_NE(message.find(words), std::string::npos) << "after " << sql << ": " << message;
+    EXPECT_EQ(message.rfind(path, 0), 0u) << message;
+    EXPECT_EQ(message.find('\n'), std::string::npos);
+    const auto summary = CheckSession(path);
+    EXPECT_TRUE(!summary || !summary->ok()) << sql;
+  }
+};
+
+TEST_F(DamagedSessionTest, SaysWhatIsWrongAndWhere) {
+  ExpectError("PRAGMA application_id=1", "application_id is 0x00000001, expected 0x424C5345");
+  ExpectError("PRAGMA user_version=2", "user_version is 2, expected 1");
+  ExpectError("DROP TABLE event", "table event: missing");
+  ExpectError("DROP TABLE event; CREATE VIEW event AS SELECT 1 t_ns, 2 kind, 3 detail",
+              "table event: missing");
+  ExpectError("ALTER TABLE profile RENAME COLUMN pose TO poze",
+              "table profile: columns are (seq, t_ns, poze, points, intensity), expected");
+  ExpectError("UPDATE meta SET value='m' WHERE key='units'", "key units: found \"m\"");
+  ExpectError("UPDATE profile SET pose=zeroblob(48) WHERE seq=3",
+              "table profile, seq 3: pose has 48 bytes, expected 56");
+  ExpectError("UPDATE profile SET pose=zeroblob(56) WHERE seq=3",
+              "seq 3: pose, byte 24: the quaternion has length 0");
+  ExpectError("UPDATE profile SET points=zeroblob(13) WHERE seq=4",
+              "seq 4: points has 13 bytes, expected a multiple of 8");
+  ExpectError("UPDATE profile SET points=x'000000000000c07f' WHERE seq=4",
+              "seq 4: points, byte 0: not a finite number");
+  ExpectError("UPDATE profile SET points='12345678' WHERE seq=4", "seq 4: points is text");
+  ExpectError("UPDATE profile SET points=zeroblob(8000008) WHERE seq=4", "1000001 points");
+  ExpectError("UPDATE profile SET points=zeroblob(30000000) WHERE seq=4", "more than 16777216");
+  ExpectError("UPDATE profile SET t_ns='soon' WHERE seq=4", "seq 4: t_ns is text");
+  ExpectError("UPDATE profile SET seq=-1 WHERE seq=4", "a negative seq");
+  ExpectError("UPDATE event SET t_ns='soon'", "table event, row 1: t_ns is text");
+}
+
+TEST_F(DamagedSessionTest, RefusesWhatIsNoSession) {
+  EXPECT_NE(FirstError(Path("none")).find("cannot open"), std::string::npos);
+  EXPECT_NE(FirstError(folder_.string()).find("not a regular file"), std::string::npos);
+  std::ofstream(Path("empty")).close();
+  EXPECT_NE(FirstError(Path("empty")).find("0 bytes"), std::string::npos);
+  std::ofstream(Path("text")) << std::string(500, 'x');
+  EXPECT_NE(FirstError(Path("text")).find("not a SQLite database"), std::string::npos);
+}
+
+TEST_F(DamagedSessionTest, CountsWhatWasReadableBeforeTheDamage) {
+  const std::string path = Good(5000);
+  std::filesystem::resize_file(path, std::filesystem::file_size(path) * 2 / 3);
+  const std::string message = FirstError(path);
+  EXPECT_NE(message.find("damaged after 1"), std::string::npos) << message;
+  EXPECT_NE(message.find(" profiles (last seq 1"), std::string::npos) << message;
+  const auto summary = CheckSession(path);
+  ASSERT_TRUE(summary);
+  EXPECT_FALSE(summary->ok());
+  EXPECT_GT(summary->profiles, 5u);
+}
+
+TEST_F(DamagedSessionTest, NeverCrashesOnRandomDamage) {
+  const std::string good = Good(300);
+  std::string bytes(std::filesystem::file_size(good), '\0');
+  std::ifstream(good, std::ios::binary)
+      .read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  std::mt19937_64 engine(6);
+  for (int round = 0; round < 300; ++round) {
+    std::string damaged = bytes;
+    const int changes = 1 + static_cast<int>(engine() % 20);
+    for (int i = 0; i < changes; ++i) {
+      damaged[engine() % (round % 2 == 0 ? 4000 : bytes.size())] = static_cast<char>(engine());
+    }
+    std::ofstream(Path("bad"), std::ios::binary) << damaged;
+    (void)FirstError(Path("bad"));
+    (void)CheckSession(Path("bad"));
+  }
+}
+
+TEST_F(DamagedSessionTest, ChecksTheWholeFileNotOnlyTheFirstFault) {
+  const std::string path = Good();
+  EXPECT_TRUE(CheckSession(path)->ok());
+  EXPECT_TRUE(CheckSession(path)->warnings.empty());
+  Sql(path,
+      "UPDATE profile SET pose=zeroblob(5) WHERE seq IN (3, 9); DELETE FROM profile WHERE seq=5;"
+      "UPDATE profile SET t_ns=0 WHERE seq=12; UPDATE profile SET intensity=x'00' WHERE seq=1");
+  const auto summary = CheckSession(path);
+  ASSERT_TRUE(summary);
+  EXPECT_EQ(summary->problems.size(), 2u);
+  EXPECT_EQ(summary->warnings.size(), 3u);
+  EXPECT_EQ(summary->profiles, 17u);
+  EXPECT_EQ(summary->points, 17u * 30u);
+  EXPECT_EQ(summary->events, 1u);
+}
+
+// Files that arrive without their log, or whose recorder was killed in rollback mode.
+TEST_F(DamagedSessionTest, OpensTheFileWithoutItsLog) {
+  std::mt19937_64 engine(7);
+  const hal::ManualClock clock;
+  auto writer = SessionWriter::Create(Path("live"), clock, {.commit_profiles = 1});
+  ASSERT_TRUE(writer && writer->Write(RandomProfile(engine, 0, 3)));
+  std::filesystem::create_directory(Path("alone"));
+  std::filesystem::copy_file(Path("live"), Path("alone/a?b"));
+  EXPECT_EQ(FirstError(Path("alone/a?b")), "");
+  EXPECT_EQ(CheckSession(Path("alone/a?b"))->profiles, 0u);
+  EXPECT_FALSE(std::filesystem::exists(Path("alone/a?b-shm")));
+}
+
+}  // namespace
+}  // namespace bendloop::drivers
