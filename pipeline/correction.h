@@ -34,7 +34,8 @@ struct CorrectionOptions {
   PerAxis lot_sigma{2.0, 2.0, 3.0};
   // 1 sigma of the bender from part to part.
   PerAxis scatter_sigma{0.05, 0.1, 0.1};
-  // Changes below so many sigma of the estimated offset (scatter and measurement) are not made.
+  // Changes below so many sigma of the scatter and measurement that are left in them are not made.
+  // After n parts that is about sigma / sqrt(n).
   double deadband_sigmas = 1.0;
   // Most that one correction changes; more is cut to this, with a notice.
   PerAxis step_limit{5.0, 5.0, 6.0};
@@ -47,7 +48,8 @@ struct CorrectionOptions {
 // What is believed of one axis of one row: measured = material model of commanded + offset.
 struct OffsetEstimate {
   double offset = 0;
-  double variance = 0;
+  double variance = 0;        // of the offset: what is not known of the lot, and the noise below
+  double noise_variance = 0;  // of the offset: scatter and measurement of the parts seen
 
   bool operator==(const OffsetEstimate&) const = default;
 };
@@ -95,7 +97,7 @@ struct AxisCorrection {
   double wanted = 0;     // change of command before deadband and limits
   double applied = 0;    // change of command
   double corrected = 0;  // commanded + applied
-  double sigma = 0;      // 1 sigma of `wanted`
+  double sigma = 0;      // 1 sigma of `wanted`, from scatter and measurement
   std::uint32_t flags = 0;
 };
 
