@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
-#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -13,7 +11,10 @@
 #include "hal/tube.h"
 #include "pipeline/alignment.h"
 #include "pipeline/direction.h"
+#include "pipeline/envelope.h"
 #include "pipeline/measurement.h"
+#include "pipeline/surface_distances.h"
+#include "pipeline/tolerance.h"
 
 namespace bendloop::pipeline {
 
@@ -37,47 +38,14 @@ struct InspectionOptions {
   DirectionOptions direction;
 };
 
-enum class ToleranceState : std::uint8_t { kIn, kOut, kUndecided, kNotJudged };
 enum class Verdict : std::uint8_t { kPass, kFail, kUndecided };
-std::string_view Name(ToleranceState state);  // "in", "out", "undecided", "not judged"
-std::string_view Name(Verdict verdict);       // "pass", "fail", "undecided"
-
-// One number of the part. Unit by context: mm or degrees.
-struct Deviation {
-  double nominal = 0;
-  double measured = 0;   // a rotation is given on the turn nearest to the nominal
-  double deviation = 0;  // measured - nominal
-  double sigma = 0;
-  std::optional<double> tolerance;
-  ToleranceState state = ToleranceState::kNotJudged;
-};
+std::string_view Name(Verdict verdict);  // "pass", "fail", "undecided"
 
 struct RowInspection {
   Deviation length_mm;
   Deviation rotation_deg;                   // not judged in the first and the last row
   Deviation angle_deg;                      // not judged in the last row
   std::optional<Deviation> bend_radius_mm;  // empty in the last row
-};
-
-// A tube end or tangent point after alignment, in frame N.
-struct EnvelopePoint {
-  std::string name;  // "start", "bend 2 entry", "bend 2 exit", "end"
-  Eigen::Vector3d nominal_mm = Eigen::Vector3d::Zero();
-  Eigen::Vector3d measured_mm = Eigen::Vector3d::Zero();
-  double distance_mm = 0;  // of the measured point from the nominal axis (end straights extended)
-  double sigma_mm = 0;
-  ToleranceState state = ToleranceState::kNotJudged;
-};
-
-// Signed distances (outside positive) from the nominal's surface after alignment.
-struct SurfaceDistances {
-  std::vector<double> distance_mm;  // one for each of Measurement::surface
-  double max_abs_mm = 0;
-  double p99_abs_mm = 0;  // judged: one sample in a hundred may be a flier
-  double p95_abs_mm = 0;
-  double rms_mm = 0;
-  std::optional<double> tolerance_mm;
-  ToleranceState state = ToleranceState::kNotJudged;
 };
 
 // A measured tube beside its nominal. When direction.settled() is false and the numbers of bends
@@ -100,9 +68,5 @@ struct Inspection {
 // `nominal_pipe_radius_mm` empty: the measured one is taken for the surface.
 Inspection Inspect(const Measurement& measurement, const hal::BendProgram& nominal,
                    std::optional<double> nominal_pipe_radius_mm, const InspectionOptions& options);
-
-// State of |deviation| against `tolerance` when `sigma` is known.
-ToleranceState Judge(double deviation, double sigma, std::optional<double> tolerance,
-                     double decision_sigmas);
 
 }  // namespace bendloop::pipeline

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+// Words and numbers of the sentences that setters read.
+namespace bendloop::pipeline {
+
+// printf's "%.*f" with the trailing minus of a rounded zero removed.
+std::string Fixed(double value, int decimals);
+
+// "bend 3 angle", "bend 3 rotation", "length before bend 3", "end length"; rows from 0.
+std::string LengthName(std::size_t row, std::size_t bends);
+std::string RotationName(std::size_t row);
+std::string AngleName(std::size_t row);
+
+}  // namespace bendloop::pipeline
