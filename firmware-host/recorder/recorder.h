@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "firmware-host/recorder/disk_budget.h"
+#include "hal/clock.h"
+#include "hal/laser_profile.h"
+#include "hal/result.h"
+#include "hal/scan_event.h"
+
+namespace bendloop::host {
+
+struct RecorderOptions {
+  std::filesystem::path directory;
+  std::uint64_t disk_budget_bytes = 4096ull << 20;
+  // Points that may wait for the disk; beyond them profiles are left out of the recording.
+  std::size_t queue_points = 8u << 20;  // 64 MB
+};
+
+// What the recorder did since it started.
+struct RecorderCounters {
+  std::uint64_t sessions = 0;
+  std::uint64_t profiles = 0;
+  std::uint64_t dropped_profiles = 0;  // the disk was too slow, or the profile not writable
+  std::uint64_t removed_sessions = 0;  // to stay within the disk budget
+  std::uint64_t queued_points = 0;
+  std::string last_error;  // "" while all is well
+};
+
+// Writes sessions on a thread of its own, which may lag: no call of the measuring side waits for
+// the disk. What does not fit in the queue is left out, counted, and marked by a `gap` event and
+// meta `recording` = "incomplete".
+class Recorder {
+ public:
+  using Meta = std::map<std::string, std::string>;
+
+  // `clock` must outlive the recorder.
+  Recorder(RecorderOptions options, const hal::Clock& clock);
+  // Writes what is queued, then ends.
+  ~Recorder();
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+
+  // `name`.session in the directory; an open session is finished first.
+  void Begin(const std::string& name, Meta meta);
+  void Add(const hal::LaserProfile& profile);
+  void Add(const hal::ScanEvent& event);
+  void Finish(Meta meta);
+  // Removes what was recorded since Begin: it was no scan.
+  void Discard();
+
+  // Waits until everything given so far is on the disk.
+  void Flush();
+  RecorderCounters counters() const;
+  std::filesystem::path PathOf(const std::string& name) const;
+
+ private:
+  enum class Step { kBegin, kProfile, kEvent, kFinish, kDiscard };
+  struct Item {
+    Step step = Step::kProfile;
+    hal::LaserProfile profile;
+    hal::ScanEvent event;
+    std::string name;
+    Meta meta;
+  };
+  class Session;
+
+  void Push(Item item);
+  void Run();
+  void Write(Item& item, std::unique_ptr<Session>& session);
+  void Fail(const std::string& what);
+
+  const RecorderOptions options_;
+  const hal::Clock& clock_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::condition_variable idle_;
+  std::deque<Item> queue_;
+  std::vector<hal::LaserProfile> spare_;  // written profiles, to be used again
+  RecorderCounters counters_;
+  bool busy_ = false;
+  bool stop_ = false;
+  std::uint64_t gap_ = 0;  // profiles left out since the last one that was queued
+  std::thread thread_;
+};
+
+}  // namespace bendloop::host

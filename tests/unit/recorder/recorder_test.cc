@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/recorder/recorder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "drivers/session/session_reader.h"
+
+namespace bendloop::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RecorderTest : public ::testing::Test {
+ protected:
+  RecorderTest() {
+    std::string name = (fs::temp_directory_path() / "recorder-XXXXXX").string();
+    directory_ = mkdtemp(name.data());
+  }
+  ~RecorderTest() override { fs::remove_all(directory_); }
+
+  static hal::LaserProfile Profile(std::uint64_t sequence, std::size_t points = 10) {
+    hal::LaserProfile profile(points);
+    profile.sequence = sequence;
+    profile.t_ns = static_cast<std::int64_t>(sequence) * 1000;
+    for (std::size_t i = 0; i < points; ++i) profile.points.push_back({static_cast<float>(i), 1});
+    return profile;
+  }
+  static hal::ScanEvent Event(hal::ScanEventKind kind) {
+    hal::ScanEvent event;
+    event.kind = kind;
+    return event;
+  }
+  std::size_t ProfilesOf(const fs::path& path) {
+    auto reader = drivers::SessionReader::Open(path.string());
+    EXPECT_TRUE(reader) << reader.error().message;
+    if (!reader) return 0;
+    hal::LaserProfile profile(reader->max_points());
+    std::size_t count = 0;
+    while (reader->NextProfile(profile).value_or(false)) ++count;
+    meta_ = reader->meta();
+    return count;
+  }
+
+  hal::SteadyClock clock_;
+  fs::path directory_;
+  std::map<std::string, std::string> meta_;
+};
+
+TEST_F(RecorderTest, WritesWhatItWasGiven) {
+  Recorder recorder({directory_}, clock_);
+  recorder.Begin("part-0001", {{"part", "elbow"}});
+  recorder.Add(Event(hal::ScanEventKind::kScanStart));
+  for (std::uint64_t i = 0; i < 500; ++i) recorder.Add(Profile(i));
+  recorder.Add(Event(hal::ScanEventKind::kScanEnd));
+  recorder.Finish({{"context", "{}"}});
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 500u);
+  EXPECT_EQ(meta_["part"], "elbow");
+  EXPECT_EQ(meta_["context"], "{}");
+  EXPECT_EQ(meta_["recording"], "complete");
+  EXPECT_EQ(recorder.counters().profiles, 500u);
+  EXPECT_EQ(recorder.counters().queued_points, 0u);
+  EXPECT_EQ(recorder.counters().last_error, "");
+}
+
+TEST_F(RecorderTest, LeavesOutWhatDoesNotFitAndSaysSo) {
+  RecorderOptions options{directory_};
+  options.queue_points = 15;  // never room for two profiles at once
+  Recorder recorder(options, clock_);
+  recorder.Begin("part-0001", {});
+  recorder.Add(Profile(0, 20));  // never fits
+  recorder.Flush();
+  recorder.Add(Profile(1, 10));
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 1u);
+  EXPECT_EQ(meta_["recording"], "incomplete");
+  EXPECT_EQ(recorder.counters().dropped_profiles, 1u);
+}
+
+TEST_F(RecorderTest, DiscardLeavesNoFile) {
+  Recorder recorder({directory_}, clock_);
+  recorder.Begin("part-0001", {});
+  recorder.Add(Profile(0));
+  recorder.Discard();
+  recorder.Flush();
+  EXPECT_TRUE(fs::is_empty(directory_));
+}
+
+TEST_F(RecorderTest, AFullDiskOrAnExistingFileIsTold) {
+  std::ofstream(directory_ / "part-0001.session") << "in the way";
+  Recorder recorder({directory_}, clock_);
+  recorder.Begin("part-0001", {});
+  recorder.Add(Profile(0));
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_THAT(recorder.counters().last_error, ::testing::HasSubstr("part-0001.session"));
+}
+
+TEST_F(RecorderTest, WritesEverythingBeforeItEnds) {
+  {
+    Recorder recorder({directory_}, clock_);
+    recorder.Begin("part-0001", {});
+    for (std::uint64_t i = 0; i < 2000; ++i) recorder.Add(Profile(i));
+    recorder.Finish({});
+  }
+  EXPECT_EQ(ProfilesOf(directory_ / "part-0001.session"), 2000u);
+}
+
+class DiskBudget : public RecorderTest {
+ protected:
+  fs::path Put(const char* name, std::size_t bytes, int age_minutes) {
+    const fs::path path = directory_ / name;
+    std::ofstream(path) << std::string(bytes, 'x');
+    fs::last_write_time(path, fs::file_time_type::clock::now() - std::chrono::minutes(age_minutes));
+    return path;
+  }
+};
+
+TEST_F(DiskBudget, TheOldestUnpinnedSessionsGoFirst) {
+  const fs::path oldest = Put("a.session", 1000, 50);
+  const fs::path pinned = Put("b.session", 1000, 40);
+  Put("b.session.keep", 0, 0);
+  const fs::path old = Put("c.session", 1000, 30);
+  const fs::path side = Put("c.session-wal", 500, 30);
+  const fs::path recent = Put("d.session", 1000, 20);
+  const fs::path in_use = Put("e.session", 1000, 60);
+  const fs::path other = Put("notes.txt", 100000, 90);
+  const auto removed = KeepDiskBudget(directory_, 3000, in_use);
+  EXPECT_THAT(removed, ::testing::ElementsAre(oldest, old));
+  EXPECT_FALSE(fs::exists(side));
+  for (const auto& path : {pinned, recent, in_use, other}) EXPECT_TRUE(fs::exists(path)) << path;
+}
+
+TEST_F(DiskBudget, NothingGoesWhileThereIsRoom) {
+  Put("a.session", 1000, 50);
+  EXPECT_TRUE(KeepDiskBudget(directory_, 1000, {}).empty());
+  EXPECT_TRUE(KeepDiskBudget(directory_ / "missing", 0, {}).empty());
+}
+
+}  // namespace
+}  // namespace bendloop::host
