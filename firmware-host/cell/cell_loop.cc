@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cell/cell_loop.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "firmware-host/cell/version.h"
+
+namespace bendloop::host {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kReadTimeout = 20ms;
+constexpr auto kPublishPeriod = 100ms;
+// Coverage is looked at every so many profiles, never by time: a replay must end where the live
+// scan ended.
+constexpr std::uint64_t kCoveragePeriod = 64;
+constexpr double kCoveredPart = 0.98;
+
+double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
+
+const char* Word(PartEnd end) {
+  switch (end) {
+    case PartEnd::kCorrected:
+      return "corrected";
+    case PartEnd::kUnchanged:
+      return "unchanged";
+    case PartEnd::kRefused:
+      return "refused";
+    case PartEnd::kLinkDown:
+      break;
+  }
+  return "link down";
+}
+
+}  // namespace
+
+CellLoop::CellLoop(const PartPlan& plan, CellPorts ports, const CellLoopOptions& options)
+    : plan_(plan), ports_(std::move(ports)), options_(options), scan_(options.scan) {}
+
+CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::SourceInfo& source) {
+  scanner_ = source.model + (source.serial.empty() ? "" : " " + source.serial);
+  source_ended_ = source_failed_ = false;
+  ports_.board->Update([&](CellSnapshot& s) {
+    s.phase = CellPhase::kWaiting;
+    s.scanner = scanner_;
+  });
+  CellEnd end = CellEnd::kStopped;
+  while (!stop_.load(std::memory_order_relaxed)) {
+    if (ports_.alive) ports_.alive();
+    Read(ring);
+    Update();
+    Write();
+    PublishCounters(acquisition, ring);
+    ring.Release();
+    if (options_.max_parts > 0 && parts_ >= options_.max_parts) {
+      end = CellEnd::kPartsDone;
+      break;
+    }
+    if (source_failed_ || source_ended_) {
+      end = source_failed_ ? CellEnd::kSourceFault : CellEnd::kSourceEnd;
+      break;
+    }
+  }
+  if (scan_.Break("the daemon stops") == ScanStep::kBroke) {
+    DropScan({hal::ErrorKind::kDevice, scan_.reason()});
+  }
+  published_ = {};
+  PublishCounters(acquisition, ring);
+  return end;
+}
+
+void CellLoop::Read(ProfileRing& ring) { slot_ = ring.TakeWithin(kReadTimeout); }
+
+void CellLoop::Update() {
+  step_ = ScanStep::kNothing;
+  if (slot_ == nullptr) return;
+  switch (slot_->kind) {
+    case SlotKind::kProfile:
+      step_ = scan_.Take(slot_->profile);
+      break;
+    case SlotKind::kEvent:
+      step_ = scan_.Take(slot_->event);
+      break;
+    case SlotKind::kEnd:
+      source_ended_ = true;
+      step_ = scan_.TakeEnd();
+      break;
+    case SlotKind::kFault:
+      source_failed_ = true;
+      step_ = scan_.Break("the scanner went away in the middle of the scan: scan again");
+      break;
+  }
+  if (step_ == ScanStep::kBegan) BeginScan();
+  if (step_ != ScanStep::kNothing) GrowScan();
+  if (step_ == ScanStep::kGrew && NominalIsCovered()) step_ = scan_.Complete();
+}
+
+void CellLoop::Write() {
+  if (step_ == ScanStep::kEnded) FinishScan();
+  if (step_ == ScanStep::kBroke) DropScan({hal::ErrorKind::kDevice, scan_.reason()});
+}
+
+void CellLoop::BeginScan() {
+  if (base_.valid()) base_.wait();  // of a scan that was begun again
+  if (ports_.recorder && reconstruction_) ports_.recorder->Discard();
+  identity_ = ports_.identify();
+  reconstruction_.emplace(plan_.reconstruction, *ports_.clock);
+  // The program that the bender holds now is the one that bent this part. It is asked beside the
+  // scan: a slow bender must not cost profiles.
+  base_ = std::async(std::launch::async, [this, lot = ports_.lot ? ports_.lot() : std::nullopt] {
+    if (ports_.recorded) return *ports_.recorded;
+    RunContext base;
+    base.lot = lot;
+    if (BenderReading now = ports_.desk->Read(); now.facts) {
+      base.bent_with = std::move(now.facts->active);
+    }
+    base.last_sequence = ports_.desk->LastSequence();
+    return base;
+  });
+  if (ports_.recorder) {
+    ports_.recorder->Begin(identity_.session, {{"session", identity_.session},
+                                               {"part", plan_.part},
+                                               {"scanner", scanner_},
+                                               {"start", identity_.start},
+                                               {"software", kSoftware},
+                                               {"config_digest", plan_.config_digest}});
+  }
+  ports_.board->Update([&](CellSnapshot& s) {
+    s.phase = CellPhase::kScanning;
+    s.session = identity_.session;
+    s.live = {};
+  });
+}
+
+void CellLoop::GrowScan() {
+  if (slot_->kind == SlotKind::kProfile) {
+    reconstruction_->Add(slot_->profile);
+    if (ports_.recorder) ports_.recorder->Add(slot_->profile);
+  } else if (slot_->kind == SlotKind::kEvent && ports_.recorder) {
+    ports_.recorder->Add(slot_->event);
+  }
+}
+
+bool CellLoop::NominalIsCovered() {
+  return options_.ends_by_coverage && scan_.profiles() % kCoveragePeriod == 0 &&
+         reconstruction_->View().covered_mm >= kCoveredPart * plan_.nominal_length_mm;
+}
+
+void CellLoop::FinishScan() {
+  const auto ended = ports_.clock->Now();
+  ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kDeciding; });
+  const RunContext base = base_.get();
+  auto measurement = reconstruction_->Finish();
+  reconstruction_.reset();
+  if (ports_.recorder) ports_.recorder->Finish({{kContextKey, WriteRunContext(base)}});
+  ++parts_;
+  if (!measurement) {
+    ports_.board->Update([&](CellSnapshot& s) {
+      ++s.parts;
+      ++s.failed_scans;
+      s.phase = CellPhase::kWaiting;
+      s.session.clear();
+      s.last = LastPart{identity_.session, "not measured", "", measurement.error().message};
+    });
+    ports_.scan_failed({identity_, measurement.error()});
+    return;
+  }
+  ScanFacts facts{scan_.profiles(), scan_.lost_profiles(), 0};
+  if (options_.scan.is_live) {
+    facts.age_s = std::chrono::duration<double>(ports_.clock->Now() - ended).count();
+  }
+  PartOutcome outcome =
+      DecidePart(plan_, identity_, facts, base, std::move(*measurement), *ports_.desk);
+  const double ms = Milliseconds(ports_.clock->Now() - ended);
+  ports_.part_done(outcome);
+  ports_.board->Update([&](CellSnapshot& s) {
+    ++s.parts;
+    if (outcome.end == PartEnd::kCorrected) ++s.corrected;
+    if (outcome.end == PartEnd::kRefused || outcome.end == PartEnd::kLinkDown) ++s.refused;
+    s.phase = CellPhase::kWaiting;
+    s.session.clear();
+    s.last_decision_ms = ms;
+    s.peak_decision_ms = std::max(s.peak_decision_ms, ms);
+    s.last = LastPart{identity_.session, Word(outcome.end),
+                      std::string(pipeline::Name(outcome.result.inspection->verdict)),
+                      outcome.reasons.empty() ? "" : outcome.reasons.front()};
+  });
+}
+
+void CellLoop::DropScan(hal::Error error) {
+  if (base_.valid()) base_.wait();
+  base_ = {};
+  reconstruction_.reset();
+  if (ports_.recorder) {
+    // A scan that broke off late is worth keeping: it shows what went wrong.
+    if (scan_.profiles() < options_.scan.min_profiles) {
+      ports_.recorder->Discard();
+    } else {
+      ports_.recorder->Finish({{"broken", error.message}});
+    }
+  }
+  ++parts_;
+  ports_.board->Update([&](CellSnapshot& s) {
+    ++s.failed_scans;
+    s.phase = CellPhase::kWaiting;
+    s.session.clear();
+    s.last = LastPart{identity_.session, "not measured", "", error.message};
+  });
+  ports_.scan_failed({identity_, std::move(error)});
+}
+
+void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing& ring) {
+  const auto now = ports_.clock->Now();
+  if (published_.count() != 0 && now - published_ < kPublishPeriod) return;
+  published_ = now;
+  const AcquisitionCounters& counters = acquisition.counters();
+  ports_.board->Update([&](CellSnapshot& s) {
+    s.profiles = counters.profiles;
+    s.points = counters.points;
+    s.dropped_profiles = counters.dropped_profiles;
+    s.missing_profiles = counters.missing_profiles;
+    s.dropped_events = counters.dropped_events;
+    s.queue_peak = counters.queue_peak;
+    s.queue_capacity = ring.capacity();
+    s.lateness_last_ms = static_cast<double>(counters.lateness_last_ns) * 1e-6;
+    s.lateness_peak_ms = static_cast<double>(counters.lateness_peak_ns) * 1e-6;
+    if (reconstruction_) s.live = reconstruction_->View();
+    if (ports_.recorder) {
+      const RecorderCounters recorder = ports_.recorder->counters();
+      s.recorded_sessions = recorder.sessions;
+      s.recorder_dropped = recorder.dropped_profiles;
+      s.recorder_error = recorder.last_error;
+    }
+  });
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cell/cell_status.h"
+
+#include <cstdio>
+
+#include "firmware-host/cell/version.h"
+#include "firmware-host/result/program_json.h"
+
+namespace bendloop::host {
+
+const char* Name(CellPhase phase) {
+  switch (phase) {
+    case CellPhase::kStarting:
+      return "starting";
+    case CellPhase::kNoScanner:
+      return "no scanner";
+    case CellPhase::kWaiting:
+      return "waiting for a scan";
+    case CellPhase::kScanning:
+      return "scanning";
+    case CellPhase::kDeciding:
+      return "deciding";
+    case CellPhase::kStopping:
+      break;
+  }
+  return "stopping";
+}
+
+Json StatusJson(const CellSnapshot& s) {
+  Json json = {
+      {"schema", "bendloop.status/1"},
+      {"software", kSoftware},
+      {"cell", s.cell},
+      {"part", s.part},
+      {"state", Name(s.phase)},
+      {"scanner", s.scanner},
+      {"bender",
+       {{"address", s.bender}, {"state", s.bender_state}, {"active_sequence", s.bender_sequence}}},
+      {"parts",
+       {{"done", s.parts},
+        {"corrected", s.corrected},
+        {"refused", s.refused},
+        {"failed_scans", s.failed_scans}}},
+      {"health",
+       {{"profiles", s.profiles},
+        {"points", s.points},
+        {"dropped_profiles", s.dropped_profiles},
+        {"missing_profiles", s.missing_profiles},
+        {"dropped_events", s.dropped_events},
+        {"queue_peak", s.queue_peak},
+        {"queue_capacity", s.queue_capacity},
+        {"lateness_last_ms", Number(s.lateness_last_ms, 3)},
+        {"lateness_peak_ms", Number(s.lateness_peak_ms, 3)},
+        {"decision_last_ms", Number(s.last_decision_ms, 3)},
+        {"decision_peak_ms", Number(s.peak_decision_ms, 3)},
+        {"recorded_sessions", s.recorded_sessions},
+        {"recorder_dropped_profiles", s.recorder_dropped},
+        {"recorder_error", s.recorder_error}}}};
+  if (!s.session.empty()) {
+    json["scan"] = {{"session", s.session},
+                    {"profiles", s.live.profiles},
+                    {"points", s.live.points},
+                    {"covered_mm", Number(s.live.covered_mm, 3)},
+                    {"pipe_radius_mm", Number(s.live.pipe_radius_mm, 3)},
+                    {"rows", RowsJson(s.live.program)}};
+  }
+  if (s.last) {
+    json["last_part"] = {{"session", s.last->session},
+                         {"end", s.last->end},
+                         {"verdict", s.last->verdict},
+                         {"reason", s.last->reason}};
+  }
+  return json;
+}
+
+namespace {
+
+void AppendLines(const Json& json, const std::string& prefix, std::string& text) {
+  for (const auto& [key, value] : json.items()) {
+    if (value.is_object()) {
+      AppendLines(value, prefix + key + " ", text);
+      continue;
+    }
+    if (value.is_array() || key == "schema") continue;
+    std::string name = prefix + key;
+    for (char& c : name) {
+      if (c == '_') c = ' ';
+    }
+    name.resize(std::max<std::size_t>(name.size() + 1, 34), ' ');
+    text += name + (value.is_string() ? value.get<std::string>() : value.dump()) + "\n";
+  }
+}
+
+}  // namespace
+
+std::string StatusText(const Json& status) {
+  std::string text;
+  AppendLines(status, "", text);
+  return text;
+}
+
+std::string MetricsText(const CellSnapshot& s) {
+  std::string text;
+  const auto metric = [&text](const char* name, const char* type, const char* help, double value) {
+    char line[64];
+    std::snprintf(line, sizeof line, "%.17g", value);
+    text += std::string("# HELP bendloop_") + name + " " + help + "\n# TYPE bendloop_" + name +
+            " " + type + "\nbendloop_" + name + " " + line + "\n";
+  };
+  const auto number = [](std::uint64_t value) { return static_cast<double>(value); };
+  metric("up", "gauge", "1 while the scanner is connected.",
+         s.phase == CellPhase::kStarting || s.phase == CellPhase::kNoScanner ? 0 : 1);
+  metric("profiles_total", "counter", "Laser profiles received.", number(s.profiles));
+  metric("points_total", "counter", "Points received.", number(s.points));
+  metric("dropped_profiles_total", "counter", "Profiles dropped because the ring was full.",
+         number(s.dropped_profiles));
+  metric("missing_profiles_total", "counter", "Profiles missing in the scanner's own count.",
+         number(s.missing_profiles));
+  metric("queue_peak_profiles", "gauge", "Most profiles that waited in the ring.",
+         number(s.queue_peak));
+  metric("queue_capacity_profiles", "gauge", "Profiles that fit in the ring.",
+         number(s.queue_capacity));
+  metric("lateness_peak_seconds", "gauge", "Largest delay of a profile beyond the quickest.",
+         s.lateness_peak_ms * 1e-3);
+  metric("parts_total", "counter", "Parts finished.", number(s.parts));
+  metric("parts_corrected_total", "counter", "Parts that led to a corrected program.",
+         number(s.corrected));
+  metric("parts_refused_total", "counter", "Parts whose correction was refused.",
+         number(s.refused));
+  metric("failed_scans_total", "counter", "Scans that gave no measurement.",
+         number(s.failed_scans));
+  metric("decision_last_seconds", "gauge", "Last scan's end to the bender's answer.",
+         s.last_decision_ms * 1e-3);
+  metric("decision_peak_seconds", "gauge", "Longest scan's end to the bender's answer.",
+         s.peak_decision_ms * 1e-3);
+  metric("recorder_dropped_profiles_total", "counter", "Profiles left out of recordings.",
+         number(s.recorder_dropped));
+  return text;
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "firmware-host/result/json.h"
+#include "hal/bend_program.h"
+#include "pipeline/reconstruction.h"
+
+namespace bendloop::host {
+
+enum class CellPhase : std::uint8_t {
+  kStarting,
+  kNoScanner,  // trying to reach it again
+  kWaiting,    // for a scan
+  kScanning,
+  kDeciding,  // final fit, inspection, correction, bender
+  kStopping,
+};
+const char* Name(CellPhase phase);
+
+struct LastPart {
+  std::string session;
+  std::string end;      // "corrected", "unchanged", "refused", "link down", "not measured"
+  std::string verdict;  // "pass", "fail", "undecided", "" when not measured
+  std::string reason;   // the first one, or ""
+};
+
+// What the cell is doing, for people and monitors.
+struct CellSnapshot {
+  CellPhase phase = CellPhase::kStarting;
+  std::string cell;
+  std::string part;
+  std::string scanner;  // model and serial, or why there is none
+  std::string bender;   // address
+  std::string bender_state;
+  std::uint32_t bender_sequence = 0;  // of its active program
+  std::string session;                // of the running scan, "" between scans
+  pipeline::LiveView live;            // of the running scan
+  std::uint64_t parts = 0;            // finished since the start, whatever became of them
+  std::uint64_t corrected = 0;
+  std::uint64_t refused = 0;
+  std::uint64_t failed_scans = 0;
+  double last_decision_ms = 0;  // from the scan's end to the bender's answer
+  double peak_decision_ms = 0;
+  std::optional<LastPart> last;
+
+  // Of the acquisition and the recorder.
+  std::uint64_t profiles = 0;
+  std::uint64_t points = 0;
+  std::uint64_t dropped_profiles = 0;
+  std::uint64_t missing_profiles = 0;
+  std::uint64_t dropped_events = 0;
+  std::uint64_t queue_peak = 0;
+  std::uint64_t queue_capacity = 0;
+  double lateness_last_ms = 0;
+  double lateness_peak_ms = 0;
+  std::uint64_t recorded_sessions = 0;
+  std::uint64_t recorder_dropped = 0;
+  std::string recorder_error;
+};
+
+// The latest snapshot, between the cell's thread and whoever asks.
+class StatusBoard {
+ public:
+  template <class F>
+  void Update(F&& change) {
+    const std::lock_guard lock(mutex_);
+    change(snapshot_);
+  }
+  CellSnapshot Get() const {
+    const std::lock_guard lock(mutex_);
+    return snapshot_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  CellSnapshot snapshot_;
+};
+
+// Schema "bendloop.status/1".
+Json StatusJson(const CellSnapshot& snapshot);
+// The same for `bendloop status`: one "name  value" a line.
+std::string StatusText(const Json& status);
+// Prometheus text exposition, version 0.0.4.
+std::string MetricsText(const CellSnapshot& snapshot);
+
+}  // namespace bendloop::host

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cell/part_plan.h"
+
+#include "config/digest.h"
+#include "hal/spine.h"
+#include "pipeline/representations.h"
+
+namespace bendloop::host {
+namespace {
+
+pipeline::DirectionChoice ChoiceOf(config::ScanDirection direction) {
+  switch (direction) {
+    case config::ScanDirection::kForward:
+      return pipeline::DirectionChoice::kForward;
+    case config::ScanDirection::kReverse:
+      return pipeline::DirectionChoice::kReverse;
+    case config::ScanDirection::kAuto:
+      break;
+  }
+  return pipeline::DirectionChoice::kAuto;
+}
+
+pipeline::PerAxis AxesOf(const config::CorrectionLimits& limits) {
+  return {limits.length_mm, limits.rotation_deg, limits.angle_deg};
+}
+
+pipeline::CorrectionOptions CorrectionOf(const config::CellConfig& cell) {
+  const config::CorrectionConfig& from = cell.correction;
+  pipeline::CorrectionOptions options;
+  options.material = MaterialOf(cell.part);
+  options.gain = {from.correct_lengths ? from.gain_length : 0.0,
+                  from.correct_rotations ? from.gain_rotation : 0.0,
+                  from.correct_angles ? from.gain_angle : 0.0};
+  options.deadband_sigmas = from.deadband_sigmas;
+  options.step_limit = AxesOf(from.max_step);
+  options.total_limit = AxesOf(from.max_total);
+  return options;
+}
+
+std::string WhereOf(const config::PartConfig& part) {
+  return part.file.empty() ? "part '" + part.name + "'" : part.file.string();
+}
+
+}  // namespace
+
+pipeline::Material MaterialOf(const config::PartConfig& part) {
+  return {part.material.springback_at_20_deg, part.material.springback_at_120_deg,
+          part.material.elongation_percent};
+}
+
+hal::Result<hal::BendProgram> NominalProgram(const config::PartConfig& part) {
+  hal::BendProgram program = part.rows;
+  if (!part.xyz_mm.empty()) {
+    pipeline::ControlPolygon polygon{part.xyz_mm, {}};
+    polygon.bend_radii_mm.assign(part.xyz_mm.size() < 2 ? 0 : part.xyz_mm.size() - 2,
+                                 part.bend_radius_mm);
+    auto tube = pipeline::TubeFromPolygon(polygon);
+    if (!tube)
+      return hal::Fail(hal::ErrorKind::kBadInput, WhereOf(part) + ": " + tube.error().message);
+    program = std::move(tube->program);
+  }
+  if (auto checked = pipeline::CheckProgram(program); !checked) {
+    return hal::Fail(hal::ErrorKind::kBadInput, WhereOf(part) + ": " + checked.error().message);
+  }
+  return program;
+}
+
+hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
+  auto nominal = NominalProgram(cell.part);
+  if (!nominal) return hal::Fail(nominal.error());
+  if (auto checked = pipeline::Check(MaterialOf(cell.part)); !checked) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     WhereOf(cell.part) + ": " + checked.error().message);
+  }
+  PartPlan plan;
+  plan.part = cell.part.name;
+  plan.part_number = cell.part.part_number;
+  plan.nominal = std::move(*nominal);
+  plan.pipe_radius_mm = cell.part.pipe_radius_mm;
+  plan.nominal_length_mm = hal::SpineLength(plan.nominal);
+  plan.corrects = cell.correction.enabled;
+  plan.config_digest = config::Digest(cell);
+
+  plan.reconstruction.pipe_radius_mm = plan.pipe_radius_mm;
+  plan.reconstruction.nominal = plan.nominal;
+
+  const config::Tolerances& tolerance = cell.part.tolerance;
+  plan.inspection.tolerances.length_mm = tolerance.length_mm;
+  plan.inspection.tolerances.rotation_deg = tolerance.rotation_deg;
+  plan.inspection.tolerances.angle_deg = tolerance.angle_deg;
+  plan.inspection.tolerances.envelope_mm = tolerance.envelope_mm;
+  plan.inspection.tolerances.surface_mm = tolerance.surface_mm;
+  plan.inspection.direction.choice = ChoiceOf(cell.scan.direction);
+
+  plan.correction = CorrectionOf(cell);
+
+  const config::InterlockConfig& locks = cell.interlocks;
+  plan.interlocks.least_coverage = locks.min_coverage;
+  plan.interlocks.longest_gap_mm = locks.max_gap_mm;
+  plan.interlocks.most_rms_mm = locks.max_fit_rms_mm;
+  plan.interlocks.most_sigma = AxesOf(locks.max_sigma);
+  plan.interlocks.oldest_session_s = locks.max_session_age_s;
+
+  plan.commit.reply_timeout = cell.bender.commit_timeout;
+  return plan;
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "config/cell_config.h"
+#include "firmware-host/commit/commit_protocol.h"
+#include "hal/bend_program.h"
+#include "hal/result.h"
+#include "pipeline/correction.h"
+#include "pipeline/inspection.h"
+#include "pipeline/interlocks.h"
+#include "pipeline/reconstruction.h"
+
+namespace bendloop::host {
+
+// What the cell file means for the pipeline: everything that a run of one part goes by.
+struct PartPlan {
+  std::string part;
+  std::uint32_t part_number = 0;
+  hal::BendProgram nominal;
+  double pipe_radius_mm = 0;
+  double nominal_length_mm = 0;  // of the whole spine
+  bool corrects = true;          // false: measure and judge only
+  pipeline::ReconstructionOptions reconstruction;
+  pipeline::InspectionOptions inspection;
+  pipeline::CorrectionOptions correction;
+  pipeline::InterlockOptions interlocks;
+  CommitOptions commit;
+  std::string config_digest;
+};
+
+// kBadInput when the part's nominal is no tube, or its material none that bends.
+hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell);
+
+// The nominal as rows, whichever way the part file gives it.
+hal::Result<hal::BendProgram> NominalProgram(const config::PartConfig& part);
+pipeline::Material MaterialOf(const config::PartConfig& part);
+
+}  // namespace bendloop::host

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware-host/cell/bender_desk.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/run_context.h"
+#include "firmware-host/result/run_result.h"
+#include "hal/error.h"
+#include "hal/result.h"
+
+namespace bendloop::host {
+
+// Which scan it is.
+struct ScanIdentity {
+  std::string session;  // id, e.g. "part-0007"
+  std::string start;    // ISO 8601
+};
+
+// What the scan brought beside its points.
+struct ScanFacts {
+  std::uint64_t profiles = 0;
+  std::uint64_t lost_profiles = 0;
+  double age_s = 0;  // since the end of the scan; 0 for a replay
+};
+
+enum class PartEnd : std::uint8_t {
+  kCorrected,  // a corrected program is active at the bender
+  kUnchanged,  // measured; nothing had to be or was to be sent
+  kRefused,    // measured; an interlock or the bender refused
+  kLinkDown,   // measured; the bender could not be reached, or what it holds is unknown
+};
+
+// What became of one part.
+struct PartOutcome {
+  PartEnd end = PartEnd::kUnchanged;
+  RunResult result;
+  std::vector<std::string> reasons;        // why it was refused, or is out of tolerance
+  std::optional<pipeline::LotState> next;  // to be kept when the part counts
+
+  bool out_of_tolerance() const;
+  // Of a command that ran this one part.
+  int exit_code() const;
+};
+
+// From the measurement to the bender's answer: inspect, correct, check the interlocks, commit.
+// `base` is what was active when the scan began (or was recorded with it). Blocks for the bender's
+// timeouts at most.
+PartOutcome DecidePart(const PartPlan& plan, const ScanIdentity& identity, const ScanFacts& scan,
+                       const RunContext& base, pipeline::Measurement measurement, BenderDesk& desk);
+
+}  // namespace bendloop::host

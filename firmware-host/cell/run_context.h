@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "hal/bend_program.h"
+#include "hal/result.h"
+#include "pipeline/correction.h"
+
+namespace bendloop::host {
+
+// What a run depends on beside the scan and the cell file. It stands in the session's meta under
+// "context", so that a replay of the session gives the result of the live run.
+struct RunContext {
+  std::optional<hal::ProgramBlock> bent_with;  // the bender's active program at the scan's start
+  std::optional<pipeline::LotState> lot;       // before this part; empty: the part begins a lot
+  std::uint32_t last_sequence = 0;             // last number given to a program sent
+};
+
+inline constexpr const char* kContextKey = "context";
+
+// JSON, one line, schema "bendloop.context/1"; every number reads back as the same bits.
+std::string WriteRunContext(const RunContext& context);
+// kBadInput; `name` stands for the session in the message.
+hal::Result<RunContext> ReadRunContext(std::string_view text, std::string_view name);
+
+// The same for what a lot has taught, kept from part to part in the state directory. `key` names
+// the settings that it was learnt with.
+std::string WriteLot(const pipeline::LotState& lot, std::string_view key);
+// Empty when the file belongs to another key: a new lot begins.
+hal::Result<std::optional<pipeline::LotState>> ReadLot(std::string_view text, std::string_view name,
+                                                       std::string_view key);
+
+}  // namespace bendloop::host
