@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/daemon/state_store.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <fstream>
+#include <system_error>
+#include <utility>
+
+#include "firmware-host/cell/run_context.h"
+
+namespace bendloop::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Text(int error_number) { return std::generic_category().message(error_number); }
+
+constexpr std::string_view kNamePrefix = "part-";
+
+// 7 of "part-0007.json"; 0 for other names.
+unsigned NumberOf(const std::string& file_name) {
+  if (file_name.rfind(kNamePrefix, 0) != 0) return 0;
+  unsigned number = 0;
+  const char* begin = file_name.data() + kNamePrefix.size();
+  std::from_chars(begin, file_name.data() + file_name.size(), number);
+  return number;
+}
+
+unsigned LargestNumber(const fs::path& directory) {
+  unsigned largest = 0;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    largest = std::max(largest, NumberOf(it->path().filename().string()));
+  }
+  return largest;
+}
+
+}  // namespace
+
+hal::Result<void> WriteFileAtomically(const fs::path& path, std::string_view text) {
+  const std::string beside = path.string() + ".new";
+  const auto fail = [&](const char* what) {
+    const int why = errno;
+    ::unlink(beside.c_str());
+    return hal::Fail(hal::ErrorKind::kDevice, path.string() + ": cannot " + what + ": " +
+                                                  Text(why) + "; check the disk and its rights");
+  };
+  const int file = ::open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0) return fail("create");
+  while (!text.empty()) {
+    const ssize_t written = ::write(file, text.data(), text.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) {
+      ::close(file);
+      return fail("write");
+    }
+    text.remove_prefix(static_cast<std::size_t>(written));
+  }
+  if (::fsync(file) != 0) {
+    ::close(file);
+    return fail("flush");
+  }
+  ::close(file);
+  if (::rename(beside.c_str(), path.c_str()) != 0) return fail("rename");
+  return {};
+}
+
+hal::Result<std::string> ReadWholeFile(const fs::path& path, std::size_t most_bytes) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     path.string() + ": cannot be opened, expected a readable file");
+  }
+  std::string text;
+  char block[65536];
+  while (file.read(block, sizeof block), file.gcount() > 0) {
+    text.append(block, static_cast<std::size_t>(file.gcount()));
+    if (text.size() > most_bytes) {
+      return hal::Fail(hal::ErrorKind::kBadInput,
+                       path.string() + ": longer than " + std::to_string(most_bytes) + " bytes");
+    }
+  }
+  return text;
+}
+
+hal::Result<StateStore> StateStore::Open(const fs::path& directory) {
+  std::error_code error;
+  fs::create_directories(directory / "results", error);
+  if (error) {
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     directory.string() + ": cannot create the state directory: " +
+                         error.message() + "; set state_dir to one that may be written");
+  }
+  const std::string path = (directory / "lock").string();
+  const int lock = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (lock < 0) {
+    return hal::Fail(hal::ErrorKind::kDevice, path + ": cannot be opened: " + Text(errno) +
+                                                  "; set state_dir to one that may be written");
+  }
+  if (::flock(lock, LOCK_EX | LOCK_NB) != 0) {
+    ::close(lock);
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     path +
+                         ": another bendloopd or replay works with this state directory; stop "
+                         "it or give this one its own state_dir");
+  }
+  return StateStore(directory, lock);
+}
+
+StateStore::StateStore(StateStore&& other) noexcept
+    : directory_(std::move(other.directory_)), lock_(std::exchange(other.lock_, -1)) {}
+
+StateStore::~StateStore() {
+  if (lock_ >= 0) ::close(lock_);
+}
+
+std::string StateStore::NextName(const fs::path& sessions) const {
+  const unsigned next = std::max(LargestNumber(results()), LargestNumber(sessions)) + 1;
+  char name[32];
+  std::snprintf(name, sizeof name, "part-%04u", next);
+  return name;
+}
+
+hal::Result<std::optional<pipeline::LotState>> StateStore::Lot(std::string_view key) const {
+  std::error_code error;
+  if (!fs::exists(LotFile(), error)) return std::optional<pipeline::LotState>();
+  const auto text = ReadWholeFile(LotFile());
+  if (!text) return hal::Fail(text.error());
+  auto lot = ReadLot(*text, LotFile().string(), key);
+  if (!lot) {
+    return hal::Fail(lot.error().kind,
+                     lot.error().message + "; remove the file to begin a new lot");
+  }
+  return lot;
+}
+
+hal::Result<void> StateStore::KeepLot(const pipeline::LotState& lot, std::string_view key) const {
+  return WriteFileAtomically(LotFile(), WriteLot(lot, key));
+}
+
+}  // namespace bendloop::host

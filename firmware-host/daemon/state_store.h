@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "hal/result.h"
+#include "pipeline/correction.h"
+
+namespace bendloop::host {
+
+// The state directory: what outlives the process. Held by one process at a time.
+//   lock               taken while a daemon, or a replay on the real bender, runs
+//   journal.db         every program on its way to the bender
+//   history.db         every part
+//   lot.json           what the lot has taught so far
+//   status.json        where the running daemon answers
+//   results/NAME.json  one a part
+//   sessions/          recordings, unless the cell file says otherwise
+class StateStore {
+ public:
+  // Creates the directory and takes the lock. kDevice when it cannot be written or is taken.
+  static hal::Result<StateStore> Open(const std::filesystem::path& directory);
+  StateStore(StateStore&& other) noexcept;
+  StateStore& operator=(StateStore&&) = delete;
+  ~StateStore();
+
+  std::filesystem::path journal() const { return directory_ / "journal.db"; }
+  std::filesystem::path history() const { return directory_ / "history.db"; }
+  std::filesystem::path status() const { return directory_ / "status.json"; }
+  std::filesystem::path results() const { return directory_ / "results"; }
+  std::filesystem::path report() const { return directory_ / "report.html"; }
+
+  // "part-0001" and so on, after the last one in results/ and `sessions`.
+  std::string NextName(const std::filesystem::path& sessions) const;
+
+  // `key` names the settings that the lot was learnt with; another key begins a new lot. A damaged
+  // file is an error: deciding without what is known would be a jump in the corrections.
+  hal::Result<std::optional<pipeline::LotState>> Lot(std::string_view key) const;
+  hal::Result<void> KeepLot(const pipeline::LotState& lot, std::string_view key) const;
+
+ private:
+  StateStore(std::filesystem::path directory, int lock)
+      : directory_(std::move(directory)), lock_(lock) {}
+  std::filesystem::path LotFile() const { return directory_ / "lot.json"; }
+
+  std::filesystem::path directory_;
+  int lock_ = -1;
+};
+
+// Writes the whole text or nothing: to a file beside it, flushed, then renamed.
+hal::Result<void> WriteFileAtomically(const std::filesystem::path& path, std::string_view text);
+// kBadInput when it cannot be read or is larger than `most_bytes`.
+hal::Result<std::string> ReadWholeFile(const std::filesystem::path& path,
+                                       std::size_t most_bytes = 64u << 20);
+
+}  // namespace bendloop::host
