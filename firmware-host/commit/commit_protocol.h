@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <initializer_list>
 #include <optional>
 #include <string>
 
@@ -61,23 +62,23 @@ class CommitProtocol {
   std::optional<CommitReport> Resume();
 
  private:
-  struct Attempt;
+  using Refusal = std::optional<CommitReport>;  // empty: go on
 
-  std::optional<CommitReport> CheckReady(const hal::BenderState& state, const char* when);
-  std::optional<CommitReport> CheckAlive(const hal::BenderInfo& info, hal::BenderState& state);
-  hal::Result<std::uint32_t> NextSequence(const hal::BenderInfo& info,
-                                          const hal::ProgramBlock& active,
-                                          const hal::BenderState& state);
-  CommitReport AwaitReply(const Attempt& attempt, const std::string& write_error);
-  CommitReport Settle(const Attempt& attempt, const std::string& why);
-  hal::Result<void> Disarm(const Attempt& attempt);
-  CommitReport Finish(const Attempt& attempt, CommitOutcome outcome, std::string reason,
-                      std::optional<hal::ProgramBlock> active);
+  Refusal CheckBefore(const CommitRequest& request);
+  Refusal CheckAlive(hal::BenderState& state);
+  Refusal CheckUnchanged(const hal::ProgramBlock& base);
+  Refusal StageAndVerify(const CommitAttempt& attempt);
+  hal::Result<std::uint32_t> FreshSequence();
+  CommitReport AwaitReply(const CommitAttempt& attempt, std::string why);
+  CommitReport Settle(const CommitAttempt& attempt, const std::string& why);
+  hal::Result<void> Disarm(const CommitAttempt& attempt);
+  CommitReport Finish(const CommitAttempt& attempt, CommitReport report);
 
   hal::BenderLink& link_;
   CommitJournal& journal_;
   hal::Clock& clock_;
   CommitOptions options_;
+  hal::BenderInfo info_;
   std::optional<std::uint32_t> last_heartbeat_;
   std::optional<std::chrono::nanoseconds> heartbeat_changed_;
 };
@@ -85,6 +86,9 @@ class CommitProtocol {
 // The number after all of these that differs from each: their largest plus one, 1 after `max`
 // (0 means never set).
 std::uint32_t NextSequenceNumber(std::initializer_list<std::uint32_t> used, std::uint32_t max);
+
+// What differs first, "row 3 angle_deg is 45, expected 45.1"; empty: nothing.
+std::string FirstDifference(const hal::ProgramBlock& found, const hal::ProgramBlock& expected);
 
 // "part 7, sequence 12, 5 rows, crc 0x1234abcd"
 std::string Describe(const hal::ProgramBlock& block);

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/commit/commit_protocol.h"
+
+#include <utility>
+
+namespace bendloop::host {
+namespace {
+
+CommitReport Refused(std::string reason) {
+  return {CommitOutcome::kRefused, std::move(reason), 0, {}};
+}
+CommitReport Failed(std::string reason) {
+  return {CommitOutcome::kFailed, std::move(reason), 0, {}};
+}
+
+// Empty: ready.
+std::string WhyNotReady(const hal::BenderState& state) {
+  switch (state.mode) {
+    case hal::BenderMode::kIdle:
+      return "";
+    case hal::BenderMode::kBending:
+      return "the bender is bending; wait for the end of the cycle";
+    case hal::BenderMode::kNotReady:
+      return "the bender is not ready (off, homing, setup or guard open)";
+    case hal::BenderMode::kFault:
+      return "the bender is in fault, code " + std::to_string(state.fault_code) +
+             "; clear it at its panel";
+  }
+  return "the bender's mode is unknown";
+}
+
+std::string Rejection(const hal::BenderState& state) {
+  return "the bender rejected the program, reply code " + std::to_string(state.reply_code) +
+         " (see the bender's manual); the old program stays active";
+}
+
+}  // namespace
+
+CommitProtocol::CommitProtocol(hal::BenderLink& link, CommitJournal& journal, hal::Clock& clock,
+                               CommitOptions options)
+    : link_(link), journal_(journal), clock_(clock), options_(options) {}
+
+void CommitProtocol::Observe(const hal::BenderState& state) {
+  if (last_heartbeat_ && *last_heartbeat_ != state.heartbeat) heartbeat_changed_ = clock_.Now();
+  last_heartbeat_ = state.heartbeat;
+}
+
+CommitReport CommitProtocol::Commit(const CommitRequest& request) {
+  if (auto refusal = CheckBefore(request)) return *refusal;
+  if (auto refusal = CheckUnchanged(request.base)) return *refusal;
+
+  CommitAttempt attempt{0, request.session, request.base, {}, CommitStep::kBegun, ""};
+  const auto sequence = FreshSequence();
+  if (!sequence) return Failed(sequence.error().message);
+  auto next = link_.Encode({request.base.part_number, *sequence, request.program, 0});
+  if (!next) {
+    return next.error().kind == hal::ErrorKind::kBadInput ? Refused(next.error().message)
+                                                          : Failed(next.error().message);
+  }
+  attempt.next = *next;
+
+  const auto id = journal_.Begin(attempt);
+  if (!id) return Refused("nothing was sent: " + id.error().message);
+  attempt.id = *id;
+  // Without a commit register staging has touched the active program: look what is left of it.
+  const auto stop = [&](const CommitReport& report) {
+    return info_.atomic_commit ? Finish(attempt, report) : Settle(attempt, report.reason);
+  };
+  if (auto refusal = StageAndVerify(attempt)) return stop(*refusal);
+
+  // Whatever happened on the shop floor while we staged: look again, then commit at once.
+  const auto state = link_.ReadState();
+  if (!state) return stop(Failed(state.error().message));
+  if (const std::string why = WhyNotReady(*state); !why.empty()) return stop(Refused(why));
+  if (info_.atomic_commit) {
+    if (auto refusal = CheckUnchanged(request.base)) return Finish(attempt, *refusal);
+  }
+  if (auto ok = journal_.Append(attempt.id, CommitStep::kCommitting, ""); !ok) {
+    return stop(Refused("the commit was not sent: " + ok.error().message));
+  }
+  attempt.step = CommitStep::kCommitting;
+  const auto written = link_.Commit(attempt.next.sequence);
+  return AwaitReply(attempt, written ? "" : written.error().message);
+}
+
+CommitProtocol::Refusal CommitProtocol::CheckBefore(const CommitRequest& request) {
+  const auto unfinished = journal_.Unfinished();
+  if (!unfinished) return Refused("nothing was sent: " + unfinished.error().message);
+  if (*unfinished) {
+    const auto resumed = Resume();
+    if (!resumed || resumed->outcome == CommitOutcome::kUnknown) {
+      return Refused("an earlier commit is not settled yet: " +
+                     (resumed ? resumed->reason : "the journal cannot be read"));
+    }
+  }
+  const auto stale = journal_.SessionCommitted(request.session);
+  if (!stale) return Refused("nothing was sent: " + stale.error().message);
+  if (*stale) {
+    return Refused("session " + request.session +
+                   " has already led to a commit; scan a part that the new program bent");
+  }
+  auto info = link_.Connect();
+  if (!info) return Failed(info.error().message);
+  info_ = *info;
+  if (!info_.atomic_commit && !options_.allow_non_atomic) {
+    return Refused(
+        "the bender has no commit register, so a program cannot be exchanged in one "
+        "step; the cell must allow it explicitly");
+  }
+  auto state = link_.ReadState();
+  if (!state) return Failed(state.error().message);
+  if (auto refusal = CheckAlive(*state)) return refusal;
+  if (const std::string why = WhyNotReady(*state); !why.empty()) return Refused(why);
+  return std::nullopt;
+}
+
+CommitProtocol::Refusal CommitProtocol::CheckAlive(hal::BenderState& state) {
+  if (!info_.has_heartbeat) return std::nullopt;
+  Observe(state);
+  const auto deadline = clock_.Now() + options_.heartbeat_timeout;
+  while (!heartbeat_changed_ || clock_.Now() - *heartbeat_changed_ > options_.heartbeat_timeout) {
+    if (clock_.Now() >= deadline) {
+      return Refused("the bender's heartbeat stands still at " + std::to_string(state.heartbeat) +
+                     ": its controller does not run");
+    }
+    clock_.SleepFor(options_.poll_period);
+    const auto read = link_.ReadState();
+    if (!read) return Failed(read.error().message);
+    state = *read;
+    Observe(state);
+  }
+  return std::nullopt;
+}
+
+CommitProtocol::Refusal CommitProtocol::CheckUnchanged(const hal::ProgramBlock& base) {
+  const auto active = link_.ReadActive();
+  if (!active) return Failed(active.error().message);
+  if (*active == base) return std::nullopt;
+  CommitReport report = Refused("other program active: the part was bent by " + Describe(base) +
+                                "; the bender now holds " + Describe(*active) + " (" +
+                                FirstDifference(*active, base) + ")");
+  report.active = *active;
+  return report;
+}
+
+CommitProtocol::Refusal CommitProtocol::StageAndVerify(const CommitAttempt& attempt) {
+  if (auto ok = link_.Stage(attempt.next); !ok) return Failed(ok.error().message);
+  const auto staged = link_.ReadStaged();
+  if (!staged) return Failed(staged.error().message);
+  const std::string difference = FirstDifference(*staged, attempt.next);
+  if (difference.empty()) return std::nullopt;
+  return Failed("the staged program reads back differently: " + difference +
+                "; it was not committed");
+}
+
+hal::Result<std::uint32_t> CommitProtocol::FreshSequence() {
+  const auto state = link_.ReadState();
+  if (!state) return hal::Fail(state.error());
+  const auto last = journal_.LastSequence();
+  if (!last) return hal::Fail(last.error());
+  // Staging may hold anything, and is overwritten anyway.
+  const auto staged = link_.ReadStaged();
+  return NextSequenceNumber(
+      {state->active_sequence, state->reply_sequence, *last, staged ? staged->sequence : 0},
+      info_.max_sequence);
+}
+
+CommitReport CommitProtocol::AwaitReply(const CommitAttempt& attempt, std::string why) {
+  const auto deadline = clock_.Now() + options_.reply_timeout;
+  for (;;) {
+    const auto state = link_.ReadState();
+    if (!state) why = state.error().message;
+    const bool answered = state && state->reply_sequence == attempt.next.sequence &&
+                          state->reply != hal::CommitReply::kNone;
+    if (answered || (state && !info_.atomic_commit)) {
+      const auto active = link_.ReadActive();
+      if (!active) why = active.error().message;
+      if (active && *active == attempt.next) {
+        return Finish(attempt, {CommitOutcome::kCommitted, "", 0, *active});
+      }
+      if (active && answered && state->reply == hal::CommitReply::kRejected &&
+          *active == attempt.base) {
+        return Finish(attempt, {CommitOutcome::kRefused, Rejection(*state), 0, *active});
+      }
+    }
+    if (clock_.Now() >= deadline) break;
+    clock_.SleepFor(options_.poll_period);
+  }
+  if (why.empty()) {
+    why = "the bender did not acknowledge the commit within " +
+          std::to_string(options_.reply_timeout.count()) + " ms";
+  }
+  return Settle(attempt, why);
+}
+
+// The commit may have been executed, lost, or may still be on its way. Reads what is active; if it
+// is not the new program, makes sure that it cannot become so later, and looks again.
+CommitReport CommitProtocol::Settle(const CommitAttempt& attempt, const std::string& why) {
+  const auto unknown = [&](const std::string& trouble) {
+    return CommitReport{CommitOutcome::kUnknown,
+                        why + "; it is not known yet whether the bender holds the old program (" +
+                            Describe(attempt.base) + ") or the new one (" + Describe(attempt.next) +
+                            "): " + trouble,
+                        attempt.next.sequence,
+                        {}};
+  };
+  auto active = link_.ReadActive();
+  if (!active) return unknown(active.error().message);
+  if (*active != attempt.next && attempt.step == CommitStep::kCommitting && info_.atomic_commit) {
+    if (auto ok = Disarm(attempt); !ok) return unknown(ok.error().message);
+    active = link_.ReadActive();
+    if (!active) return unknown(active.error().message);
+  }
+  CommitReport report{CommitOutcome::kFailed, why, 0, *active};
+  if (*active == attempt.next) {
+    report = {CommitOutcome::kCommitted, "", 0, *active};
+  } else if (*active == attempt.base) {
+    report.reason += "; the old program is active (" + Describe(*active) + ")";
+  } else if (active->program.rows.empty()) {
+    report.reason +=
+        "; the bender holds a disabled program (row count 0) and will bend nothing: "
+        "load the program at its panel";
+  } else {
+    report.reason += "; the bender holds another program (" + Describe(*active) + ")";
+  }
+  return Finish(attempt, report);
+}
+
+// A commit that arrives late names a sequence that is no longer staged, and is rejected.
+hal::Result<void> CommitProtocol::Disarm(const CommitAttempt& attempt) {
+  const auto sequence = FreshSequence();
+  if (!sequence) return hal::Fail(sequence.error());
+  if (auto ok = journal_.NoteSequence(*sequence); !ok) return ok;
+  hal::ProgramBlock block = attempt.next;  // known to fit
+  block.sequence = *sequence;
+  return link_.Stage(block);
+}
+
+CommitReport CommitProtocol::Finish(const CommitAttempt& attempt, CommitReport report) {
+  report.sequence = attempt.next.sequence;
+  const CommitStep step = report.outcome == CommitOutcome::kCommitted ? CommitStep::kCommitted
+                                                                      : CommitStep::kNotCommitted;
+  if (auto ok = journal_.Append(attempt.id, step, report.reason); !ok) {
+    // The bender's state is known all the same; the next start asks it again.
+    report.reason += (report.reason.empty() ? "" : "; ") + ok.error().message;
+  }
+  return report;
+}
+
+std::optional<CommitReport> CommitProtocol::Resume() {
+  const auto unfinished = journal_.Unfinished();
+  if (!unfinished) {
+    return CommitReport{CommitOutcome::kUnknown, unfinished.error().message, 0, {}};
+  }
+  if (!*unfinished) return std::nullopt;
+  const CommitAttempt& attempt = **unfinished;
+  const auto info = link_.Connect();
+  if (!info) {
+    return CommitReport{
+        CommitOutcome::kUnknown,
+        "a commit was interrupted and the bender cannot be asked: " + info.error().message,
+        attempt.next.sequence,
+        {}};
+  }
+  info_ = *info;
+  return Settle(attempt, attempt.step == CommitStep::kCommitting
+                             ? "the commit was interrupted"
+                             : "interrupted before the commit was sent");
+}
+
+}  // namespace bendloop::host
