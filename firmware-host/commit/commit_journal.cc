@@ -6,7 +6,7 @@
 #include <chrono>
 #include <utility>
 
-#include "firmware-host/commit/program_json.h"
+#include "firmware-host/commit/journal_json.h"
 
 namespace bendloop::host {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "firmware-host/commit/program_json.h"
+#include "firmware-host/commit/journal_json.h"
 
 #include <nlohmann/json.hpp>
 

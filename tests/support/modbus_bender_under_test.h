@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <utility>
+
+#include "drivers/modbus_bender/modbus_bender.h"
+#include "drivers/simulated_bender/simulated_bender.h"
+#include "tests/support/bender_link_conformance.h"
+
+namespace bendloop::test {
+
+inline drivers::SimulatedBenderOptions SimulatorOptions(const hal::RegisterMap& map) {
+  std::mt19937_64 random(3);
+  drivers::SimulatedBenderOptions options;
+  options.map = map;
+  options.program = {42, 3, RandomProgram(random, 4), 0};
+  options.pipe_radius_mm = 10;
+  options.cycle = std::chrono::milliseconds(1);
+  return options;
+}
+
+inline std::unique_ptr<drivers::SimulatedBender> StartBender(
+    drivers::SimulatedBenderOptions options) {
+  auto bender = drivers::SimulatedBender::Start(std::move(options));
+  if (!bender) {
+    ADD_FAILURE() << bender.error().message;
+    return nullptr;
+  }
+  return std::move(*bender);
+}
+
+inline drivers::ModbusBenderOptions LinkOptions(std::uint16_t port) {
+  drivers::ModbusBenderOptions options;
+  options.port = port;
+  // Long enough for a loaded machine to answer, short enough for tests of a silent bender.
+  options.response_timeout = std::chrono::milliseconds(500);
+  options.max_backoff = std::chrono::milliseconds(1);
+  return options;
+}
+
+// The Modbus link with the simulated bender on loopback.
+class ModbusBenderUnderTest final : public BenderUnderTest {
+ public:
+  explicit ModbusBenderUnderTest(const hal::RegisterMap& map)
+      : bender_(StartBender(SimulatorOptions(map))),
+        link_(drivers::MakeModbusBender(map, LinkOptions(bender_->port()), clock_)) {}
+
+  hal::BenderLink& link() override { return *link_; }
+  hal::ProgramBlock Active() override { return bender_->Active(); }
+  hal::ProgramBlock Staged() override { return bender_->Staged(); }
+  void Misbehave(const std::string& command) override {
+    const auto done = bender_->Misbehave(command);
+    EXPECT_TRUE(done) << done.error().message;
+  }
+  drivers::SimulatedBender& bender() { return *bender_; }
+
+ private:
+  hal::SteadyClock clock_;
+  std::unique_ptr<drivers::SimulatedBender> bender_;
+  std::unique_ptr<hal::BenderLink> link_;
+};
+
+}  // namespace bendloop::test

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/support/bender_link_conformance.h"
+#include "tests/support/modbus_bender_under_test.h"
+
+namespace bendloop::test {
+namespace {
+
+BenderFactory Factory(const hal::RegisterMap& map) {
+  return {map.name, [map] { return std::make_unique<ModbusBenderUnderTest>(map); }};
+}
+
+// As the plain one, but with the bytes of a register and the words of a value exchanged.
+hal::RegisterMap SwappedMap() {
+  hal::RegisterMap map = PlainMap();
+  map.name = "swapped";
+  map.high_byte_first = false;
+  map.high_word_first = false;
+  return map;
+}
+
+INSTANTIATE_TEST_SUITE_P(Modbus, BenderLinkConformance,
+                         testing::Values(Factory(PlainMap()), Factory(OddMap()),
+                                         Factory(SwappedMap())),
+                         [](const auto& factory) { return factory.param.name; });
+
+}  // namespace
+}  // namespace bendloop::test
