@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Links: bendloop_drivers_session
 #include <sys/mman.h>
 #include <unistd.h>
 

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Links: bendloop_drivers_scanner_wire
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "drivers/scanner_wire/wire_decoder.h"
+#include "drivers/scanner_wire/wire_encoder.h"
+
+// Any bytes from a scanner, in chunks that the first byte chooses: no crash, the same messages and
+// counters as in one piece, and every value that decodes can be encoded again.
+namespace {
+
+using namespace bendloop;
+using namespace bendloop::drivers;
+
+struct Outcome {
+  std::vector<std::uint8_t> types;
+  WireCounters counters;
+  bool operator==(const Outcome&) const = default;
+};
+
+void Decode(const WireMessage& message) {
+  static hal::LaserProfile profile(kWireMaxPoints);
+  WireEncoder encoder;
+  std::vector<std::uint8_t> out;
+  if (DecodeProfile(message.payload, profile)) {
+    if (profile.points.size() > kWireMaxPoints || !encoder.Append(profile, out)) __builtin_trap();
+  }
+  hal::ScanEvent event;
+  if (DecodeEvent(message.payload, event)) encoder.Append(event, out);
+  WireIdentity identity;
+  if (DecodeIdentity(message.payload, identity)) encoder.Append(identity, out);
+  WireSettings settings;
+  if (DecodeSettings(message.payload, settings)) encoder.Append(settings, out);
+  WireReply reply;
+  if (DecodeReply(message.payload, reply)) encoder.Append(reply, out);
+}
+
+Outcome Run(std::span<const std::uint8_t> bytes, std::size_t chunk) {
+  WireDecoder decoder;
+  Outcome outcome;
+  while (!bytes.empty()) {
+    bytes = bytes.subspan(decoder.Push(bytes.first(std::min(chunk, bytes.size()))));
+    while (const auto message = decoder.Next()) {
+      outcome.types.push_back(static_cast<std::uint8_t>(message->type));
+      Decode(*message);
+    }
+  }
+  outcome.counters = decoder.counters();
+  return outcome;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size == 0) return 0;
+  const std::span<const std::uint8_t> bytes(data + 1, size - 1);
+  if (!(Run(bytes, 1U + data[0]) == Run(bytes, 1U << 20U))) __builtin_trap();
+  return 0;
+}
