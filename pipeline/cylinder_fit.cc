@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/cylinder_fit.h"
+
+#include <Eigen/Dense>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr std::size_t kMinInliers = 10;
+constexpr int kSectors = 32;
+constexpr double kConverged = 1e-6;  // of the radius
+
+using Vector5d = Eigen::Matrix<double, 5, 1>;
+using Matrix5d = Eigen::Matrix<double, 5, 5>;
+using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 5, 5>;
+
+// Which of the kSectors parts of the turn the unit vector (x, y) points into: on the square around
+// the circle, which is close enough to equal parts and needs no arc tangent.
+unsigned Sector(double x, double y) {
+  const double s = y / (std::abs(x) + std::abs(y));   // -1..1 over half a turn
+  const double quarter = x >= 0 ? 1.0 + s : 3.0 - s;  // 0..4 over the turn
+  return static_cast<unsigned>(quarter * (kSectors / 4)) % kSectors;
+}
+
+}  // namespace
+
+std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eigen::Vector3d& axis,
+                                         std::span<const Eigen::Vector3d> candidates,
+                                         const CylinderFitOptions& options) {
+  LocalCylinder fit;
+  fit.point_mm = point;
+  fit.axis = axis;
+  fit.radius_mm = options.radius_mm;
+  const double support2 = options.support_mm * options.support_mm;
+  // Scaling the direction's columns by the support keeps the normal equations balanced.
+  const double scale = 1.0 / options.support_mm;
+
+  for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
+    const Eigen::Vector3d e1 = fit.axis.unitOrthogonal();
+    const Eigen::Vector3d e2 = fit.axis.cross(e1);
+    // The first steps look wider, so that a guess off by a part of the radius finds the surface.
+    const double cut = options.inlier_mm * (iteration == 0 ? 3.0 : iteration == 1 ? 2.0 : 1.0);
+    Matrix5d normal_matrix = Matrix5d::Zero();
+    Vector5d right = Vector5d::Zero();
+    double sum_weight = 0, sum_d2 = 0, sum_a = 0, sum_a2 = 0;
+    std::uint32_t sectors = 0;
+    fit.inliers = 0;
+    for (const Eigen::Vector3d& candidate : candidates) {
+      const Eigen::Vector3d v = candidate - fit.point_mm;
+      const double near = 1.0 - v.squaredNorm() / support2;
+      if (near <= 0) continue;
+      const double a = v.dot(fit.axis);
+      const double x = v.dot(e1);
+      const double y = v.dot(e2);
+      const double rho = std::sqrt(x * x + y * y);
+      const double d = rho - fit.radius_mm;
+      if (std::abs(d) >= cut || rho <= 0) continue;
+      const double tukey = 1.0 - (d / cut) * (d / cut);
+      const double w = near * near * tukey * tukey;
+      const double gx = x / rho;
+      const double gy = y / rho;
+      Vector5d row;
+      row << gx, gy, a * scale * gx, a * scale * gy, 1.0;
+      normal_matrix.selfadjointView<Eigen::Lower>().rankUpdate(row, w);
+      right += (w * d) * row;
+      sum_weight += w;
+      sum_d2 += w * d * d;
+      sum_a += w * a;
+      sum_a2 += w * a * a;
+      ++fit.inliers;
+      sectors |= 1u << Sector(gx, gy);
+    }
+    if (fit.inliers < kMinInliers) return std::nullopt;
+    fit.rms_mm = std::sqrt(sum_d2 / sum_weight);
+    fit.axial_spread_mm =
+        std::sqrt(std::max(0.0, sum_a2 / sum_weight - std::pow(sum_a / sum_weight, 2)));
+    fit.angular_coverage = static_cast<double>(std::popcount(sectors)) / kSectors;
+
+    Vector5d step = Vector5d::Zero();
+    const int unknowns = options.free_radius ? 5 : 4;
+    const SmallMatrix lower =
+        normal_matrix.topLeftCorner(unknowns, unknowns).selfadjointView<Eigen::Lower>();
+    const Eigen::LDLT<SmallMatrix> ldlt(lower);
+    if (ldlt.info() != Eigen::Success || !(ldlt.rcond() > 1e-8)) return std::nullopt;
+    step.head(unknowns) = ldlt.solve(right.head(unknowns));
+    if (!step.allFinite()) return std::nullopt;
+    // A step of more than half a radius or half a right angle is the model breaking down.
+    const Eigen::Vector3d shift = step[0] * e1 + step[1] * e2;
+    const Eigen::Vector3d tilt = scale * (step[2] * e1 + step[3] * e2);
+    if (shift.norm() > options.radius_mm || tilt.norm() > 1.0) return std::nullopt;
+    fit.point_mm += shift;
+    fit.axis = (fit.axis + tilt).normalized();
+    fit.radius_mm += step[4];
+    if (!(fit.radius_mm > 0)) return std::nullopt;
+    // Step (iii): back to the foot of the first guess on the axis that now is.
+    fit.point_mm += (point - fit.point_mm).dot(fit.axis) * fit.axis;
+    if (iteration >= 2 && shift.norm() + options.support_mm * tilt.norm() + std::abs(step[4]) <
+                              kConverged * options.radius_mm) {
+      break;
+    }
+  }
+  return fit;
+}
+
+}  // namespace bendloop::pipeline

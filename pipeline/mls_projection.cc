@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/mls_projection.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "pipeline/cylinder_fit.h"
+#include "pipeline/local_paraboloid.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kParaboloid = 2.0 / 3.0;  // of r_P, section 7
+constexpr double kSupport = 1.2;           // of r_P, section 3.2 with its erratum
+constexpr double kWiderSupport = 2.4;      // for stripes further apart than the support reaches
+constexpr double kCube = 0.5;              // of r_P, edge of a cube of the spine
+constexpr std::size_t kSeedsOfBlock = 8;   // more starts in a block say the same again
+// Section 7 has 0.1; a sample's curvature scatters more than that under 0.1 mm of noise on a 2 mm
+// wire, and the cylinder fit judges again.
+constexpr double kCurvatureTolerance = 0.3;
+constexpr double kMaxRms = 0.12;         // of r_P, paraboloid and cylinder
+constexpr double kInlier = 0.25;         // of r_P, Tukey's cut-off
+constexpr double kMinCoverage = 0.2;     // of the circumference
+constexpr double kMinAxialSpread = 0.2;  // of r_P; less is a stripe, which has no direction
+constexpr double kMaxMove = 0.5;         // of r_P from start to node (section 7's last rule)
+
+}  // namespace
+
+std::uint64_t MlsProjection::KeyOf(const Eigen::Vector3d& point) const {
+  const Eigen::Vector3i cell = (point / (kCube * radius_mm_)).array().floor().cast<int>();
+  const auto part = [](int c) { return static_cast<std::uint64_t>(c + (1 << 20)) & 0x1fffff; };
+  return (part(cell.x()) << 42) | (part(cell.y()) << 21) | part(cell.z());
+}
+
+void MlsProjection::MarkChanged(std::uint64_t key, Cube& cube) {
+  if (cube.changed) return;
+  cube.changed = true;
+  changed_.push_back(key);
+}
+
+void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
+  auto& keys = cubes_of_block_[block];
+  for (const std::uint64_t key : keys) {
+    Cube& cube = cubes_[key];
+    std::erase_if(cube.starts, [block](const auto& start) { return start.first == block; });
+    MarkChanged(key, cube);
+  }
+  keys.clear();
+  grid.GatherNeighbourhood(block, scratch_);
+  const auto& samples = grid.blocks()[static_cast<std::size_t>(block)].samples;
+  const std::size_t seeds = std::min(samples.size(), kSeedsOfBlock);
+  for (std::size_t i = 0; i < seeds; ++i) {
+    const Eigen::Vector3d& sample = samples[i * samples.size() / seeds];
+    const auto surface = FitLocalParaboloid(sample, scratch_, kParaboloid * radius_mm_);
+    if (!surface || surface->rms_mm > kMaxRms * radius_mm_) continue;
+    // Around the pipe the curvature is 1/r_P. Inside a tight bend the curvature along the pipe may
+    // be as large, with the other sign; a sample where both could be meant says nothing.
+    const auto agrees = [&](std::size_t k) {
+      return std::abs(std::abs(surface->curvature[k]) * radius_mm_ - 1.0) < kCurvatureTolerance;
+    };
+    if (agrees(0) == agrees(1)) continue;
+    const std::size_t curved = agrees(0) ? 0 : 1;
+    const double side = surface->curvature[curved] > 0 ? 1.0 : -1.0;
+    const Start start{surface->foot_mm + side * radius_mm_ * surface->normal,
+                      surface->direction[1 - curved]};
+    const std::uint64_t key = KeyOf(start.point_mm);
+    Cube& cube = cubes_[key];
+    cube.starts.emplace_back(block, start);
+    MarkChanged(key, cube);
+    if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
+  }
+}
+
+void MlsProjection::Fit(const SampleGrid& grid, Cube& cube) {
+  // A fixed order of the starts, whatever the order in which their blocks were updated.
+  std::stable_sort(cube.starts.begin(), cube.starts.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d directions = Eigen::Matrix3d::Zero();
+  for (const auto& [block, start] : cube.starts) {
+    mean += start.point_mm;
+    directions += start.tangent * start.tangent.transpose();
+  }
+  mean /= static_cast<double>(cube.starts.size());
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+  eigen.computeDirect(directions);
+  const Eigen::Vector3d tangent = eigen.eigenvectors().col(2);
+
+  cube.accepted = false;
+  for (const double support : {kSupport, kWiderSupport}) {
+    cube.center_mm = mean;
+    cube.ball_mm = (support + 0.2) * radius_mm_;
+    cube.versions = grid.BallVersion(cube.center_mm, cube.ball_mm);
+    grid.GatherBall(cube.center_mm, cube.ball_mm, scratch_);
+    const auto cylinder = FitCylinder(mean, tangent, scratch_,
+                                      {.radius_mm = radius_mm_,
+                                       .free_radius = false,
+                                       .support_mm = support * radius_mm_,
+                                       .inlier_mm = kInlier * radius_mm_});
+    if (!cylinder || cylinder->axial_spread_mm < kMinAxialSpread * radius_mm_) continue;
+    if (cylinder->angular_coverage < kMinCoverage || cylinder->rms_mm > kMaxRms * radius_mm_ ||
+        (cylinder->point_mm - mean).norm() > kMaxMove * radius_mm_ ||
+        std::abs(cylinder->axis.dot(tangent)) < 0.7) {
+      break;
+    }
+    cube.accepted = true;
+    cube.node = {cylinder->point_mm, cylinder->axis, cylinder->rms_mm, cylinder->inliers};
+    break;
+  }
+}
+
+void MlsProjection::UpdateNodes(const SampleGrid& grid) {
+  for (const std::uint64_t key : changed_) {
+    const auto place = cubes_.find(key);
+    if (place == cubes_.end()) continue;
+    if (place->second.starts.empty()) {
+      cubes_.erase(place);
+      continue;
+    }
+    Fit(grid, place->second);
+    place->second.changed = false;
+  }
+  changed_.clear();
+}
+
+void MlsProjection::FinishNodes(const SampleGrid& grid) {
+  for (auto& [key, cube] : cubes_) {
+    if (!cube.changed && grid.BallVersion(cube.center_mm, cube.ball_mm) != cube.versions) {
+      MarkChanged(key, cube);
+    }
+  }
+  UpdateNodes(grid);
+}
+
+std::vector<SpineNode> MlsProjection::Nodes() const {
+  std::vector<std::pair<std::uint64_t, const SpineNode*>> found;
+  for (const auto& [key, cube] : cubes_) {
+    if (cube.accepted) found.emplace_back(key, &cube.node);
+  }
+  std::sort(found.begin(), found.end());
+  std::vector<SpineNode> nodes;
+  nodes.reserve(found.size());
+  for (const auto& [key, node] : found) nodes.push_back(*node);
+  return nodes;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "pipeline/sample_grid.h"
+
+namespace bendloop::pipeline {
+
+// A point of the spine, found by projecting samples onto the axis of the cylinder that fits best
+// around it.
+struct SpineNode {
+  Eigen::Vector3d position_mm;
+  Eigen::Vector3d tangent;  // unit, sign arbitrary
+  double rms_mm = 0;        // of the samples about the cylinder
+  std::size_t samples = 0;  // inliers of the cylinder
+};
+
+// Samples onto the spine (sections 3.2 to 3.4), while they arrive. Each block's samples start at
+// p - r_P nu with the direction of least curvature as tangent; starts that share a cube of the
+// spine share one cylinder fit. Everything is a pure function of the samples present: it is
+// computed again only where they changed, so the order and the moment of calls do not matter.
+// Source: Bauer & Polthier 2009, section 3; outlier rules of section 7.
+class MlsProjection {
+ public:
+  explicit MlsProjection(double pipe_radius_mm) : radius_mm_(pipe_radius_mm) {}
+
+  // Edge of the blocks that the grid must have: the paraboloid's radius, 2/3 r_P (section 7).
+  static double BlockMm(double pipe_radius_mm) { return 2.0 / 3.0 * pipe_radius_mm; }
+
+  // Computes the starts of a block again, from the samples that it and its neighbours now hold.
+  void UpdateBlock(const SampleGrid& grid, std::int32_t block);
+  // Fits cylinders again where starts changed.
+  void UpdateNodes(const SampleGrid& grid);
+  // The same, and where samples on the tube's far side changed since the fit.
+  void FinishNodes(const SampleGrid& grid);
+
+  // All accepted nodes, in a fixed order (by place, not by time).
+  std::vector<SpineNode> Nodes() const;
+
+ private:
+  struct Start {
+    Eigen::Vector3d point_mm;
+    Eigen::Vector3d tangent;
+  };
+  struct Cube {
+    std::vector<std::pair<std::int32_t, Start>> starts;   // by block
+    Eigen::Vector3d center_mm = Eigen::Vector3d::Zero();  // of the ball that the fit saw
+    double ball_mm = 0;
+    std::uint64_t versions = 0;  // of the samples in it
+    bool changed = false;
+    bool accepted = false;
+    SpineNode node;
+  };
+
+  std::uint64_t KeyOf(const Eigen::Vector3d& point) const;
+  void MarkChanged(std::uint64_t key, Cube& cube);
+  void Fit(const SampleGrid& grid, Cube& cube);
+
+  double radius_mm_;
+  std::unordered_map<std::uint64_t, Cube> cubes_;
+  std::vector<std::uint64_t> changed_;
+  std::unordered_map<std::int32_t, std::vector<std::uint64_t>> cubes_of_block_;
+  std::vector<Eigen::Vector3d> scratch_;
+};
+
+}  // namespace bendloop::pipeline

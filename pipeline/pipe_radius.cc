@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/pipe_radius.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "pipeline/cylinder_fit.h"
+#include "pipeline/local_paraboloid.h"
+#include "pipeline/sample_grid.h"
+#include "pipeline/statistics.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// Of the pipe radius: 2/3 as in section 7; the whole where a sparse scan has too few points in
+// that.
+constexpr std::array<double, 2> kParaboloidRadius = {2.0 / 3.0, 1.0};
+constexpr double kConvincing = 0.25;      // support at which the wider neighbourhood is not tried
+constexpr double kCylinderSupport = 1.2;  // of the pipe radius, section 3.2
+constexpr double kLadderStep = 1.25;
+constexpr double kAgreement = 0.2;  // of the trial's curvature
+constexpr double kMaxRms = 0.12;    // of the trial radius: noise of 0.12 mm on a 2 mm wire is half
+constexpr std::size_t kSeeds = 240;
+constexpr std::size_t kWorkingPoints = 20'000;
+constexpr double kMinSupport = 0.04;
+
+struct Vote {
+  LocalParaboloid surface;
+  std::size_t curved = 0;  // which principal direction runs around the pipe
+};
+
+// Evenly picked by index: deterministic, and spread over the scan, which is ordered in time.
+std::vector<Eigen::Vector3d> Pick(std::span<const Eigen::Vector3d> points, std::size_t count) {
+  std::vector<Eigen::Vector3d> picked;
+  if (points.size() <= count) return {points.begin(), points.end()};
+  picked.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) picked.push_back(points[i * points.size() / count]);
+  return picked;
+}
+
+std::vector<Vote> VotesFor(double trial_mm, double neighbourhood_mm,
+                           std::span<const Eigen::Vector3d> seeds, const SampleGrid& grid) {
+  std::vector<Vote> votes;
+  std::vector<Eigen::Vector3d> ball;
+  for (const Eigen::Vector3d& seed : seeds) {
+    grid.GatherBall(seed, neighbourhood_mm, ball);
+    const auto surface = FitLocalParaboloid(seed, ball, neighbourhood_mm);
+    if (!surface || surface->rms_mm > kMaxRms * trial_mm) continue;
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (std::abs(std::abs(surface->curvature[i]) * trial_mm - 1.0) < kAgreement &&
+          std::abs(surface->curvature[1 - i]) * trial_mm < 0.75) {
+        votes.push_back({*surface, i});
+        break;
+      }
+    }
+  }
+  return votes;
+}
+
+// Radii of free cylinder fits at the votes; keeps only those that agree with the trial.
+struct Cylinders {
+  std::vector<double> radius_mm;
+  std::vector<double> rms_mm;
+};
+
+Cylinders FitCylinders(double trial_mm, std::span<const Vote> votes, const SampleGrid& grid) {
+  Cylinders cylinders;
+  std::vector<Eigen::Vector3d> ball;
+  for (const Vote& vote : votes) {
+    const double side = vote.surface.curvature[vote.curved] > 0 ? 1.0 : -1.0;
+    const Eigen::Vector3d axis_point = vote.surface.foot_mm + side * trial_mm * vote.surface.normal;
+    grid.GatherBall(axis_point, 1.5 * trial_mm, ball);
+    const auto cylinder = FitCylinder(axis_point, vote.surface.direction[1 - vote.curved], ball,
+                                      {.radius_mm = trial_mm,
+                                       .free_radius = true,
+                                       .support_mm = kCylinderSupport * trial_mm,
+                                       .inlier_mm = 0.35 * trial_mm});
+    if (!cylinder || cylinder->angular_coverage < 0.15 ||
+        cylinder->axial_spread_mm < 0.15 * trial_mm ||
+        std::abs(cylinder->radius_mm / trial_mm - 1.0) > 0.4 ||
+        cylinder->rms_mm > kMaxRms * trial_mm) {
+      continue;
+    }
+    cylinders.radius_mm.push_back(cylinder->radius_mm);
+    cylinders.rms_mm.push_back(cylinder->rms_mm);
+  }
+  return cylinders;
+}
+
+struct Candidate {
+  double score = 0;
+  std::vector<double> radius_mm;
+  std::vector<double> rms_mm;
+};
+
+// From pipes as thick as the cloud down to where neighbourhoods are too small to be fitted.
+Candidate BestTrial(std::span<const Eigen::Vector3d> working,
+                    std::span<const Eigen::Vector3d> seeds, double size_mm, double neighbourhood) {
+  Candidate best;
+  int worse = 0;
+  for (double trial_mm = size_mm / 3.0; trial_mm > size_mm / 5000.0; trial_mm /= kLadderStep) {
+    SampleGrid grid(neighbourhood * trial_mm);
+    std::int32_t block = 0;
+    for (const Eigen::Vector3d& p : working) grid.Insert(p, block);
+    if (grid.blocks().size() > working.size() / 2) break;  // too sparse from here on
+    double score = 0;
+    const std::vector<Vote> votes = VotesFor(trial_mm, neighbourhood * trial_mm, seeds, grid);
+    if (votes.size() >= std::max<std::size_t>(5, seeds.size() / 50)) {
+      Cylinders cylinders = FitCylinders(trial_mm, votes, grid);
+      // Agreement of the cylinders with each other counts, not only that they exist.
+      const double center = Median(cylinders.radius_mm);
+      std::size_t agree = 0;
+      for (const double r : cylinders.radius_mm) agree += std::abs(r / center - 1.0) < 0.1 ? 1 : 0;
+      score = static_cast<double>(agree) / static_cast<double>(seeds.size());
+      if (score > best.score && agree >= 5) {
+        best = {score, std::move(cylinders.radius_mm), std::move(cylinders.rms_mm)};
+        worse = 0;
+        continue;
+      }
+    }
+    // Well past a convincing peak the smaller trials, the costly ones, need not be looked at.
+    if (best.score > kConvincing && score < 0.3 * best.score && ++worse >= 3) break;
+  }
+  return best;
+}
+
+}  // namespace
+
+hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> points) {
+  const std::vector<Eigen::Vector3d> working = Pick(points, kWorkingPoints);
+  const std::vector<Eigen::Vector3d> seeds = Pick(working, kSeeds);
+  Eigen::Vector3d low = working.front();
+  Eigen::Vector3d high = low;
+  for (const Eigen::Vector3d& p : working) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const double size_mm = (high - low).norm();
+
+  Candidate best;
+  for (const double neighbourhood : kParaboloidRadius) {
+    Candidate found = BestTrial(working, seeds, size_mm, neighbourhood);
+    if (found.score > best.score) best = std::move(found);
+    if (best.score > kConvincing) break;
+  }
+  if (best.score < kMinSupport) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "no pipe found in the points: no part of them is curved like a cylinder "
+                     "(expected a scan of a tube with at least a few hundred points on it)");
+  }
+  PipeRadius result;
+  result.radius_mm = Median(best.radius_mm);
+  result.noise_mm = Median(best.rms_mm);
+  result.sigma_mm =
+      1.2533 * RobustSigma(best.radius_mm) / std::sqrt(static_cast<double>(best.radius_mm.size()));
+  result.support = best.score;
+  return result;
+}
+
+}  // namespace bendloop::pipeline

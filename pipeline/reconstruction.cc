@@ -1,0 +1,351 @@
+// SPDX-License-Identifier: Apache-2.0
+// The paper's overview (Bauer & Polthier 2009, section 1.3): project, connect, simplify,
+// approximate, fit. Samples are projected while they arrive; the rest follows when the scan ends,
+// and now and then for the live view.
+#include "pipeline/reconstruction.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <string>
+#include <unordered_set>
+
+#include "hal/spine.h"
+#include "pipeline/coverage.h"
+#include "pipeline/mls_projection.h"
+#include "pipeline/pipe_radius.h"
+#include "pipeline/sample_grid.h"
+#include "pipeline/spine_polygon.h"
+#include "pipeline/structure.h"
+#include "pipeline/surface_fit.h"
+#include "pipeline/tube_ends.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// A block is projected when no sample has come to it or its neighbours for this many profiles: the
+// laser line has moved on.
+constexpr std::uint64_t kQuietProfiles = 12;
+constexpr double kFinalReach = 0.2;  // of r_P: what the final fit looks at
+constexpr double kSecondTube = 0.3;  // of the first one's length: no scrap any more
+constexpr std::size_t kMinPoints = 30;
+constexpr double kMinRadiusMm = 0.2;    // thinner and thicker pipes are not bent by machines: the
+constexpr double kMaxRadiusMm = 300.0;  // units are wrong
+
+std::string Mm(double value) {
+  std::ostringstream text;
+  text.precision(4);
+  text << value << " mm";
+  return text.str();
+}
+
+class StageTimer {
+ public:
+  explicit StageTimer(const hal::Clock& clock) : clock_(clock), last_(clock.Now()) {}
+  void Done(const std::string& stage) {
+    const auto now = clock_.Now();
+    times.push_back({stage, std::chrono::duration<double, std::milli>(now - last_).count()});
+    last_ = now;
+  }
+  std::vector<StageTime> times;
+
+ private:
+  const hal::Clock& clock_;
+  std::chrono::nanoseconds last_;
+};
+
+// What the points look like when they are no tube.
+hal::Result<void> CheckShape(std::span<const Eigen::Vector3d> points) {
+  using hal::ErrorKind;
+  if (points.size() < kMinPoints) {
+    return hal::Fail(ErrorKind::kBadInput, "too few points: found " +
+                                               std::to_string(points.size()) + ", a tube needs " +
+                                               std::to_string(kMinPoints) + " at least");
+  }
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) mean += p;
+  mean /= static_cast<double>(points.size());
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : points) covariance += (p - mean) * (p - mean).transpose();
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+  eigen.computeDirect(covariance / static_cast<double>(points.size()));
+  const Eigen::Vector3d spread = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  if (!(spread[2] > 1e-9)) {
+    return hal::Fail(ErrorKind::kBadInput,
+                     "all points are at one place; expected a tube's surface");
+  }
+  if (spread[1] < 1e-6 * spread[2]) {
+    return hal::Fail(ErrorKind::kBadInput, "all points lie on a line; expected a tube's surface");
+  }
+  if (spread[0] < 1e-6 * spread[2]) {
+    return hal::Fail(ErrorKind::kBadInput,
+                     "all points lie on a plane; expected the curved surface of a tube");
+  }
+  return {};
+}
+
+hal::Result<void> CheckUnits(double radius_mm) {
+  if (radius_mm > kMaxRadiusMm) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "the pipe radius would be " + Mm(radius_mm) +
+                         ", which no bending machine takes: are the units wrong? (--units; "
+                         "expected " +
+                         Mm(kMinRadiusMm) + " to " + Mm(kMaxRadiusMm) + ")");
+  }
+  if (radius_mm < kMinRadiusMm) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "the pipe radius would be " + Mm(radius_mm) +
+                         ": are the points in metres or inches? (--units m or --units in; "
+                         "expected " +
+                         Mm(kMinRadiusMm) + " to " + Mm(kMaxRadiusMm) + ")");
+  }
+  return {};
+}
+
+}  // namespace
+
+class Reconstruction::Impl {
+ public:
+  Impl(const ReconstructionOptions& options, const hal::Clock& clock)
+      : options_(options), clock_(clock) {
+    if (options.pipe_radius_mm) StartWith(*options.pipe_radius_mm);
+  }
+
+  void Add(const hal::LaserProfile& profile) {
+    ++profiles_;
+    const Eigen::Matrix3d R_WS = profile.X_WS.orientation.toRotationMatrix();
+    for (const hal::ProfilePoint& p : profile.points) {
+      AddPoint(R_WS.col(0) * p.x_mm + R_WS.col(2) * p.z_mm + profile.X_WS.position_mm);
+    }
+    if (grid_) ProjectQuietBlocks();
+  }
+
+  void Add(std::span<const Eigen::Vector3d> points_W) {
+    ++profiles_;
+    for (const Eigen::Vector3d& p : points_W) AddPoint(p);
+  }
+
+  LiveView View() const;
+  hal::Result<Measurement> Finish();
+
+ private:
+  void StartWith(double radius_mm) {
+    radius_mm_ = radius_mm;
+    grid_.emplace(MlsProjection::BlockMm(radius_mm));
+    projection_.emplace(radius_mm);
+  }
+
+  void AddPoint(const Eigen::Vector3d& point) {
+    ++points_;
+    if (!grid_) {
+      if (waiting_.size() < SampleGrid::kMaxPoints && point.allFinite()) waiting_.push_back(point);
+      return;
+    }
+    std::int32_t block = -1;
+    if (grid_->Insert(point, block) != SampleGrid::Insertion::kSample) return;
+    for (const std::int32_t near : grid_->blocks()[static_cast<std::size_t>(block)].neighbours) {
+      if (near >= 0) Touch(static_cast<std::size_t>(near));
+    }
+  }
+
+  void Touch(std::size_t block) {
+    if (block >= touched_.size()) touched_.resize(block + 1, 0);
+    if (touched_[block] == 0) pending_.push_back(static_cast<std::int32_t>(block));
+    touched_[block] = profiles_;
+  }
+
+  void ProjectQuietBlocks() {
+    std::size_t kept = 0;
+    for (const std::int32_t block : pending_) {
+      if (touched_[static_cast<std::size_t>(block)] + kQuietProfiles > profiles_) {
+        pending_[kept++] = block;
+      } else {
+        Project(block);
+      }
+    }
+    if (kept != pending_.size()) {
+      pending_.resize(kept);
+      projection_->UpdateNodes(*grid_);
+    }
+  }
+
+  void Project(std::int32_t block) {
+    touched_[static_cast<std::size_t>(block)] = 0;
+    projection_->UpdateBlock(*grid_, block);
+  }
+
+  // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
+  std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
+  hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons) const;
+
+  ReconstructionOptions options_;
+  const hal::Clock& clock_;
+  double radius_mm_ = 0;
+  std::vector<Eigen::Vector3d> waiting_;  // until the pipe radius is known
+  std::optional<SampleGrid> grid_;
+  std::optional<MlsProjection> projection_;
+  std::vector<std::uint64_t> touched_;  // by block: profile of the last change; 0: up to date
+  std::vector<std::int32_t> pending_;
+  std::uint64_t profiles_ = 0;
+  std::uint64_t points_ = 0;
+};
+
+std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& polygon,
+                                                         bool all_points) const {
+  std::vector<Eigen::Vector3d> places;
+  const double step_mm = 0.5 * radius_mm_;
+  const auto along = [&](const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+    const int steps = std::max(1, static_cast<int>(std::ceil((to - from).norm() / step_mm)));
+    for (int i = 0; i <= steps; ++i) places.push_back(from + (to - from) * i / steps);
+  };
+  // Over gaps, and a little beyond the ends, where the projection has too few samples.
+  const double beyond_mm = 2.0 * radius_mm_;
+  along(polygon.front().position_mm,
+        polygon.front().position_mm - beyond_mm * polygon.front().tangent);
+  for (std::size_t i = 1; i < polygon.size(); ++i) {
+    along(polygon[i - 1].position_mm, polygon[i].position_mm);
+  }
+  along(polygon.back().position_mm,
+        polygon.back().position_mm + beyond_mm * polygon.back().tangent);
+
+  std::vector<PointBlock> result;
+  for (const std::int32_t index : grid_->BlocksNear(places, 1.5 * radius_mm_)) {
+    const SampleGrid::Block& block = grid_->blocks()[static_cast<std::size_t>(index)];
+    PointBlock& out = result.emplace_back();
+    out.center_mm =
+        (block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * grid_->block_mm();
+    out.half_diagonal_mm = 0.5 * std::sqrt(3.0) * grid_->block_mm();
+    out.points = block.samples;
+    if (all_points) out.points.insert(out.points.end(), block.others.begin(), block.others.end());
+  }
+  return result;
+}
+
+hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(
+    std::vector<SpinePolygon> polygons) const {
+  if (polygons.empty()) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "no tube of pipe radius " + Mm(radius_mm_) +
+                         " in the points: expected a surface curved like that");
+  }
+  if (options_.nominal) {
+    // With a nominal the tube is the piece of its length; others are neighbours in view.
+    const double nominal_mm = hal::SpineLength(*options_.nominal);
+    std::stable_sort(polygons.begin(), polygons.end(), [&](const auto& a, const auto& b) {
+      return std::abs(LengthOf(a) - nominal_mm) < std::abs(LengthOf(b) - nominal_mm);
+    });
+    return polygons.front();
+  }
+  if (polygons.size() > 1) {
+    const double first_mm = LengthOf(polygons[0]);
+    const double second_mm = LengthOf(polygons[1]);
+    if (second_mm > kSecondTube * first_mm) {
+      return hal::Fail(hal::ErrorKind::kBadInput,
+                       "two tubes in the points (" + Mm(first_mm) + " and " + Mm(second_mm) +
+                           " long), or one with a gap that is too long to bridge: scan one tube "
+                           "at a time, and the gap again");
+    }
+  }
+  return polygons.front();
+}
+
+LiveView Reconstruction::Impl::View() const {
+  LiveView view;
+  view.profiles = profiles_;
+  view.points = points_;
+  if (!grid_) return view;
+  view.pipe_radius_mm = radius_mm_;
+  const std::vector<SpineNode> nodes = projection_->Nodes();
+  view.spine_samples = nodes.size();
+  const std::vector<SpinePolygon> polygons = SpinePolygons(nodes, radius_mm_);
+  if (polygons.empty()) return view;
+  view.covered_mm = LengthOf(polygons.front());
+  const SurfaceFit fit =
+      FindStructure(polygons.front(), radius_mm_, BlocksNear(polygons.front(), false));
+  view.program = fit.tube.program;
+  view.sigma = fit.sigma;
+  return view;
+}
+
+hal::Result<Measurement> Reconstruction::Impl::Finish() {
+  StageTimer timer(clock_);
+  Measurement measurement;
+  if (!grid_) {
+    if (const auto shape = CheckShape(waiting_); !shape) return hal::Fail(shape.error());
+    const auto radius = EstimatePipeRadius(waiting_);
+    if (!radius) return hal::Fail(radius.error());
+    if (const auto units = CheckUnits(radius->radius_mm); !units) return hal::Fail(units.error());
+    timer.Done("pipe_radius");
+    StartWith(radius->radius_mm);
+    for (const Eigen::Vector3d& p : waiting_) AddPoint(p);
+    points_ -= waiting_.size();  // counted when they came
+    waiting_ = {};
+  }
+  if (grid_->point_count() < kMinPoints) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "too few points: found " + std::to_string(grid_->point_count()) +
+                         ", a tube needs " + std::to_string(kMinPoints) + " at least");
+  }
+  timer.Done("samples");
+
+  for (const std::int32_t block : pending_) Project(block);
+  pending_.clear();
+  projection_->FinishNodes(*grid_);
+  timer.Done("projection");
+
+  const std::vector<SpineNode> nodes = projection_->Nodes();
+  const auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_));
+  if (!polygon) return hal::Fail(polygon.error());
+  timer.Done("curve");
+
+  const SurfaceFit structure = FindStructure(*polygon, radius_mm_, BlocksNear(*polygon, false));
+  timer.Done("structure");
+
+  const std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
+  const SurfaceFit fit =
+      FitSurface(structure.tube, blocks, {.reach_mm = kFinalReach * structure.tube.pipe_radius_mm});
+  timer.Done("fit");
+
+  const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);
+  measurement.tube = ends.tube;
+  measurement.sigma = fit.sigma;
+  auto& sigma_rows = measurement.sigma.rows;
+  if (sigma_rows.size() == 1) {
+    sigma_rows.front().length_mm = std::hypot(ends.first_sigma_mm, ends.last_sigma_mm);
+  } else {
+    sigma_rows.front().length_mm = std::hypot(sigma_rows.front().length_mm, ends.first_sigma_mm);
+    sigma_rows.back().length_mm = std::hypot(sigma_rows.back().length_mm, ends.last_sigma_mm);
+  }
+  measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
+  measurement.noise_mm = fit.sigma_mm;
+  timer.Done("ends");
+  DescribeSamples(blocks, grid_->point_count(), fit.sigma_mm, measurement);
+  timer.Done("description");
+  if (const auto units = CheckUnits(measurement.tube.pipe_radius_mm); !units) {
+    return hal::Fail(units.error());
+  }
+  measurement.timing = std::move(timer.times);
+  return measurement;
+}
+
+Reconstruction::Reconstruction(const ReconstructionOptions& options, const hal::Clock& clock)
+    : impl_(std::make_unique<Impl>(options, clock)) {}
+Reconstruction::~Reconstruction() = default;
+Reconstruction::Reconstruction(Reconstruction&&) noexcept = default;
+Reconstruction& Reconstruction::operator=(Reconstruction&&) noexcept = default;
+
+void Reconstruction::Add(const hal::LaserProfile& profile) { impl_->Add(profile); }
+void Reconstruction::Add(std::span<const Eigen::Vector3d> points_W) { impl_->Add(points_W); }
+LiveView Reconstruction::View() const { return impl_->View(); }
+hal::Result<Measurement> Reconstruction::Finish() { return impl_->Finish(); }
+
+hal::Result<Measurement> Reconstruct(std::span<const Eigen::Vector3d> points_W,
+                                     const ReconstructionOptions& options,
+                                     const hal::Clock& clock) {
+  Reconstruction reconstruction(options, clock);
+  reconstruction.Add(points_W);
+  return reconstruction.Finish();
+}
+
+}  // namespace bendloop::pipeline

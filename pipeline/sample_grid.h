@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <bitset>
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+namespace bendloop::pipeline {
+
+// The scanned points, sorted into cubes ("blocks") as they arrive. Each block is divided into
+// kSubdivisions^3 voxels; the first point of a voxel becomes a sample, and the local estimates look
+// at samples only. So the work grows with the tube's surface and not with the density of the scan.
+// The other points wait for the final fit, which uses all of them.
+class SampleGrid {
+ public:
+  static constexpr int kSubdivisions = 5;
+  // More points than these in one voxel add no information that the fit could use before the
+  // scanner's own systematic errors dominate.
+  static constexpr std::size_t kMaxPointsOfVoxel = 256;
+  static constexpr std::size_t kMaxPoints = 4'000'000;
+
+  struct Block {
+    Eigen::Vector3i cell = Eigen::Vector3i::Zero();
+    std::array<std::int32_t, 27> neighbours{};  // block indices, -1: none; 13 is the block itself
+    std::bitset<kSubdivisions * kSubdivisions * kSubdivisions> seen;
+    std::vector<Eigen::Vector3d> samples;
+    std::vector<Eigen::Vector3d> others;
+    std::uint32_t version = 0;  // counts samples that came to the block
+  };
+
+  // `block_mm`: edge of a block, at least the radius of the local paraboloid.
+  explicit SampleGrid(double block_mm) : block_mm_(block_mm) {}
+
+  enum class Insertion { kSample, kOther, kDropped };
+  // Returns what became of the point; `block` receives its block's index unless it was dropped.
+  Insertion Insert(const Eigen::Vector3d& point, std::int32_t& block);
+
+  const std::vector<Block>& blocks() const { return blocks_; }
+  double block_mm() const { return block_mm_; }
+  std::size_t sample_count() const { return sample_count_; }
+  std::size_t point_count() const { return point_count_; }
+
+  // Samples in the 27 blocks around `block`, in a fixed order.
+  void GatherNeighbourhood(std::int32_t block, std::vector<Eigen::Vector3d>& out) const;
+  // Samples within `radius_mm` of `center`.
+  void GatherBall(const Eigen::Vector3d& center, double radius_mm,
+                  std::vector<Eigen::Vector3d>& out) const;
+  // Indices of the blocks within `radius_mm` (in whole blocks) of any of the places, ascending.
+  std::vector<std::int32_t> BlocksNear(std::span<const Eigen::Vector3d> places,
+                                       double radius_mm) const;
+  // Sum of the versions of the blocks that GatherBall looks at: while it stays, so do the samples.
+  std::uint64_t BallVersion(const Eigen::Vector3d& center, double radius_mm) const;
+
+ private:
+  Eigen::Vector3i CellOf(const Eigen::Vector3d& point) const;
+  std::int32_t Find(const Eigen::Vector3i& cell) const;
+  std::int32_t FindOrCreate(const Eigen::Vector3i& cell);
+  template <class Visit>
+  void VisitBlocks(const Eigen::Vector3d& center, double radius_mm, Visit visit) const;
+
+  double block_mm_;
+  std::unordered_map<std::uint64_t, std::int32_t> index_;
+  std::vector<Block> blocks_;
+  std::int32_t last_block_ = -1;
+  std::size_t sample_count_ = 0;
+  std::size_t point_count_ = 0;
+};
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/spine_polygon.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "pipeline/nn_crust.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// All in pipe radii.
+constexpr double kSpacing = 0.3;  // nodes closer than this say the same
+constexpr double kMaxEdge = 1.5;  // longer is a gap
+constexpr double kMaxGap = 8.0;   // a clamp hides up to 3, and the ends beside it are weak
+constexpr double kMinLength = 2.0;
+constexpr double kMinEdgeCosine = 0.5;  // an edge runs along the tangents of its nodes
+constexpr double kMinGapCosine = 0.2;
+
+// Nodes with many samples first; the weaker ones within the spacing go.
+std::vector<SpineNode> Thin(std::span<const SpineNode> nodes, double spacing_mm) {
+  std::vector<std::size_t> order(nodes.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::stable_sort(order.begin(), order.end(), [&nodes](std::size_t a, std::size_t b) {
+    return nodes[a].samples > nodes[b].samples;
+  });
+  std::vector<SpineNode> kept;
+  // Quadratic in the nodes near each other only: sorted along x for the search.
+  std::vector<std::pair<double, std::size_t>> by_x;  // of kept
+  for (const std::size_t i : order) {
+    const Eigen::Vector3d& p = nodes[i].position_mm;
+    auto place =
+        std::lower_bound(by_x.begin(), by_x.end(), std::pair(p.x() - spacing_mm, std::size_t{0}));
+    bool crowded = false;
+    for (; place != by_x.end() && place->first <= p.x() + spacing_mm && !crowded; ++place) {
+      crowded = (kept[place->second].position_mm - p).norm() < spacing_mm;
+    }
+    if (crowded) continue;
+    const std::pair entry(p.x(), kept.size());
+    by_x.insert(std::lower_bound(by_x.begin(), by_x.end(), entry), entry);
+    kept.push_back(nodes[i]);
+  }
+  return kept;
+}
+
+// Follows the connections; cuts edges that do not run along the tangents.
+std::vector<SpinePolygon> Follow(std::span<const SpineNode> nodes, double max_edge_mm) {
+  std::vector<Eigen::Vector3d> points;
+  points.reserve(nodes.size());
+  for (const SpineNode& node : nodes) points.push_back(node.position_mm);
+  std::vector<CurveNeighbours> neighbours = NnCrust(points, max_edge_mm);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    for (int& j : neighbours[i]) {
+      if (j < 0) continue;
+      const SpineNode& other = nodes[static_cast<std::size_t>(j)];
+      const Eigen::Vector3d edge = (other.position_mm - nodes[i].position_mm).normalized();
+      if (std::abs(edge.dot(nodes[i].tangent)) > kMinEdgeCosine &&
+          std::abs(edge.dot(other.tangent)) > kMinEdgeCosine) {
+        continue;
+      }
+      for (int& back : neighbours[static_cast<std::size_t>(j)]) {
+        if (back == static_cast<int>(i)) back = -1;
+      }
+      j = -1;
+    }
+  }
+  std::vector<bool> done(nodes.size(), false);
+  std::vector<SpinePolygon> pieces;
+  const auto walk = [&](std::size_t start) {
+    SpinePolygon piece;
+    int previous = -1;
+    int at = static_cast<int>(start);
+    while (at >= 0 && !done[static_cast<std::size_t>(at)]) {
+      done[static_cast<std::size_t>(at)] = true;
+      piece.push_back(nodes[static_cast<std::size_t>(at)]);
+      const auto& n = neighbours[static_cast<std::size_t>(at)];
+      const int next = n[0] != previous ? n[0] : n[1];
+      previous = at;
+      at = next;
+    }
+    pieces.push_back(std::move(piece));
+  };
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (!done[i] && (neighbours[i][0] < 0 || neighbours[i][1] < 0)) walk(i);
+  }
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (!done[i]) walk(i);  // a closed curve: opened where it is met first
+  }
+  return pieces;
+}
+
+void PointTangentsForward(SpinePolygon& polygon) {
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Eigen::Vector3d chord = polygon[std::min(i + 1, polygon.size() - 1)].position_mm -
+                                  polygon[i == 0 ? 0 : i - 1].position_mm;
+    if (polygon[i].tangent.dot(chord) < 0) polygon[i].tangent = -polygon[i].tangent;
+  }
+}
+
+void Reverse(SpinePolygon& polygon) {
+  std::reverse(polygon.begin(), polygon.end());
+  for (SpineNode& node : polygon) node.tangent = -node.tangent;
+}
+
+// How far the end `a` (tangent outward) and the end `b` (outward too) are from being joined by one
+// smooth piece: the gap, lengthened by the turn it would take; infinite when it cannot be.
+double JoinCost(const Eigen::Vector3d& a, const Eigen::Vector3d& out_a, const Eigen::Vector3d& b,
+                const Eigen::Vector3d& out_b, double radius_mm) {
+  const Eigen::Vector3d gap = b - a;
+  const double length = gap.norm();
+  if (length > kMaxGap * radius_mm) return std::numeric_limits<double>::infinity();
+  const double cos_a = gap.dot(out_a) / length;
+  const double cos_b = -gap.dot(out_b) / length;
+  if (cos_a < kMinGapCosine || cos_b < kMinGapCosine) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return length * (1.0 + 4.0 * (1.0 - cos_a) + 4.0 * (1.0 - cos_b));
+}
+
+void JoinGaps(std::vector<SpinePolygon>& pieces, double radius_mm) {
+  for (;;) {
+    double best = std::numeric_limits<double>::infinity();
+    std::size_t best_i = 0, best_j = 0;
+    bool best_i_front = false, best_j_front = false;
+    for (std::size_t i = 0; i < pieces.size(); ++i) {
+      for (std::size_t j = i + 1; j < pieces.size(); ++j) {
+        for (const bool i_front : {false, true}) {
+          for (const bool j_front : {false, true}) {
+            const SpineNode& a = i_front ? pieces[i].front() : pieces[i].back();
+            const SpineNode& b = j_front ? pieces[j].front() : pieces[j].back();
+            const double cost = JoinCost(
+                a.position_mm, i_front ? Eigen::Vector3d(-a.tangent) : a.tangent, b.position_mm,
+                j_front ? Eigen::Vector3d(-b.tangent) : b.tangent, radius_mm);
+            if (cost < best) {
+              best = cost;
+              best_i = i;
+              best_j = j;
+              best_i_front = i_front;
+              best_j_front = j_front;
+            }
+          }
+        }
+      }
+    }
+    if (!std::isfinite(best)) return;
+    if (best_i_front) Reverse(pieces[best_i]);
+    if (!best_j_front) Reverse(pieces[best_j]);
+    pieces[best_i].insert(pieces[best_i].end(), pieces[best_j].begin(), pieces[best_j].end());
+    pieces.erase(pieces.begin() + static_cast<std::ptrdiff_t>(best_j));
+  }
+}
+
+}  // namespace
+
+double LengthOf(const SpinePolygon& polygon) {
+  double length = 0;
+  for (std::size_t i = 1; i < polygon.size(); ++i) {
+    length += (polygon[i].position_mm - polygon[i - 1].position_mm).norm();
+  }
+  return length;
+}
+
+std::vector<SpinePolygon> SpinePolygons(std::span<const SpineNode> nodes, double pipe_radius_mm) {
+  const std::vector<SpineNode> thinned = Thin(nodes, kSpacing * pipe_radius_mm);
+  std::vector<SpinePolygon> pieces = Follow(thinned, kMaxEdge * pipe_radius_mm);
+  // A piece of one node has no direction of its own to be joined by.
+  std::erase_if(pieces, [](const SpinePolygon& piece) { return piece.size() < 2; });
+  for (SpinePolygon& piece : pieces) PointTangentsForward(piece);
+  JoinGaps(pieces, pipe_radius_mm);
+  std::erase_if(pieces, [pipe_radius_mm](const SpinePolygon& piece) {
+    return LengthOf(piece) < kMinLength * pipe_radius_mm;
+  });
+  std::stable_sort(pieces.begin(), pieces.end(),
+                   [](const auto& a, const auto& b) { return LengthOf(a) > LengthOf(b); });
+  return pieces;
+}
+
+}  // namespace bendloop::pipeline

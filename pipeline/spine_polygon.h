@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "pipeline/mls_projection.h"
+
+namespace bendloop::pipeline {
+
+// Ordered nodes of one curve; tangents point forward.
+using SpinePolygon = std::vector<SpineNode>;
+
+// Orders the nodes into curves: thins nodes that say the same, connects them (NN-Crust), and joins
+// pieces over gaps that a line or one arc bridges, as where a clamp hides the tube. Longest first;
+// scraps shorter than two pipe radii (clutter) are left out.
+std::vector<SpinePolygon> SpinePolygons(std::span<const SpineNode> nodes, double pipe_radius_mm);
+
+// Length along the nodes [mm], gaps included.
+double LengthOf(const SpinePolygon& polygon);
+
+}  // namespace bendloop::pipeline

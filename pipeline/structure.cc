@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/structure.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "pipeline/arc_line_spline.h"
+#include "pipeline/simplify.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// Tolerances of the simplification, in pipe radii; the arcs get twice as much (section 4.5 gives
+// both the same, but the simplified vertices already used up one).
+constexpr std::array<double, 3> kTolerances = {0.04, 0.08, 0.16};
+constexpr double kArcTolerance = 2.0;
+constexpr double kReach = 0.35;  // of r_P: how far a sample may be from a wrong model
+// Neighbouring samples share systematic errors (ovality, pose), so they count for less than
+// independent ones: the price of a parameter is this many times the criterion's log(n).
+constexpr double kPrice = 3.0;
+constexpr double kDropAngleDeg = 3.0;
+
+// Vertices and tangent lines of the simplified polygon. A line follows the nodes under its edge
+// where there are enough of them, which steadies it against the noise of the two end nodes.
+ArcLineSpline InitialSpline(const SpinePolygon& polygon, double epsilon_mm) {
+  std::vector<Eigen::Vector3d> chain;
+  chain.reserve(polygon.size());
+  for (const SpineNode& node : polygon) chain.push_back(node.position_mm);
+  const std::vector<std::size_t> kept = Simplify(chain, epsilon_mm);
+  std::vector<Eigen::Vector3d> vertices;
+  std::vector<TangentLine> tangents;
+  for (const std::size_t k : kept) vertices.push_back(chain[k]);
+  for (std::size_t e = 0; e + 1 < kept.size(); ++e) {
+    const Eigen::Vector3d chord = (vertices[e + 1] - vertices[e]).normalized();
+    TangentLine line{vertices[e], chord};
+    if (kept[e + 1] - kept[e] >= 8) {
+      Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+      Eigen::Matrix3d outer = Eigen::Matrix3d::Zero();
+      double count = 0;
+      for (std::size_t k = kept[e] + 1; k < kept[e + 1]; ++k) {
+        mean += chain[k];
+        outer += chain[k] * chain[k].transpose();
+        ++count;
+      }
+      mean /= count;
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+      eigen.computeDirect(outer / count - mean * mean.transpose());
+      Eigen::Vector3d direction = eigen.eigenvectors().col(2);
+      if (direction.dot(chord) < 0) direction = -direction;
+      if (direction.dot(chord) > 0.99) {
+        line = {mean + (vertices[e] - mean).dot(direction) * direction, direction};
+      }
+    }
+    tangents.push_back(line);
+  }
+  return ApproximateByArcLineSpline(vertices, tangents, kArcTolerance * epsilon_mm);
+}
+
+ArcLineSpline SplineFromTube(const hal::Tube& tube) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  ArcLineSpline spline;
+  spline.start_mm = segments.front().start_mm;
+  spline.tangent = segments.front().tangent;
+  spline.end_mm = segments.back().PointAt(segments.back().length_mm);
+  for (std::size_t k = 1; k < segments.size(); k += 2) {
+    const auto& arc = segments[k];
+    spline.arcs.push_back({arc.start_mm, arc.PointAt(arc.length_mm), arc.tangent,
+                           arc.TangentAt(arc.length_mm), arc.normal, arc.bend_radius_mm,
+                           arc.angle_rad()});
+  }
+  return spline;
+}
+
+// One arc in place of two that follow each other.
+std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {
+  SplineArc arc;
+  arc.tangent_in = a.tangent_in;
+  arc.tangent_out = b.tangent_out;
+  const Eigen::Vector3d cross = a.tangent_in.cross(b.tangent_out);
+  const double sine = cross.norm();
+  if (sine < 1e-4) return std::nullopt;
+  arc.angle_rad = std::atan2(sine, a.tangent_in.dot(b.tangent_out));
+  arc.normal = cross / sine;
+  if (a.angle_rad + b.angle_rad > std::numbers::pi && a.normal.dot(b.normal) > 0 &&
+      arc.normal.dot(a.normal) < 0) {
+    arc.angle_rad = 2.0 * std::numbers::pi - arc.angle_rad;
+    arc.normal = -arc.normal;
+  }
+  // Where the two outer lines come nearest to each other is the corner; the arc is as far from it
+  // as the outer touching points are on the average.
+  const Eigen::Vector3d w = b.end_mm - a.begin_mm;
+  const double c = a.tangent_in.dot(b.tangent_out);
+  const double det = 1.0 - c * c;
+  const double u = (w.dot(a.tangent_in) - c * w.dot(b.tangent_out)) / det;
+  const double v = (c * w.dot(a.tangent_in) - w.dot(b.tangent_out)) / det;
+  const double tangent_mm = 0.5 * (u - v);  // v is negative: before the end
+  arc.radius_mm = std::abs(tangent_mm / std::tan(0.5 * arc.angle_rad));
+  arc.begin_mm = a.begin_mm + (u - tangent_mm) * a.tangent_in;
+  arc.end_mm = b.end_mm + (v + tangent_mm) * b.tangent_out;
+  if (!arc.begin_mm.allFinite() || !(arc.radius_mm > 0)) return std::nullopt;
+  return arc;
+}
+
+class Search {
+ public:
+  Search(double pipe_radius_mm, std::span<const PointBlock> blocks)
+      : radius_mm_(pipe_radius_mm), blocks_(blocks) {
+    for (const PointBlock& block : blocks) samples_ += block.points.size();
+  }
+
+  SurfaceFit Run(const SpinePolygon& polygon) {
+    std::optional<SurfaceFit> best;
+    std::size_t last_bends = static_cast<std::size_t>(-1);
+    for (const double tolerance : kTolerances) {
+      const hal::Tube tube =
+          TubeFromSpline(InitialSpline(polygon, tolerance * radius_mm_), radius_mm_);
+      if (best && tube.program.bend_count() == last_bends) continue;
+      last_bends = tube.program.bend_count();
+      SurfaceFit fit = Fit(tube);
+      if (!best || IsBetter(fit, *best)) best = std::move(fit);
+    }
+    while (Simplified(*best)) {
+    }
+    return *best;
+  }
+
+ private:
+  SurfaceFit Fit(const hal::Tube& tube) const {
+    return FitSurface(tube, blocks_, {.reach_mm = kReach * radius_mm_});
+  }
+
+  // Bayesian information criterion, the variance taken from the better fit of the two.
+  bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const {
+    const double sigma = std::min(a.sigma_mm, b.sigma_mm);
+    const double price = kPrice * std::log(static_cast<double>(samples_)) * sigma * sigma;
+    return a.cost_mm2 + a.parameters * price < b.cost_mm2 + b.parameters * price;
+  }
+
+  // One step: the cheapest merge or drop that is no worse. False: none is.
+  bool Simplified(SurfaceFit& fit) const {
+    const ArcLineSpline spline = SplineFromTube(fit.tube);
+    std::optional<SurfaceFit> best;
+    const auto consider = [&](const ArcLineSpline& simpler) {
+      SurfaceFit candidate = Fit(TubeFromSpline(simpler, fit.tube.pipe_radius_mm));
+      if (IsBetter(candidate, fit) && (!best || IsBetter(candidate, *best))) {
+        best = std::move(candidate);
+      }
+    };
+    for (std::size_t i = 0; i < spline.arcs.size(); ++i) {
+      if (i + 1 < spline.arcs.size()) {
+        if (const auto merged = MergedArc(spline.arcs[i], spline.arcs[i + 1])) {
+          ArcLineSpline simpler = spline;
+          simpler.arcs[i] = *merged;
+          simpler.arcs.erase(simpler.arcs.begin() + static_cast<std::ptrdiff_t>(i) + 1);
+          consider(simpler);
+        }
+      }
+      if (spline.arcs[i].angle_rad * 180.0 / std::numbers::pi < kDropAngleDeg) {
+        ArcLineSpline simpler = spline;
+        simpler.arcs.erase(simpler.arcs.begin() + static_cast<std::ptrdiff_t>(i));
+        consider(simpler);
+      }
+    }
+    if (!best) return false;
+    fit = std::move(*best);
+    return true;
+  }
+
+  double radius_mm_;
+  std::span<const PointBlock> blocks_;
+  std::size_t samples_ = 0;
+};
+
+}  // namespace
+
+SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
+                         std::span<const PointBlock> blocks) {
+  return Search(pipe_radius_mm, blocks).Run(polygon);
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/surface_fit.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/statistics.h"
+#include "pipeline/tube_parameters.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kDegrees = 180.0 / std::numbers::pi;
+// Full weight up to 3.5 sigma, none beyond 5: keeps 99.9 % of the efficiency under normal noise.
+constexpr double kFullWeight = 3.5;
+constexpr double kNoWeight = 5.0;
+constexpr int kLocal = 8;  // velocity, angular velocity, bend radius, pipe radius
+constexpr int kCondensed = kLocal + 1;
+constexpr double kMinAngleRad = 1e-4;
+
+using Augmented = Eigen::Matrix<double, kCondensed, kCondensed>;
+using Row = Eigen::Matrix<double, kCondensed, 1>;
+
+struct WeightedPoint {
+  Eigen::Vector3d point;
+  double weight;
+};
+
+// The points of one segment and the sums of their residual rows.
+using SegmentPoints = std::vector<WeightedPoint>;
+
+// Residual and its derivative by the segment's local state, in the segment's own frame.
+// Line: d = |y, z| - r. Arc: d = sqrt((rho - R)^2 + h^2) - r.
+Row ResidualRow(const Eigen::Vector3d& local, const hal::SpineSegment& segment,
+                double pipe_radius_mm) {
+  Row row;
+  Eigen::Vector3d outward;
+  double distance = 0;
+  double by_bend_radius = 0;
+  if (!segment.is_arc()) {
+    distance = std::sqrt(local.y() * local.y() + local.z() * local.z());
+    outward = distance > 0 ? Eigen::Vector3d(0, local.y() / distance, local.z() / distance)
+                           : Eigen::Vector3d(0, 1, 0);
+  } else {
+    const double y = local.y() - segment.bend_radius_mm;  // from the centre
+    const double rho = std::sqrt(local.x() * local.x() + y * y);
+    const double u = rho - segment.bend_radius_mm;
+    const double h = local.z();
+    distance = std::sqrt(u * u + h * h);
+    const double inverse_rho = rho > 0 ? 1.0 / rho : 0.0;
+    const double inverse = distance > 0 ? 1.0 / distance : 0.0;
+    const Eigen::Vector3d radial(local.x() * inverse_rho, y * inverse_rho, 0);
+    outward = (u * inverse) * radial;
+    outward.z() = h * inverse;
+    // The centre moves along +y by dR, so rho changes by -radial.y and u by one more.
+    by_bend_radius = u * inverse * (-radial.y() - 1.0);
+  }
+  row.head<3>() = -outward;
+  row.segment<3>(3) = -local.cross(outward);
+  row[6] = by_bend_radius;
+  row[7] = -1.0;
+  row[8] = distance - pipe_radius_mm;
+  return row;
+}
+
+Eigen::Matrix3d ToLocal(const hal::SpineSegment& segment) {
+  Eigen::Matrix3d rows;
+  rows.row(0) = segment.tangent;
+  rows.row(1) = segment.normal.cross(segment.tangent);
+  rows.row(2) = segment.normal;
+  return rows;
+}
+
+Augmented Accumulate(const SegmentPoints& points, const hal::SpineSegment& segment,
+                     double pipe_radius_mm) {
+  const Eigen::Matrix3d to_local = ToLocal(segment);
+  Augmented sum = Augmented::Zero();
+  for (const auto& [point, weight] : points) {
+    const Row row = ResidualRow(to_local * (point - segment.start_mm), segment, pipe_radius_mm);
+    sum.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+  }
+  return sum.selfadjointView<Eigen::Lower>();
+}
+
+// All residuals at once. The rows of one segment depend on the parameters through the segment's
+// eight local coordinates only, so their sum of outer products (9 x 9) says all that least squares
+// needs: its root has the same cost, gradient and Gauss-Newton matrix as the many rows.
+class SurfaceCost final : public ceres::CostFunction {
+ public:
+  SurfaceCost(const TubeParameters& parameters, const std::vector<SegmentPoints>& points)
+      : parameters_(parameters), points_(points) {
+    set_num_residuals(static_cast<int>(points.size()) * kCondensed);
+    mutable_parameter_block_sizes()->push_back(parameters.size());
+  }
+
+  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
+    const Eigen::VectorXd at = Eigen::Map<const Eigen::VectorXd>(blocks[0], parameters_.size());
+    const hal::Tube tube = parameters_.TubeAt(at);
+    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+    const bool wants_jacobian = jacobians != nullptr && jacobians[0] != nullptr;
+    std::vector<Eigen::MatrixXd> derivatives;
+    if (wants_jacobian) derivatives = parameters_.FrameDerivatives(at, segments);
+    for (std::size_t k = 0; k < segments.size(); ++k) {
+      const Augmented sum = Accumulate(points_[k], segments[k], tube.pipe_radius_mm);
+      // Pivoting, because a line does not feel its own direction and the sum is singular.
+      const Eigen::LDLT<Augmented> ldlt(sum);
+      Augmented root = ldlt.transpositionsP() * Augmented::Identity();
+      root = (ldlt.matrixU() * root).eval();
+      root = ldlt.vectorD().cwiseMax(0.0).cwiseSqrt().asDiagonal() * root.eval();
+      const auto first = static_cast<Eigen::Index>(k) * kCondensed;
+      Eigen::Map<Row>(residuals + first) = root.col(kLocal);
+      if (wants_jacobian) {
+        using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+        Eigen::Map<RowMajor> jacobian(jacobians[0], num_residuals(), parameters_.size());
+        jacobian.middleRows<kCondensed>(first) = root.leftCols<kLocal>() * derivatives[k];
+      }
+    }
+    return true;
+  }
+
+ private:
+  const TubeParameters& parameters_;
+  const std::vector<SegmentPoints>& points_;
+};
+
+double WeightOf(double distance_mm, double sigma_mm) {
+  const double u = std::abs(distance_mm) / sigma_mm;
+  if (u <= kFullWeight) return 1.0;
+  if (u >= kNoWeight) return 0.0;
+  const double fade = (kNoWeight - u) / (kNoWeight - kFullWeight);
+  return fade * fade * (3.0 - 2.0 * fade);
+}
+
+// Gives every point to the segment whose spine is nearest.
+struct Assignment {
+  std::vector<SegmentPoints> points;
+  std::vector<double> distances_mm;  // of points within reach
+  double cost_mm2 = 0;
+  std::size_t used = 0;
+  std::size_t total = 0;
+  double sigma_mm = 0;
+};
+
+Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, double reach_mm,
+                  double min_sigma_mm) {
+  Assignment result;
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  result.points.resize(segments.size());
+  std::vector<std::int32_t> candidates;
+  std::vector<double> magnitudes;
+  struct Held {
+    Eigen::Vector3d point;
+    double distance;
+    std::size_t segment;
+  };
+  std::vector<Held> held;
+  for (const PointBlock& block : blocks) {
+    result.total += block.points.size();
+    CandidateSegments(block, segments, tube.pipe_radius_mm + reach_mm, candidates);
+    if (candidates.empty()) continue;
+    for (const Eigen::Vector3d& point : block.points) {
+      const SpineFoot foot = NearestFoot(point, segments, candidates);
+      const double d = foot.distance_mm - tube.pipe_radius_mm;
+      if (std::abs(d) >= reach_mm) continue;
+      held.push_back({point, d, static_cast<std::size_t>(foot.segment)});
+      result.distances_mm.push_back(d);
+      magnitudes.push_back(std::abs(d));
+    }
+  }
+  result.sigma_mm = std::max(min_sigma_mm, 1.4826 * Median(std::move(magnitudes)));
+  result.cost_mm2 = static_cast<double>(result.total - held.size()) * reach_mm * reach_mm;
+  for (const Held& h : held) {
+    result.cost_mm2 += h.distance * h.distance;
+    const double weight = WeightOf(h.distance, result.sigma_mm);
+    if (weight <= 0) continue;
+    result.points[h.segment].push_back({h.point, weight});
+    ++result.used;
+  }
+  return result;
+}
+
+// Bounds keep the solution a tube: no negative straights, no angle of nothing, no bend tighter than
+// the pipe.
+void SetBounds(const TubeParameters& parameters, double pipe_radius_mm, double* x,
+               ceres::Problem& problem) {
+  const auto bound = [&](int index, double low, double high) {
+    x[index] = std::clamp(x[index], low, high);
+    problem.SetParameterLowerBound(x, index, low);
+    problem.SetParameterUpperBound(x, index, high);
+  };
+  for (std::size_t i = 0; i < parameters.bends(); ++i) {
+    bound(parameters.length(i), 0.0, 1e6);
+    bound(parameters.angle(i), kMinAngleRad, 2.0 * std::numbers::pi);
+    bound(parameters.bend_radius(i), 0.8 * pipe_radius_mm, 1e4 * pipe_radius_mm);
+  }
+  if (parameters.pipe_radius() >= 0) {
+    bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
+  }
+}
+
+// sigma^2 (J^T J)^-1, with directions that no point feels (a straight's roll) left out.
+Eigen::VectorXd StandardErrors(const TubeParameters& parameters, const Eigen::VectorXd& at,
+                               const Assignment& assignment) {
+  const hal::Tube tube = parameters.TubeAt(at);
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const auto derivatives = parameters.FrameDerivatives(at, segments);
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(parameters.size(), parameters.size());
+  double sum_d2 = 0;
+  double sum_weight = 0;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const Augmented sum = Accumulate(assignment.points[k], segments[k], tube.pipe_radius_mm);
+    information.noalias() +=
+        derivatives[k].transpose() * sum.topLeftCorner<kLocal, kLocal>() * derivatives[k];
+    sum_d2 += sum(kLocal, kLocal);
+    for (const auto& p : assignment.points[k]) sum_weight += p.weight;
+  }
+  const double freedom = std::max(1.0, sum_weight - parameters.size());
+  const double variance = sum_d2 / freedom;
+  Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
+  for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
+  Eigen::VectorXd inverse = eigen.eigenvalues();
+  for (double& value : inverse) value = value > 1e-14 ? 1.0 / value : 0.0;
+  const Eigen::MatrixXd covariance =
+      eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+  return (scale.array().square() * covariance.diagonal().array() * variance).sqrt();
+}
+
+}  // namespace
+
+SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
+                      const SurfaceFitOptions& options) {
+  SurfaceFit fit;
+  fit.tube = start;
+  double reach_mm = options.reach_mm;
+  double last_cost = -1;
+  for (int round = 0; round < options.max_rounds; ++round) {
+    const Assignment assignment = Assign(fit.tube, blocks, reach_mm, options.min_sigma_mm);
+    if (assignment.used < 10) break;
+    const bool settled =
+        last_cost >= 0 && std::abs(assignment.cost_mm2 - last_cost) <= 1e-4 * last_cost;
+    last_cost = assignment.cost_mm2;
+
+    const TubeParameters parameters(fit.tube, options.free_pipe_radius);
+    Eigen::VectorXd x = parameters.Initial();
+    ceres::Problem problem;
+    problem.AddParameterBlock(x.data(), parameters.size());
+    SetBounds(parameters, fit.tube.pipe_radius_mm, x.data(), problem);
+    problem.AddResidualBlock(new SurfaceCost(parameters, assignment.points), nullptr, x.data());
+    ceres::Solver::Options solver;
+    solver.linear_solver_type = ceres::DENSE_QR;
+    solver.max_num_iterations = options.max_iterations;
+    solver.function_tolerance = 1e-9;
+    solver.parameter_tolerance = 1e-10;
+    solver.logging_type = ceres::SILENT;
+    solver.num_threads = 1;
+    ceres::Solver::Summary summary;
+    ceres::Solve(solver, &problem, &summary);
+    if (!x.allFinite()) break;
+    fit.tube = parameters.TubeAt(x);
+    fit.converged = summary.termination_type == ceres::CONVERGENCE;
+    if (settled) break;
+  }
+
+  const Assignment assignment = Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm);
+  fit.sigma_mm = assignment.sigma_mm;
+  fit.cost_mm2 = assignment.cost_mm2;
+  fit.used = assignment.used;
+  fit.points = assignment.total;
+  const TubeParameters parameters(fit.tube, options.free_pipe_radius);
+  fit.parameters = parameters.size();
+  const Eigen::VectorXd sigma = StandardErrors(parameters, parameters.Initial(), assignment);
+  if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];
+  fit.sigma = fit.tube.program;
+  for (std::size_t i = 0; i < fit.sigma.rows.size(); ++i) {
+    hal::BendRow& row = fit.sigma.rows[i];
+    row = {0, 0, 0, std::nullopt};
+    if (i >= parameters.bends()) continue;
+    row.length_mm = sigma[parameters.length(i)];
+    if (i > 0) row.rotation_deg = sigma[parameters.rotation(i)] * kDegrees;
+    row.angle_deg = sigma[parameters.angle(i)] * kDegrees;
+    row.bend_radius_mm = sigma[parameters.bend_radius(i)];
+  }
+  return fit;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "hal/tube.h"
+#include "pipeline/surface_points.h"
+
+namespace bendloop::pipeline {
+
+struct SurfaceFitOptions {
+  // Points further than this from the surface are never looked at [mm].
+  double reach_mm = 0;
+  // The least standard deviation that is believed [mm]: keeps noise-free data from rejecting all.
+  double min_sigma_mm = 1e-4;
+  bool free_pipe_radius = true;
+  int max_rounds = 8;       // of assigning points, weighting and solving
+  int max_iterations = 20;  // of Levenberg-Marquardt in a round
+};
+
+struct SurfaceFit {
+  hal::Tube tube;
+  hal::BendProgram sigma;  // 1 sigma, from the covariance; first and last length: fit part only
+  double pipe_radius_sigma_mm = 0;
+  double sigma_mm = 0;     // robust standard deviation of the distances
+  double cost_mm2 = 0;     // sum over all points of min(d^2, reach^2)
+  std::size_t used = 0;    // points with weight
+  std::size_t points = 0;  // all points looked at
+  int parameters = 0;
+  bool converged = false;
+};
+
+// Least squares of the orthogonal distance of the tube's surface from the points, in the LRA
+// parameters (start pose across the first tangent, lengths, rotations, angles, bend radii, pipe
+// radius) by Levenberg-Marquardt (Ceres) with analytic Jacobians and weights that fade out beyond
+// 3.5 sigma. First and last length are not determined by distances and stay as they are.
+// Source: Bauer & Polthier 2009, section 6; the parametrisation of section 5.3.
+SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
+                      const SurfaceFitOptions& options);
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "hal/spine.h"
+#include "hal/tube.h"
+
+namespace bendloop::pipeline {
+
+// The LRA parameters of a tube as one vector, relative to a start pose, with the derivative of
+// every segment's frame. All angles in radians.
+//   0, 1     start point across the first tangent (tube frame y, z) [mm]
+//   2, 3, 4  turn of the start frame: X_WT = reference * Rx Ry Rz (2 is left out for a straight)
+//   then     pipe radius [mm]
+//   then, bend by bend: length before it [mm], rotation (not for the first), angle, bend radius
+//   [mm]
+// The last length is no parameter: it moves no surface point.
+class TubeParameters {
+ public:
+  TubeParameters(const hal::Tube& reference, bool free_pipe_radius);
+
+  int size() const { return size_; }
+  std::size_t bends() const { return bends_; }
+  Eigen::VectorXd Initial() const;
+  hal::Tube TubeAt(const Eigen::VectorXd& parameters) const;
+
+  // Positions in the vector; -1: not a parameter.
+  int pipe_radius() const { return pipe_radius_; }
+  int length(std::size_t bend) const { return first_bend_[bend]; }
+  int rotation(std::size_t bend) const { return bend == 0 ? -1 : first_bend_[bend] + 1; }
+  int angle(std::size_t bend) const { return first_bend_[bend] + (bend == 0 ? 1 : 2); }
+  int bend_radius(std::size_t bend) const { return angle(bend) + 1; }
+
+  // For each segment the 8 x size() derivative of its local state: velocity of its start point (3),
+  // angular velocity (3), both in the frame (tangent, normal x tangent, normal), bend radius, pipe
+  // radius.
+  std::vector<Eigen::MatrixXd> FrameDerivatives(
+      const Eigen::VectorXd& parameters, const std::vector<hal::SpineSegment>& segments) const;
+
+ private:
+  hal::Tube reference_;
+  std::size_t bends_;
+  int size_ = 0;
+  int pipe_radius_ = -1;
+  std::vector<int> first_bend_;
+};
+
+}  // namespace bendloop::pipeline
