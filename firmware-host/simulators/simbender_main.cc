@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <optional>
+#include <string>
+
+#include "config/load.h"
+#include "drivers/simulated_bender/misbehaviour.h"
+#include "drivers/simulated_bender/simulated_bender.h"
+#include "firmware-host/result/program_json.h"
+
+namespace bendloop::host {
+namespace {
+
+using drivers::SimulatedBender;
+
+constexpr std::uintmax_t kMaxProgramBytes = 4 << 20;
+
+int Complain(const hal::Error& error) {
+  std::cerr << "bendloop-simbender: " << error.message << '\n';
+  return hal::ExitCode(error.kind);
+}
+
+// Rows as in a result ("tube"), a tray part, or bare: {"rows": [...]}.
+hal::Result<hal::BendProgram> ReadProgram(const std::string& file) {
+  std::error_code no_size;
+  const auto size = std::filesystem::file_size(file, no_size);
+  std::ifstream in(file);
+  if (no_size || !in || size > kMaxProgramBytes) {
+    return hal::Fail(
+        hal::ErrorKind::kBadInput,
+        file + ": cannot be read; expected a JSON file of at most 4 MiB with \"rows\"");
+  }
+  const Json json = Json::parse(in, nullptr, false);
+  if (json.is_discarded()) {
+    return hal::Fail(hal::ErrorKind::kBadInput, file + ": is not JSON");
+  }
+  std::optional<hal::Error> error;
+  const JsonReader reader(json, file, error);
+  hal::BendProgram program = ReadRows((reader.Has("tube") ? reader.At("tube") : reader).At("rows"));
+  if (error) return hal::Fail(*error);
+  for (const hal::BendRow& row : program.rows) {
+    if (!std::isfinite(row.length_mm + row.rotation_deg + row.angle_deg)) {
+      return hal::Fail(hal::ErrorKind::kBadInput,
+                       file + ": a row without length, rotation or angle");
+    }
+  }
+  return program;
+}
+
+// The operator's words, one a line; false: end.
+bool Obey(SimulatedBender& bender, const std::string& line) {
+  if (line == "quit") return false;
+  if (line.empty()) return true;
+  constexpr std::string_view kMisbehave = "misbehave ";
+  if (line == "bend") {
+    const auto part = bender.Bend();
+    if (part) {
+      std::cout << "bent " << part->file.filename().string() << std::endl;
+    } else {
+      std::cout << "error " << part.error().message << std::endl;
+    }
+  } else if (line.rfind(kMisbehave, 0) == 0) {
+    const auto done = bender.Misbehave(line.substr(kMisbehave.size()));
+    std::cout << (done ? "ok" : "error " + done.error().message) << std::endl;
+  } else if (line == "status") {
+    const hal::ProgramBlock active = bender.Active();
+    std::cout << "active part " << active.part_number << " sequence " << active.sequence << " rows "
+              << active.program.rows.size() << " accepted " << bender.commits_accepted()
+              << " rejected " << bender.commits_rejected() << std::endl;
+  } else {
+    std::cout << "error \"" << line << "\": expected bend, status, misbehave FAULT or quit"
+              << std::endl;
+  }
+  return true;
+}
+
+int Run(int argc, char** argv) {
+  drivers::SimulatedBenderOptions options;
+  options.program.sequence = 1;
+  std::string map_file;
+  std::string program_file;
+  std::vector<std::string> faults;
+  unsigned cycle_ms = 200;
+  CLI::App app{
+      "A CNC tube bender that is not there: a Modbus TCP server with a program, a press and its\n"
+      "moods. Prints \"listening PORT\", then obeys one command a line on standard input:\n"
+      "  bend                 run one cycle; prints \"bent part-0001.json\" when the part is on "
+      "the\n"
+      "                       tray\n"
+      "  status               print the active program's numbers\n"
+      "  misbehave FAULT      do something wrong (below)\n"
+      "  quit                 or the end of input: switch off"};
+  app.name("bendloop-simbender");
+  app.footer(
+      "Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
+      "\nExample:\n"
+      "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
+      "      --springback-20 0.8 --springback-120 3.1 --scatter-angle 0.05 --tray /tmp/tray");
+  app.add_option("--port", options.port, "TCP port on 127.0.0.1; 0 picks a free one")
+      ->capture_default_str();
+  app.add_option("--map", map_file, "register map (TOML)")->required();
+  app.add_option("--program", program_file,
+                 "program that is active at start: JSON with \"rows\" or \"tube\", as in a result")
+      ->required();
+  app.add_option("--part-number", options.program.part_number, "of that program")->default_val(1u);
+  app.add_option("--sequence", options.program.sequence, "of that program; 0: keyed in by hand")
+      ->capture_default_str();
+  app.add_option("--pipe-radius", options.pipe_radius_mm, "of the tube [mm]")
+      ->required()
+      ->check(CLI::PositiveNumber);
+  auto& physics = options.physics;
+  app.add_option("--springback-20", physics.springback_20_deg, "of a bend of 20 degrees [deg]");
+  app.add_option("--springback-120", physics.springback_120_deg, "of a bend of 120 degrees [deg]");
+  app.add_option("--elongation", physics.elongation_percent, "of the arcs [%]");
+  app.add_option("--twist", physics.twist_deg, "added to every rotation [deg]");
+  app.add_option("--spring-out", physics.radius_spring_out, "growth of bend radii [1 = 100 %]");
+  app.add_option("--scatter-angle", physics.sigma_angle_deg, "1 sigma, part to part [deg]");
+  app.add_option("--scatter-rotation", physics.sigma_rotation_deg, "1 sigma [deg]");
+  app.add_option("--scatter-length", physics.sigma_length_mm, "1 sigma [mm]");
+  app.add_option("--bend-radius", physics.default_bend_radius_mm,
+                 "of the tool, where the program says none [mm]; default: the first one it says");
+  app.add_option("--seed", physics.seed, "of the scatter")->capture_default_str();
+  app.add_option("--tray", options.tray, "folder for bent parts");
+  app.add_option("--cycle-ms", cycle_ms, "time that one part takes")
+      ->default_val(200u)
+      ->check(CLI::Range(0u, 600000u));
+  app.add_option("--misbehave", faults, "a fault from the start, e.g. --misbehave \"late 500\"");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : hal::ExitCode(hal::ErrorKind::kUsage);
+  }
+  options.cycle = std::chrono::milliseconds(cycle_ms);
+
+  auto map = config::LoadRegisterMap(map_file);
+  if (!map) return Complain(map.error());
+  options.map = std::move(*map);
+  auto program = ReadProgram(program_file);
+  if (!program) return Complain(program.error());
+  options.program.program = std::move(*program);
+
+  auto bender = SimulatedBender::Start(std::move(options));
+  if (!bender) return Complain(bender.error());
+  for (const std::string& fault : faults) {
+    if (auto done = (*bender)->Misbehave(fault); !done) return Complain(done.error());
+  }
+  std::cout << "listening " << (*bender)->port() << std::endl;
+  std::string line;
+  while (std::getline(std::cin, line) && Obey(**bender, line)) {
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace bendloop::host
+
+int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);
+  try {
+    return bendloop::host::Run(argc, argv);
+  } catch (const std::exception& e) {
+    std::cerr << "bendloop-simbender: " << e.what() << '\n';
+    return bendloop::hal::ExitCode(bendloop::hal::ErrorKind::kInternal);
+  }
+}
