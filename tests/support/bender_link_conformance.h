@@ -15,18 +15,9 @@
 #include "hal/bender_link.h"
 #include "hal/clock.h"
 #include "tests/support/bender_maps.h"
+#include "tests/support/bender_under_test.h"
 
 namespace bendloop::test {
-
-// A link with the bender at its other end, seen from the bender's side.
-class BenderUnderTest {
- public:
-  virtual ~BenderUnderTest() = default;
-  virtual hal::BenderLink& link() = 0;
-  virtual hal::ProgramBlock Active() = 0;
-  virtual hal::ProgramBlock Staged() = 0;
-  virtual void Misbehave(const std::string& command) = 0;
-};
 
 struct BenderFactory {
   std::string name;

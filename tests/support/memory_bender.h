@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <optional>
 #include <vector>
@@ -62,6 +63,7 @@ class MemoryBender final : public hal::BenderLink {
     staged_rows_ = static_cast<std::uint32_t>(block.program.rows.size());
     auto ok = drivers::EncodeProgram(map(), map().staging, block, memory_.image());
     if (ok && !map().commit) Put(map().staging.row_count, 0);
+    if (ok && after_stage) after_stage();
     return ok;
   }
 
@@ -111,6 +113,7 @@ class MemoryBender final : public hal::BenderLink {
   std::map<std::uint32_t, int>& commits() { return commits_; }
 
   bool frozen = false;
+  std::function<void()> after_stage;  // what the PLC does with what it was given
   std::uint32_t reject_code = 0;
 
  private:

@@ -8,7 +8,8 @@
 
 #include "drivers/modbus_bender/modbus_bender.h"
 #include "drivers/simulated_bender/simulated_bender.h"
-#include "tests/support/bender_link_conformance.h"
+#include "tests/support/bender_maps.h"
+#include "tests/support/bender_under_test.h"
 
 namespace bendloop::test {
 

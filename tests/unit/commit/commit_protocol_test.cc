@@ -130,6 +130,21 @@ TEST_F(CommitProtocolTest, BenderMayReject) {
   EXPECT_EQ(protocol_.Commit(Request()).outcome, CommitOutcome::kCommitted);
 }
 
+// A PLC that clips an angle to its own limit, and would accept its own version.
+TEST_F(CommitProtocolTest, StagedProgramThatReadsBackDifferentlyIsNotCommitted) {
+  const auto before = bender_.Active();
+  bender_.after_stage = [this] {
+    hal::ProgramBlock staged = bender_.memory().Staged().value();
+    staged.program.rows[1].angle_deg -= 0.001;
+    ASSERT_TRUE(drivers::EncodeProgram(bender_.memory().map(), bender_.memory().map().staging,
+                                       staged, bender_.memory().image()));
+  };
+  const CommitReport report = protocol_.Commit(Request());
+  EXPECT_EQ(report.outcome, CommitOutcome::kFailed);
+  EXPECT_THAT(report.reason, HasSubstr("row 2 angle_deg"));
+  ExpectUntouched(report, before);
+}
+
 TEST_F(CommitProtocolTest, PlcWithoutCommitRegisterNeedsPermission) {
   test::MemoryBender bender(test::NoCommitMap(), {42, 3, test::RandomProgram(random_, 4), 0});
   CommitRequest request{"s", bender.Active(), test::RandomProgram(random_, 4)};

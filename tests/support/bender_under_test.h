@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "hal/bend_program.h"
+#include "hal/bender_link.h"
+
+namespace bendloop::test {
+
+// A link with the bender at its other end, seen from the bender's side.
+class BenderUnderTest {
+ public:
+  virtual ~BenderUnderTest() = default;
+  virtual hal::BenderLink& link() = 0;
+  virtual hal::ProgramBlock Active() = 0;
+  virtual hal::ProgramBlock Staged() = 0;
+  virtual void Misbehave(const std::string& command) = 0;
+};
+
+}  // namespace bendloop::test
