@@ -21,8 +21,8 @@ struct ScannerConfig {
   std::string host = "127.0.0.1";  // kSimulated, kStream
   std::uint16_t port = 7420;       // kSimulated, kStream
   std::filesystem::path session;   // kSession: the recording to play
-  std::size_t queue_profiles =
-      1024;  // between acquisition and pipeline; all memory is taken at start
+  // Between acquisition and pipeline; all memory is taken at the start.
+  std::size_t queue_profiles = 1024;
 };
 
 // Which end of the nominal the scan begins with.
@@ -42,14 +42,14 @@ enum class BenderKind : std::uint8_t { kNone, kModbusTcp, kSimulated };
 // How the bender is reached.
 struct BenderConfig {
   BenderKind link = BenderKind::kNone;
-  std::string host = "127.0.0.1";
+  std::string host = "127.0.0.1";  // numeric: a name's look-up has no bounded time
   std::uint16_t port = 502;
   std::uint8_t unit_id = 1;
   std::filesystem::path register_map_file;
   hal::RegisterMap register_map;  // loaded from register_map_file; unused when link is kNone
-  std::chrono::milliseconds connect_timeout{2000};
+  std::chrono::milliseconds connect_timeout{1000};
   std::chrono::milliseconds response_timeout{500};
-  std::chrono::milliseconds byte_timeout{100};
+  std::chrono::milliseconds byte_timeout{0};       // between two bytes; 0: response_timeout alone
   std::chrono::milliseconds commit_timeout{5000};  // until the bender acknowledges
   std::uint32_t retries = 2;                       // of one exchange, before the link is down
 };

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "config/fields.h"
+
+namespace bendloop::config {
+namespace {
+
+constexpr Choice<ScannerKind> kScannerKinds[] = {{"simulated", ScannerKind::kSimulated},
+                                                 {"stream", ScannerKind::kStream},
+                                                 {"session", ScannerKind::kSession},
+                                                 {"usb", std::nullopt}};
+constexpr Choice<ScanDirection> kDirections[] = {{"auto", ScanDirection::kAuto},
+                                                 {"forward", ScanDirection::kForward},
+                                                 {"reverse", ScanDirection::kReverse}};
+constexpr Choice<ScanEnd> kEnds[] = {{"event", ScanEnd::kEvent}, {"coverage", ScanEnd::kCoverage}};
+constexpr Choice<BenderKind> kBenderKinds[] = {{"none", BenderKind::kNone},
+                                               {"modbus-tcp", BenderKind::kModbusTcp},
+                                               {"simulated", BenderKind::kSimulated},
+                                               {"modbus-rtu", std::nullopt},
+                                               {"can", std::nullopt}};
+constexpr Choice<LogLevel> kLogLevels[] = {{"debug", LogLevel::kDebug},
+                                           {"info", LogLevel::kInfo},
+                                           {"warning", LogLevel::kWarning},
+                                           {"error", LogLevel::kError}};
+constexpr Choice<RealtimeMode> kRealtimeModes[] = {{"required", RealtimeMode::kRequired},
+                                                   {"best-effort", RealtimeMode::kBestEffort}};
+
+void Milliseconds(FieldVisitor& v, std::string_view key, std::chrono::milliseconds& value,
+                  std::int64_t min, std::int64_t max) {
+  std::int64_t count = value.count();
+  v.Integer(key, count, min, max);
+  value = std::chrono::milliseconds(count);
+}
+
+void VisitScanner(FieldVisitor& v, ScannerConfig& scanner) {
+  v.Enum("kind", scanner.kind, kScannerKinds, Need::kRequired);
+  v.Text("host", scanner.host);
+  v.Integer("port", scanner.port, 1, 65535);
+  v.Path("session", scanner.session);
+  v.Integer("queue_profiles", scanner.queue_profiles, 16, 65536);
+}
+
+void VisitScan(FieldVisitor& v, ScanConfig& scan) {
+  v.Enum("direction", scan.direction, kDirections);
+  v.Enum("end", scan.end, kEnds);
+  v.Number("max_seconds", scan.max_seconds, {1, 3600});
+  v.Integer("min_profiles", scan.min_profiles, 1, 1000000);
+}
+
+void VisitBender(FieldVisitor& v, BenderConfig& bender) {
+  v.Enum("link", bender.link, kBenderKinds, Need::kRequired);
+  v.Text("host", bender.host);
+  v.Integer("port", bender.port, 1, 65535);
+  v.Integer("unit_id", bender.unit_id, 0, 255);
+  v.Path("register_map", bender.register_map_file);
+  Milliseconds(v, "connect_timeout_ms", bender.connect_timeout, 10, 60000);
+  Milliseconds(v, "response_timeout_ms", bender.response_timeout, 10, 60000);
+  Milliseconds(v, "byte_timeout_ms", bender.byte_timeout, 0, 60000);
+  Milliseconds(v, "commit_timeout_ms", bender.commit_timeout, 10, 600000);
+  v.Integer("retries", bender.retries, 0, 10);
+}
+
+void VisitCorrection(FieldVisitor& v, CorrectionConfig& correction) {
+  v.Bool("enabled", correction.enabled);
+  v.Bool("correct_lengths", correction.correct_lengths);
+  v.Bool("correct_rotations", correction.correct_rotations);
+  v.Bool("correct_angles", correction.correct_angles);
+  v.Number("gain_length", correction.gain_length, {0, 1});
+  v.Number("gain_rotation", correction.gain_rotation, {0, 1});
+  v.Number("gain_angle", correction.gain_angle, {0, 1});
+  v.Number("max_step_length_mm", correction.max_step.length_mm, {0, 100});
+  v.Number("max_step_rotation_deg", correction.max_step.rotation_deg, {0, 90});
+  v.Number("max_step_angle_deg", correction.max_step.angle_deg, {0, 90});
+  v.Number("max_total_length_mm", correction.max_total.length_mm, {0, 200});
+  v.Number("max_total_rotation_deg", correction.max_total.rotation_deg, {0, 90});
+  v.Number("max_total_angle_deg", correction.max_total.angle_deg, {0, 90});
+  v.Number("deadband_sigmas", correction.deadband_sigmas, {0, 10});
+}
+
+void VisitInterlocks(FieldVisitor& v, InterlockConfig& interlocks) {
+  v.Number("min_coverage", interlocks.min_coverage, {0, 1});
+  v.Number("max_gap_mm", interlocks.max_gap_mm, {0.1, 10000});
+  v.Number("max_fit_rms_mm", interlocks.max_fit_rms_mm, {0.001, 100});
+  v.Number("max_sigma_length_mm", interlocks.max_sigma.length_mm, {0.001, 100});
+  v.Number("max_sigma_rotation_deg", interlocks.max_sigma.rotation_deg, {0.001, 90});
+  v.Number("max_sigma_angle_deg", interlocks.max_sigma.angle_deg, {0.001, 90});
+  v.Number("max_session_age_s", interlocks.max_session_age_s, {1, 86400});
+}
+
+}  // namespace
+
+void VisitCell(FieldVisitor& v, CellConfig& cell) {
+  v.Text("name", cell.name, Need::kRequired);
+  v.Path("part", cell.part_file, Need::kRequired);
+  v.Path("state_dir", cell.state_dir);
+  v.Table("scanner", Need::kRequired, [&](FieldVisitor& t) { VisitScanner(t, cell.scanner); });
+  v.Table("scan", Need::kOptional, [&](FieldVisitor& t) { VisitScan(t, cell.scan); });
+  v.Table("bender", Need::kRequired, [&](FieldVisitor& t) { VisitBender(t, cell.bender); });
+  v.Table("correction", Need::kOptional,
+          [&](FieldVisitor& t) { VisitCorrection(t, cell.correction); });
+  v.Table("interlocks", Need::kOptional,
+          [&](FieldVisitor& t) { VisitInterlocks(t, cell.interlocks); });
+  v.Table("record", Need::kOptional, [&](FieldVisitor& t) {
+    std::string directory = cell.record.directory.string();
+    t.Text("directory", directory);  // below state_dir, which the loader sees to
+    cell.record.directory = directory;
+    t.Integer("disk_budget_mb", cell.record.disk_budget_mb, 1, 100000000);
+  });
+  v.Table("log", Need::kOptional,
+          [&](FieldVisitor& t) { t.Enum("level", cell.log_level, kLogLevels); });
+  v.Table("realtime", Need::kOptional, [&](FieldVisitor& t) {
+    t.Enum("mode", cell.realtime.mode, kRealtimeModes);
+    if (t.Present("cpu", cell.realtime.cpu.has_value())) {
+      int cpu = cell.realtime.cpu.value_or(0);
+      t.Integer("cpu", cpu, 0, 1023);
+      cell.realtime.cpu = cpu;
+    }
+    t.Integer("priority", cell.realtime.priority, 1, 99);
+  });
+}
+
+}  // namespace bendloop::config

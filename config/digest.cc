@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "config/digest.h"
+
+#include <cstdint>
+
+#include "config/fields.h"
+#include "config/text_writer.h"
+
+namespace bendloop::config {
+
+std::string EffectiveText(const CellConfig& cell) {
+  TextWriter writer({"part", "state_dir", "scanner", "record", "log", "realtime", "bender.host",
+                     "bender.port", "bender.unit_id", "bender.register_map",
+                     "bender.connect_timeout_ms", "bender.response_timeout_ms",
+                     "bender.byte_timeout_ms", "bender.commit_timeout_ms", "bender.retries"});
+  CellConfig copy = cell;  // visitors may change what they visit; this one does not
+  VisitCell(writer, copy);
+  writer.Table("part_file", Need::kRequired, [&](FieldVisitor& v) { VisitPart(v, copy.part); });
+  if (copy.bender.link != BenderKind::kNone) {
+    writer.Table("register_map_file", Need::kRequired,
+                 [&](FieldVisitor& v) { VisitRegisterMap(v, copy.bender.register_map); });
+  }
+  return writer.text();
+}
+
+std::string Digest(const CellConfig& cell) {
+  static constexpr char kHex[] = "0123456789abcdef";
+  std::uint64_t hash = 0xcbf29ce484222325;
+  for (const char c : EffectiveText(cell)) {
+    hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  }
+  std::string text(16, '0');
+  for (std::size_t i = 0; i < 16; ++i) text[i] = kHex[hash >> (60 - 4 * i) & 15];
+  return text;
+}
+
+}  // namespace bendloop::config

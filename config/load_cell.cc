@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <arpa/inet.h>
+
+#include <array>
+
+#include "config/fields.h"
+#include "config/load.h"
+#include "config/parse_file.h"
+
+namespace bendloop::config {
+namespace {
+
+bool IsNumericAddress(const std::string& host) {
+  std::array<unsigned char, sizeof(in6_addr)> address;
+  return inet_pton(AF_INET, host.c_str(), address.data()) == 1 ||
+         inet_pton(AF_INET6, host.c_str(), address.data()) == 1;
+}
+
+void CheckAddress(TomlDocument& document, const std::string& path, const std::string& host) {
+  if (IsNumericAddress(host)) return;
+  document.Report(path, "found '" + Printable(host) +
+                            "', expected a numeric address such as 192.168.0.10 (looking up a "
+                            "name has no bounded time)");
+}
+
+void CheckStep(TomlDocument& document, const char* name, double step, double total) {
+  if (step <= total) return;
+  document.Report(std::string("correction.max_step_") + name, "found " + NumberText(step) +
+                                                                  ", expected at most max_total_" +
+                                                                  name + " = " + NumberText(total));
+}
+
+void CheckCell(TomlDocument& document, CellConfig& cell) {
+  const BenderConfig& bender = cell.bender;
+  const CorrectionConfig& correction = cell.correction;
+  CheckAddress(document, "scanner.host", cell.scanner.host);
+  CheckAddress(document, "bender.host", bender.host);
+  if (cell.scanner.kind == ScannerKind::kSession && cell.scanner.session.empty() &&
+      document.IsGood("scanner")) {
+    document.Report("scanner.session",
+                    "found nothing, expected the recording that kind = 'session' plays");
+  }
+  if (bender.link != BenderKind::kNone && bender.register_map_file.empty() &&
+      document.IsGood("bender")) {
+    document.Report("bender.register_map",
+                    "found nothing, expected the register map file that says how the bender is "
+                    "addressed");
+  }
+  CheckStep(document, "length_mm", correction.max_step.length_mm, correction.max_total.length_mm);
+  CheckStep(document, "rotation_deg", correction.max_step.rotation_deg,
+            correction.max_total.rotation_deg);
+  CheckStep(document, "angle_deg", correction.max_step.angle_deg, correction.max_total.angle_deg);
+  cell.record.directory = (cell.state_dir / cell.record.directory).lexically_normal();
+}
+
+// What only the cell's three files together show.
+hal::Result<void> CheckTogether(const CellConfig& cell) {
+  if (cell.bender.link == BenderKind::kNone) return {};
+  const hal::RegisterMap& map = cell.bender.register_map;
+  const auto fail = [&](const std::string& what) {
+    return hal::Fail(hal::ErrorKind::kBadInput, cell.part_file.string() + ": " + what +
+                                                    " (register map " +
+                                                    cell.bender.register_map_file.string() + ")");
+  };
+  const std::size_t rows =
+      cell.part.xyz_mm.empty() ? cell.part.rows.rows.size() : cell.part.xyz_mm.size() - 1;
+  if (rows > map.max_rows) {
+    return fail("found a part of " + std::to_string(rows) + " rows, expected at most " +
+                std::to_string(map.max_rows) + ", which the bender holds");
+  }
+  const hal::RegisterType type = map.active.part_number.type;
+  const std::uint32_t most = type == hal::RegisterType::kUint16  ? 0xffff
+                             : type == hal::RegisterType::kInt16 ? 0x7fff
+                             : type == hal::RegisterType::kInt32 ? 0x7fffffff
+                                                                 : 0xffffffff;
+  if (cell.part.part_number > most) {
+    return fail("found part_number " + std::to_string(cell.part.part_number) +
+                ", expected at most " + std::to_string(most) +
+                ", which the bender's register holds");
+  }
+  return {};
+}
+
+}  // namespace
+
+hal::Result<CellConfig> ParseCell(std::string_view toml, std::string_view name,
+                                  const std::filesystem::path& directory) {
+  return ParseDocument(toml, name, FileKind::kCell, directory, VisitCell, CheckCell, CellConfig());
+}
+
+hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
+  const hal::Result<std::string> text = ReadTextFile(file);
+  if (!text) return hal::Fail(text.error());
+  const std::filesystem::path absolute = std::filesystem::absolute(file).lexically_normal();
+  hal::Result<CellConfig> cell = ParseCell(*text, file.string(), absolute.parent_path());
+  if (!cell) return cell;
+  cell->file = absolute;
+  // A setter who mends one file wants to know of the other, too.
+  std::string problems;
+  const auto add = [&](const hal::Error& error) {
+    problems += (problems.empty() ? "" : "\n") + error.message;
+  };
+  if (hal::Result<PartConfig> part = LoadPart(cell->part_file)) {
+    cell->part = std::move(*part);
+  } else {
+    add(part.error());
+  }
+  if (cell->bender.link != BenderKind::kNone) {
+    if (hal::Result<hal::RegisterMap> map = LoadRegisterMap(cell->bender.register_map_file)) {
+      cell->bender.register_map = std::move(*map);
+    } else {
+      add(map.error());
+    }
+  }
+  if (!problems.empty()) return hal::Fail(hal::ErrorKind::kBadInput, problems);
+  if (hal::Result<void> together = CheckTogether(*cell); !together) {
+    return hal::Fail(together.error());
+  }
+  return cell;
+}
+
+}  // namespace bendloop::config

@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include "config/load.h"
+#include "config_text.h"
+
+namespace bendloop::config {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr char kMinimal[] = R"(schema = "bendloop.cell/1"
+name = "cell"
+part = "part.toml"
+[scanner]
+kind = "stream"
+[bender]
+link = "none"
+)";
+
+std::string ErrorOf(const std::string& toml) {
+  const auto cell = ParseCell(toml, "cell.toml", "/etc/bendloop");
+  EXPECT_FALSE(cell) << toml;
+  if (cell) return {};
+  EXPECT_EQ(cell.error().kind, hal::ErrorKind::kBadInput);
+  return cell.error().message;
+}
+
+TEST(Cell, MinimalFileGetsTheDefaultsOfTheStruct) {
+  const auto cell = ParseCell(kMinimal, "cell.toml", "/etc/bendloop");
+  ASSERT_TRUE(cell) << cell.error().message;
+  const CellConfig defaults;
+  EXPECT_EQ(cell->part_file, "/etc/bendloop/part.toml");
+  EXPECT_EQ(cell->state_dir, "/var/lib/bendloop");
+  EXPECT_EQ(cell->record.directory, "/var/lib/bendloop/sessions");
+  EXPECT_EQ(cell->correction.gain_angle, defaults.correction.gain_angle);
+  EXPECT_EQ(cell->bender.response_timeout, defaults.bender.response_timeout);
+  EXPECT_FALSE(cell->realtime.cpu);
+}
+
+TEST(Cell, ReadsEveryKindOfValue) {
+  const auto cell = ParseCell(std::string(kMinimal) + R"(
+host = "10.0.0.1"
+port = 1502
+retries = 0
+commit_timeout_ms = 250
+[scan]
+direction = "reverse"
+end = "coverage"
+max_seconds = 7
+[correction]
+enabled = false
+max_total_angle_deg = 9
+max_step_angle_deg = 1.25
+[record]
+directory = "/data"
+[log]
+level = "debug"
+[realtime]
+mode = "required"
+cpu = 3
+)",
+                              "cell.toml", "/etc/bendloop");
+  ASSERT_TRUE(cell) << cell.error().message;
+  EXPECT_EQ(cell->bender.host, "10.0.0.1");
+  EXPECT_EQ(cell->bender.port, 1502);
+  EXPECT_EQ(cell->bender.retries, 0u);
+  EXPECT_EQ(cell->bender.commit_timeout.count(), 250);
+  EXPECT_EQ(cell->scan.direction, ScanDirection::kReverse);
+  EXPECT_EQ(cell->scan.end, ScanEnd::kCoverage);
+  EXPECT_EQ(cell->scan.max_seconds, 7.0);
+  EXPECT_FALSE(cell->correction.enabled);
+  EXPECT_EQ(cell->correction.max_total.angle_deg, 9.0);
+  EXPECT_EQ(cell->correction.max_step.angle_deg, 1.25);
+  EXPECT_EQ(cell->record.directory, "/data");
+  EXPECT_EQ(cell->log_level, LogLevel::kDebug);
+  EXPECT_EQ(cell->realtime.mode, RealtimeMode::kRequired);
+  EXPECT_EQ(cell->realtime.cpu, 3);
+}
+
+TEST(Cell, NamesFileLineKeyAndTheNearestKey) {
+  EXPECT_EQ(ErrorOf(With(kMinimal, "[bender]", "prot = 1\n[bender]")),
+            "cell.toml:6: key 'scanner.prot': found an unknown key, expected a key that bendloop "
+            "knows; did you mean 'port'?");
+  EXPECT_THAT(ErrorOf(With(kMinimal, "[bender]", "[bendr]")), HasSubstr("did you mean 'bender'?"));
+  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "colour = 1"),
+              AllOf(HasSubstr("cell.toml:8: key 'bender.colour': found an unknown key, expected "
+                              "one of byte_timeout_ms, commit_timeout_ms"),
+                    Not(HasSubstr("did you mean"))));
+  // The unit forgotten.
+  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "commit_timeout = 1"),
+              HasSubstr("did you mean 'commit_timeout_ms'?"));
+}
+
+TEST(Cell, NamesEveryProblemInTheOrderOfTheFile) {
+  const std::string message = ErrorOf(R"(schema = "bendloop.cell/1"
+name = 5
+[scanner]
+kind = "usbb"
+port = 70000
+queue_profiles = 100.5
+[scan]
+max_seconds = nan
+[bender]
+link = "can"
+host = "plc.example"
+[correction]
+gain_angle = 1.5
+enabled = "yes"
+[interlocks]
+max_gap_mm = [1]
+)");
+  EXPECT_EQ(message,
+            R"(cell.toml: 11 problems:
+cell.toml:1: key 'part': found nothing, expected a text of 1 to 255 bytes in quotes
+cell.toml:2: key 'name': found 5, expected a text of 1 to 255 bytes in quotes
+cell.toml:4: key 'scanner.kind': found the text 'usbb', expected one of 'simulated', 'stream', 'session'
+cell.toml:5: key 'scanner.port': found 70000, expected a whole number from 1 to 65535
+cell.toml:6: key 'scanner.queue_profiles': found 100.5, expected a whole number from 16 to 65536
+cell.toml:8: key 'scan.max_seconds': found nan, expected a number from 1 to 3600
+cell.toml:10: key 'bender.link': found 'can', which is not yet supported, expected one of 'none', 'modbus-tcp', 'simulated'
+cell.toml:11: key 'bender.host': found 'plc.example', expected a numeric address such as 192.168.0.10 (looking up a name has no bounded time)
+cell.toml:13: key 'correction.gain_angle': found 1.5, expected a number from 0 to 1
+cell.toml:14: key 'correction.enabled': found the text 'yes', expected true or false
+cell.toml:16: key 'interlocks.max_gap_mm': found an array, expected a number from 0.1 to 10000)");
+}
+
+TEST(Cell, SuggestsTheNearestWord) {
+  EXPECT_THAT(ErrorOf(With(kMinimal, "\"none\"", "\"modbustcp\"")),
+              HasSubstr("did you mean 'modbus-tcp'?"));
+}
+
+TEST(Cell, SyntaxErrorsAndDuplicateKeysHaveLineAndColumn) {
+  EXPECT_THAT(ErrorOf(With(kMinimal, "name = \"cell\"", "name = cell\"")),
+              StartsWith("cell.toml:2:"));
+  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "link = \"none\""), StartsWith("cell.toml:8:"));
+  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "[scanner]"), StartsWith("cell.toml:8:"));
+}
+
+TEST(Cell, RefusesWhatOneKeyAloneDoesNotShow) {
+  EXPECT_THAT(ErrorOf(With(kMinimal, "\"none\"", "\"modbus-tcp\"")),
+              HasSubstr("key 'bender.register_map': found nothing"));
+  EXPECT_THAT(ErrorOf(With(kMinimal, "\"stream\"", "\"session\"")),
+              HasSubstr("key 'scanner.session': found nothing"));
+  EXPECT_THAT(ErrorOf(std::string(kMinimal) +
+                      "[correction]\nmax_step_angle_deg = 5\nmax_total_angle_deg = 4"),
+              HasSubstr("cell.toml:9: key 'correction.max_step_angle_deg': found 5, expected at "
+                        "most max_total_angle_deg = 4"));
+}
+
+TEST(Cell, OtherSchemasAreNamedAndNothingElse) {
+  EXPECT_EQ(ErrorOf("schema = \"bendloop.part/1\"\nwhatever = 1"),
+            "cell.toml:1: key 'schema': found 'bendloop.part/1', expected 'bendloop.cell/1' of a "
+            "cell file");
+  EXPECT_EQ(ErrorOf(""),
+            "cell.toml:1: key 'schema': found nothing, expected 'bendloop.cell/1' as the first "
+            "line of a cell file");
+}
+
+TEST(Cell, HostileTextsAreRefusedQuickly) {
+  const std::string head(kMinimal);
+  // Each would need one stack frame a level, in the parser or when the tables are freed.
+  std::string dots = "a";
+  for (int i = 0; i < 200000; ++i) dots += ".a";
+  EXPECT_THAT(ErrorOf(dots + " = 1"), HasSubstr("cell.toml:1: found deeper nesting"));
+  EXPECT_THAT(ErrorOf(head + "[" + dots + "]"), HasSubstr("nesting"));
+  EXPECT_THAT(ErrorOf(head + "a = " + std::string(300000, '[')), HasSubstr("nesting"));
+  EXPECT_THAT(ErrorOf(std::string(kMaxFileBytes + 1, ' ')), HasSubstr("bytes, expected at most"));
+  EXPECT_THAT(ErrorOf(head + std::string(1, '\0')), HasSubstr("zero byte"));
+  // Brackets and dots in texts and comments are not nesting.
+  std::string free = "# " + std::string(100, '[') + std::string(100, '.') + "\n" + head;
+  EXPECT_TRUE(
+      ParseCell(With(free, "\"cell\"", "\"" + std::string(50, '[') + std::string(50, '.') + "\""),
+                "cell.toml"));
+  // Many problems are counted, not all kept.
+  std::string many = head;
+  for (int i = 0; i < 5000; ++i) many += "k" + std::to_string(i) + " = 1\n";
+  EXPECT_THAT(ErrorOf(many), StartsWith("cell.toml: 5000 problems, the first 100 are:\n"));
+}
+
+TEST(Cell, MessagesStayOnOneLine) {
+  const std::string message = ErrorOf(std::string(kMinimal) + "\"a\\nb\\u001b[31m\" = 1");
+  EXPECT_THAT(message, HasSubstr("key 'bender.a\\x0ab\\x1b[31m'"));
+  EXPECT_THAT(message, Not(HasSubstr("\n")));
+}
+
+class CellFiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    directory_ = std::filesystem::path(::testing::TempDir()) /
+                 ("bendloop_cell_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(directory_);
+  }
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+  std::filesystem::path Write(const std::string& name, const std::string& text) {
+    std::ofstream(directory_ / name) << text;
+    return directory_ / name;
+  }
+
+  std::filesystem::path directory_;
+};
+
+TEST_F(CellFiles, LoadNamesProblemsOfPartAndMapTogether) {
+  const auto file = Write("cell.toml", With(kMinimal, "link = \"none\"",
+                                            "link = \"modbus-tcp\"\nregister_map = \"map.toml\""));
+  Write("part.toml", "schema = \"bendloop.part/1\"\n");
+  const auto cell = LoadCell(file);
+  ASSERT_FALSE(cell);
+  EXPECT_THAT(cell.error().message,
+              AllOf(HasSubstr("part.toml: 4 problems"), HasSubstr("map.toml: no such file")));
+}
+
+TEST_F(CellFiles, LoadChecksThatThePartFitsTheMap) {
+  const std::string map = ReadAll(ShippedConfig() / "register-maps/default.toml");
+  Write("map.toml", With(map, "max_rows       = 40", "max_rows = 4"));
+  Write("part.toml", ReadAll(ShippedConfig() / "parts/demo.toml"));
+  const auto file = Write("cell.toml", With(kMinimal, "link = \"none\"",
+                                            "link = \"modbus-tcp\"\nregister_map = \"map.toml\""));
+  const auto cell = LoadCell(file);
+  ASSERT_FALSE(cell);
+  EXPECT_THAT(cell.error().message, HasSubstr("found a part of 5 rows, expected at most 4"));
+}
+
+TEST_F(CellFiles, ValidateSaysWhatAFileIs) {
+  const auto other = ValidateFile(Write("other.toml", "schema = \"bendloop.cel/1\"\n"));
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().message, HasSubstr("did you mean 'bendloop.cell/1'?"));
+  EXPECT_FALSE(ValidateFile(Write("none.toml", "x = 1\n")));
+  EXPECT_FALSE(ValidateFile(directory_));
+  const auto missing = ValidateFile(directory_ / "missing.toml");
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().kind, hal::ErrorKind::kBadInput);
+}
+
+}  // namespace
+}  // namespace bendloop::config
