@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "pipeline/alignment.h"
@@ -16,6 +17,10 @@ namespace {
 constexpr double kExpectedRadiusPart = 0.15;
 // Below this a bend's normal, and so the rotation, becomes uncertain in proportion.
 constexpr double kFullNormal_deg = 10.0;
+
+double ArcMm(const hal::BendRow& row) {
+  return row.bend_radius_mm.value_or(0.0) * row.angle_deg * std::numbers::pi / 180.0;
+}
 
 hal::BendProgram Mirrored(hal::BendProgram program) {
   for (hal::BendRow& row : program.rows) row.rotation_deg = -row.rotation_deg;
@@ -53,9 +58,14 @@ DirectionFit FitOneWay(const hal::BendProgram& nominal, const hal::BendProgram& 
     const hal::BendRow& n = nominal.rows[i];
     const hal::BendRow& m = measured.rows[i];
     const hal::BendRow s = i < sigma.rows.size() ? sigma.rows[i] : hal::BendRow{};
-    cost.Add(i, m.length_mm - n.length_mm, options.expected_length_mm, s.length_mm);
+    const double arcs_mm = (i > 0 ? ArcMm(nominal.rows[i - 1]) : 0.0) + ArcMm(n);
+    cost.Add(i, m.length_mm - n.length_mm,
+             std::hypot(options.expected_length_mm, options.expected_stretch_part * arcs_mm),
+             s.length_mm);
     if (i == bends) break;
-    cost.Add(i, m.angle_deg - n.angle_deg, options.expected_angle_deg, s.angle_deg);
+    cost.Add(i, m.angle_deg - n.angle_deg,
+             std::hypot(options.expected_angle_deg, options.expected_springback_part * n.angle_deg),
+             s.angle_deg);
     if (n.bend_radius_mm && m.bend_radius_mm) {
       cost.Add(i, *m.bend_radius_mm - *n.bend_radius_mm, kExpectedRadiusPart * *n.bend_radius_mm,
                s.bend_radius_mm.value_or(0.0));

@@ -30,6 +30,8 @@ struct DirectionOptions {
   double expected_length_mm = 2.0;
   double expected_rotation_deg = 2.0;
   double expected_angle_deg = 3.0;
+  double expected_stretch_part = 0.02;     // of the arcs beside a straight, added to its length
+  double expected_springback_part = 0.03;  // of a bend's angle
   // A row this many expected variations off is not a variation of the part any more.
   double plausible_row = 8.0;
   // Root mean square over all rows, in expected variations.
