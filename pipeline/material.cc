@@ -16,11 +16,11 @@ constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 double StretchAround(const std::vector<hal::BendRow>& finished, std::size_t row,
                      const Material& material) {
   double stretch_mm = 0;
-  for (const std::size_t bend : {row, row - 1}) {  // row - 1 wraps for row 0 and is skipped
-    if (bend + 1 >= finished.size()) continue;
-    stretch_mm += material.StretchOfStraightMm(finished[bend].bend_radius_mm.value_or(0.0),
-                                               finished[bend].angle_deg);
-  }
+  const auto add = [&](const hal::BendRow& bend) {
+    stretch_mm += material.StretchOfStraightMm(bend.bend_radius_mm.value_or(0.0), bend.angle_deg);
+  };
+  if (row > 0) add(finished[row - 1]);
+  if (row + 1 < finished.size()) add(finished[row]);
   return stretch_mm;
 }
 

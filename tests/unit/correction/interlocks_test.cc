@@ -117,7 +117,9 @@ const Fault kFaults[] = {
     {"NoCorrection", InterlockKind::kCorrection, [](InterlockInput& in) { in.correction.reset(); },
      "there is no correction"},
     {"CorrectionTooLarge", InterlockKind::kCorrection,
-     [](InterlockInput& in) { in.correction->refusals = {"bend 2 angle: 13 degrees, limit 12"}; },
+     [](InterlockInput& in) {
+       in.correction.emplace().refusals = {"bend 2 angle: 13 degrees, limit 12"};
+     },
      "correction of bend 2 angle: 13 degrees, limit 12"},
     {"Stale", InterlockKind::kStaleSession, [](InterlockInput& in) { in.session_age_s = 4000; },
      "4000 s ago, limit 600 s"},
