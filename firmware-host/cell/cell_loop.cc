@@ -13,12 +13,27 @@ using namespace std::chrono_literals;
 
 constexpr auto kReadTimeout = 20ms;
 constexpr auto kPublishPeriod = 100ms;
+constexpr auto kAskPeriod = 1s;
 // Coverage is looked at every so many profiles, never by time: a replay must end where the live
 // scan ended.
 constexpr std::uint64_t kCoveragePeriod = 64;
 constexpr double kCoveredPart = 0.98;
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
+
+const char* Word(hal::BenderMode mode) {
+  switch (mode) {
+    case hal::BenderMode::kNotReady:
+      return "not ready";
+    case hal::BenderMode::kIdle:
+      return "idle";
+    case hal::BenderMode::kBending:
+      return "bending";
+    case hal::BenderMode::kFault:
+      break;
+  }
+  return "fault";
+}
 
 const char* Word(PartEnd end) {
   switch (end) {
@@ -52,6 +67,7 @@ CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::So
     Read(ring);
     Update();
     Write();
+    AskBender();
     PublishCounters(acquisition, ring);
     ring.Release();
     if (options_.max_parts > 0 && parts_ >= options_.max_parts) {
@@ -102,6 +118,25 @@ void CellLoop::Write() {
   if (step_ == ScanStep::kBroke) DropScan({hal::ErrorKind::kDevice, scan_.reason()});
 }
 
+void CellLoop::AskBender() {
+  if (!options_.scan.is_live || !ports_.desk->has_bender()) return;
+  if (asked_.valid()) {
+    if (asked_.wait_for(0s) != std::future_status::ready) return;
+    const BenderReading heard = asked_.get();
+    ports_.board->Update([&](CellSnapshot& s) {
+      s.bender_state = heard.facts ? Word(heard.facts->state.mode) : heard.problem;
+      if (heard.facts) s.bender_sequence = heard.facts->state.active_sequence;
+    });
+    if (ports_.bender_heard) ports_.bender_heard(heard);
+  }
+  if (scan_.phase() != ScanPhase::kWaiting || base_.valid()) return;
+  const auto now = ports_.clock->Now();
+  if (asked_at_.count() != 0 && now - asked_at_ < kAskPeriod) return;
+  asked_at_ = now;
+  // Beside the loop: a bender that is slow to answer must not cost profiles.
+  asked_ = std::async(std::launch::async, [desk = ports_.desk] { return desk->Read(); });
+}
+
 void CellLoop::BeginScan() {
   if (base_.valid()) base_.wait();  // of a scan that was begun again
   if (ports_.recorder && reconstruction_) ports_.recorder->Discard();
@@ -109,7 +144,9 @@ void CellLoop::BeginScan() {
   reconstruction_.emplace(plan_.reconstruction, *ports_.clock);
   // The program that the bender holds now is the one that bent this part. It is asked beside the
   // scan: a slow bender must not cost profiles.
-  base_ = std::async(std::launch::async, [this, lot = ports_.lot ? ports_.lot() : std::nullopt] {
+  base_ = std::async(std::launch::async, [this, lot = ports_.lot ? ports_.lot() : std::nullopt,
+                                          asked = std::move(asked_)]() mutable {
+    if (asked.valid()) asked.wait();
     if (ports_.recorded) return *ports_.recorded;
     RunContext base;
     base.lot = lot;

@@ -41,6 +41,8 @@ struct CellPorts {
   std::function<std::optional<pipeline::LotState>()> lot;
   std::function<void(PartOutcome&)> part_done;
   std::function<void(const FailedScan&)> scan_failed;
+  // Between scans, about once a second.
+  std::function<void(const BenderReading&)> bender_heard;
   // At every turn, from the loop's own thread (watchdog).
   std::function<void()> alive;
 };
@@ -77,6 +79,7 @@ class CellLoop {
   void Update();
   void Write();
 
+  void AskBender();
   void BeginScan();
   void GrowScan();
   bool NominalIsCovered();
@@ -97,6 +100,9 @@ class CellLoop {
   std::string scanner_;
   std::uint64_t parts_ = 0;
   std::chrono::nanoseconds published_{0};
+  // The desk is used by one of these at a time: asked in between scans, read at a scan's start.
+  std::future<BenderReading> asked_;
+  std::chrono::nanoseconds asked_at_{0};
 
   // Of the running scan.
   ScanIdentity identity_;

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "config/cell_config.h"
+#include "hal/clock.h"
+#include "hal/profile_source.h"
+#include "hal/result.h"
+
+namespace bendloop::host {
+
+// The scanner that the cell file names. `clock` must outlive it. kUsage for a kind that this build
+// cannot reach.
+hal::Result<std::unique_ptr<hal::ProfileSource>> MakeSource(const config::ScannerConfig& scanner,
+                                                            hal::Clock& clock);
+
+}  // namespace bendloop::host

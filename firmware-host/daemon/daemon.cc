@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/daemon/daemon.h"
+
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <utility>
+
+#include "config/load.h"
+#include "firmware-host/acquisition/acquisition.h"
+#include "firmware-host/cell/bender_desk.h"
+#include "firmware-host/cell/cell_loop.h"
+#include "firmware-host/cell/live_source.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/version.h"
+#include "firmware-host/daemon/part_keeper.h"
+#include "firmware-host/daemon/service_notify.h"
+#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/daemon/status_server.h"
+#include "firmware-host/recorder/recorder.h"
+
+namespace bendloop::host {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::atomic<bool> g_stop{false};
+
+constexpr auto kFirstRetry = 100ms;
+constexpr auto kLongestRetry = 5000ms;
+
+RealtimePolicy RealtimeOf(const config::RealtimeConfig& from) {
+  RealtimePolicy policy;
+  policy.enabled = true;
+  policy.required = from.mode == config::RealtimeMode::kRequired;
+  policy.priority = from.priority;
+  policy.cpu = from.cpu.value_or(-1);
+  return policy;
+}
+
+spdlog::level::level_enum LevelOf(config::LogLevel level) {
+  switch (level) {
+    case config::LogLevel::kDebug:
+      return spdlog::level::debug;
+    case config::LogLevel::kInfo:
+      return spdlog::level::info;
+    case config::LogLevel::kWarning:
+      return spdlog::level::warn;
+    case config::LogLevel::kError:
+      break;
+  }
+  return spdlog::level::err;
+}
+
+}  // namespace
+
+class Daemon::Impl {
+ public:
+  Impl(const DaemonOptions& options, config::CellConfig cell, PartPlan plan, StateStore store)
+      : options_(options),
+        cell_(std::move(cell)),
+        plan_(std::move(plan)),
+        store_(std::move(store)),
+        notify_(clock_),
+        keeper_(store_, cell_.record.directory, plan_.config_digest) {}
+
+  hal::Result<void> Prepare();
+  int Run();
+
+ private:
+  hal::Result<void> ServeStatus();
+  CellPorts Ports();
+  // Opens the scanner and runs the loop on it until one of them ends. False: stop.
+  bool ServeScanner(CellLoop& loop);
+  void ScannerIsAway(const std::string& why);
+  void WaitForRetry();
+  void BenderHeard(const BenderReading& heard);
+
+  const DaemonOptions options_;
+  const config::CellConfig cell_;
+  const PartPlan plan_;
+  hal::SteadyClock clock_;
+  StateStore store_;
+  StatusBoard board_;
+  ServiceNotify notify_;
+  PartKeeper keeper_;
+  std::unique_ptr<BenderDesk> desk_;
+  std::unique_ptr<Recorder> recorder_;
+  std::unique_ptr<StatusServer> server_;
+  std::chrono::milliseconds retry_ = kFirstRetry;
+  std::string scanner_problem_;
+  std::string bender_problem_;
+  bool bender_known_ = false;
+  int exit_code_ = 0;
+};
+
+hal::Result<void> Daemon::Impl::Prepare() {
+  if (auto loaded = keeper_.LoadLot(); !loaded) return hal::Fail(loaded.error());
+  BenderDesk::Options desk;
+  desk.journal = store_.journal();
+  desk.pipe_radius_mm = plan_.pipe_radius_mm;
+  desk.commit = plan_.commit;
+  if (cell_.bender.link == config::BenderKind::kSimulated) {
+    auto first = pipeline::InitialProgram(plan_.nominal, plan_.correction.material);
+    if (!first) return hal::Fail(first.error());
+    desk.preload.part_number = plan_.part_number;
+    desk.preload.program = std::move(*first);
+  }
+  auto opened = BenderDesk::Open(cell_.bender, desk, clock_);
+  if (!opened) return hal::Fail(opened.error());
+  desk_ = std::move(*opened);
+  spdlog::info("bender: {}", desk_->name());
+  if (const auto resumed = desk_->Resume()) {
+    spdlog::warn("a program was on its way when the daemon last ended: {}{}{}",
+                 Name(resumed->outcome), resumed->reason.empty() ? "" : ", ", resumed->reason);
+  }
+  RecorderOptions recorder;
+  recorder.directory = cell_.record.directory;
+  recorder.disk_budget_bytes = cell_.record.disk_budget_mb << 20;
+  recorder_ = std::make_unique<Recorder>(recorder, clock_);
+  board_.Update([&](CellSnapshot& s) {
+    s.cell = cell_.name;
+    s.part = plan_.part;
+    s.bender = desk_->name();
+  });
+  return ServeStatus();
+}
+
+hal::Result<void> Daemon::Impl::ServeStatus() {
+  StatusServer::Pages pages;
+  pages.status = [this] { return Dump(StatusJson(board_.Get()), 2) + "\n"; };
+  pages.metrics = [this] { return MetricsText(board_.Get()); };
+  auto server = StatusServer::Start(options_.status_port, std::move(pages));
+  if (!server) return hal::Fail(server.error());
+  server_ = std::move(*server);
+  spdlog::info("status: http://127.0.0.1:{}/status", server_->port());
+  const Json address = {{"schema", "bendloop.status-address/1"},
+                        {"host", "127.0.0.1"},
+                        {"port", server_->port()},
+                        {"pid", getpid()}};
+  return WriteFileAtomically(store_.status(), Dump(address, 2) + "\n");
+}
+
+CellPorts Daemon::Impl::Ports() {
+  CellPorts ports;
+  ports.clock = &clock_;
+  ports.desk = desk_.get();
+  ports.board = &board_;
+  ports.recorder = recorder_.get();
+  ports.identify = [this] {
+    const ScanIdentity identity = keeper_.Identify();
+    spdlog::info("{}: scan begins", identity.session);
+    return identity;
+  };
+  ports.lot = [this] { return keeper_.Lot(); };
+  ports.part_done = [this](PartOutcome& outcome) { keeper_.Keep(outcome); };
+  ports.scan_failed = [this](const FailedScan& failed) { keeper_.KeepFailure(failed); };
+  ports.bender_heard = [this](const BenderReading& heard) { BenderHeard(heard); };
+  ports.alive = [this] { notify_.Alive(); };
+  return ports;
+}
+
+int Daemon::Impl::Run() {
+  CellLoopOptions options;
+  options.scan.is_live = cell_.scanner.kind != config::ScannerKind::kSession;
+  options.scan.starts_by_event = cell_.scan.end == config::ScanEnd::kEvent;
+  options.scan.max_seconds = cell_.scan.max_seconds;
+  options.scan.min_profiles = cell_.scan.min_profiles;
+  options.ends_by_coverage = cell_.scan.end == config::ScanEnd::kCoverage;
+  options.max_parts = options_.parts;
+  CellPorts ports = Ports();
+  CellLoop* running = nullptr;
+  ports.alive = [this, &running] {
+    notify_.Alive();
+    if (g_stop) running->Stop();
+  };
+  CellLoop loop(plan_, std::move(ports), options);
+  running = &loop;
+
+  notify_.Ready();
+  while (!g_stop && ServeScanner(loop)) WaitForRetry();
+  notify_.Stopping();
+  spdlog::info("stopping after {} scans", loop.parts());
+  board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
+  recorder_->Flush();
+  ::unlink(store_.status().c_str());
+  return exit_code_;
+}
+
+bool Daemon::Impl::ServeScanner(CellLoop& loop) {
+  auto source = MakeSource(cell_.scanner, clock_);
+  if (!source) {
+    spdlog::error("scanner: {}", source.error().message);
+    exit_code_ = hal::ExitCode(source.error().kind);
+    return false;
+  }
+  const auto info = (*source)->Open();
+  if (!info) {
+    ScannerIsAway(info.error().message);
+    return true;
+  }
+  ProfileRing ring(cell_.scanner.queue_profiles, info->max_points);
+  AcquisitionOptions options;
+  options.realtime = RealtimeOf(cell_.realtime);
+  Acquisition acquisition(**source, *info, ring, clock_, options);
+  if (auto started = acquisition.Start(); !started) {
+    if (options.realtime.required && started.error().message.rfind("[realtime]", 0) == 0) {
+      spdlog::error("{}", started.error().message);
+      exit_code_ = hal::ExitCode(started.error().kind);
+      return false;
+    }
+    ScannerIsAway(started.error().message);
+    return true;
+  }
+  spdlog::info("scanner: {} {}, firmware {}, up to {} points a profile, ring of {} profiles",
+               info->model, info->serial, info->firmware, info->max_points, ring.capacity());
+  if (!acquisition.realtime_note().empty()) spdlog::warn("{}", acquisition.realtime_note());
+  scanner_problem_.clear();
+  retry_ = kFirstRetry;
+  notify_.Status("scanner connected, waiting for a scan");
+  const CellEnd end = loop.Run(acquisition, ring, *info);
+  acquisition.Stop();
+  const AcquisitionCounters& counters = acquisition.counters();
+  spdlog::info("scanner: {} profiles, {} dropped, {} missing, ring peak {} of {}",
+               counters.profiles.load(), counters.dropped_profiles.load(),
+               counters.missing_profiles.load(), counters.queue_peak.load(), ring.capacity());
+  switch (end) {
+    case CellEnd::kSourceFault:
+      ScannerIsAway(acquisition.fault().message);
+      return true;
+    case CellEnd::kStopped:
+    case CellEnd::kPartsDone:
+    case CellEnd::kSourceEnd:
+      break;
+  }
+  return false;
+}
+
+void Daemon::Impl::ScannerIsAway(const std::string& why) {
+  // Once for each reason: an unplugged scanner must not fill the log.
+  if (why != scanner_problem_) {
+    spdlog::warn("no scanner: {}; trying again every {} s at most", why,
+                 kLongestRetry.count() / 1000);
+  }
+  scanner_problem_ = why;
+  notify_.Status("no scanner: " + why);
+  board_.Update([&](CellSnapshot& s) {
+    s.phase = CellPhase::kNoScanner;
+    s.scanner = why;
+  });
+}
+
+void Daemon::Impl::WaitForRetry() {
+  const auto until = clock_.Now() + retry_;
+  while (!g_stop && clock_.Now() < until) {
+    notify_.Alive();
+    clock_.SleepUntil(std::min(until, clock_.Now() + std::chrono::nanoseconds(50ms)));
+  }
+  retry_ = std::min<std::chrono::milliseconds>(retry_ * 2, kLongestRetry);
+}
+
+void Daemon::Impl::BenderHeard(const BenderReading& heard) {
+  if (heard.facts && (!bender_known_ || !bender_problem_.empty())) {
+    spdlog::info("bender answers: active program {}", Describe(heard.facts->active));
+  }
+  if (!heard.facts && heard.problem != bender_problem_) {
+    spdlog::warn("bender does not answer: {}", heard.problem);
+  }
+  bender_known_ = bender_known_ || heard.facts.has_value();
+  bender_problem_ = heard.problem;
+}
+
+hal::Result<std::unique_ptr<Daemon>> Daemon::Start(const DaemonOptions& options) {
+  auto cell = config::LoadCell(options.config);
+  if (!cell) return hal::Fail(cell.error());
+  auto plan = MakePartPlan(*cell);
+  if (!plan) return hal::Fail(plan.error());
+  spdlog::set_level(LevelOf(cell->log_level));
+  ApplyOverrides(options, *cell);
+  auto store = StateStore::Open(cell->state_dir);
+  if (!store) return hal::Fail(store.error());
+  spdlog::info("{}: cell '{}', part '{}', {} bends, pipe radius {} mm, settings {}", kSoftware,
+               cell->name, plan->part, plan->nominal.bend_count(), plan->pipe_radius_mm,
+               plan->config_digest);
+  auto impl =
+      std::make_unique<Impl>(options, std::move(*cell), std::move(*plan), std::move(*store));
+  if (auto ready = impl->Prepare(); !ready) return hal::Fail(ready.error());
+  return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
+}
+
+Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Daemon::~Daemon() = default;
+int Daemon::Run() { return impl_->Run(); }
+void Daemon::RequestStop() { g_stop = true; }
+
+}  // namespace bendloop::host

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "firmware-host/daemon/daemon_options.h"
+#include "hal/result.h"
+
+namespace bendloop::host {
+
+// The cell's daemon: keeps a scanner open, runs the cell loop on it, keeps results, answers for its
+// state. Threads: acquisition, recorder, status, and the caller's, which runs the cell loop.
+class Daemon {
+ public:
+  // Loads the configuration, takes the state directory, asks the journal for an attempt that a
+  // crash left open. Errors are those of the start; afterwards the daemon only logs.
+  static hal::Result<std::unique_ptr<Daemon>> Start(const DaemonOptions& options);
+  ~Daemon();
+
+  // Serves until RequestStop or the last of DaemonOptions::parts. Returns the exit code.
+  int Run();
+  // Async-signal-safe.
+  static void RequestStop();
+
+ private:
+  class Impl;
+  explicit Daemon(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace bendloop::host

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/daemon/part_keeper.h"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <utility>
+
+#include "firmware-host/result/result_json.h"
+#include "firmware-host/text/result_text.h"
+
+namespace bendloop::host {
+
+std::string UtcNow() {
+  const auto now = std::chrono::system_clock::now();
+  const std::time_t seconds = std::chrono::system_clock::to_time_t(now);
+  const auto ms =
+      std::chrono::duration_cast<std::chrono::milliseconds>(now.time_since_epoch()).count() % 1000;
+  std::tm utc{};
+  gmtime_r(&seconds, &utc);
+  char text[64];
+  const std::size_t length = std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%S", &utc);
+  std::snprintf(text + length, sizeof text - length, ".%03dZ", static_cast<int>(ms));
+  return text;
+}
+
+PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key)
+    : store_(store), sessions_(std::move(sessions)), lot_key_(std::move(lot_key)) {}
+
+hal::Result<void> PartKeeper::LoadLot() {
+  auto lot = store_.Lot(lot_key_);
+  if (!lot) return hal::Fail(lot.error());
+  lot_ = std::move(*lot);
+  if (lot_) spdlog::info("lot goes on: {} parts so far", lot_->parts);
+  return {};
+}
+
+ScanIdentity PartKeeper::Identify() const { return {store_.NextName(sessions_), UtcNow()}; }
+
+void PartKeeper::Keep(PartOutcome& outcome) {
+  const RunResult& result = outcome.result;
+  if (outcome.next) {
+    lot_ = outcome.next;
+    if (auto kept = store_.KeepLot(*lot_, lot_key_); !kept) {
+      spdlog::error("lot not kept: {}", kept.error().message);
+    }
+  }
+  const auto path = store_.results() / (result.session + ".json");
+  if (auto written = WriteFileAtomically(path, WriteResultJson(result)); !written) {
+    spdlog::error("result not kept: {}", written.error().message);
+  }
+  spdlog::info("{}: {}", result.session, VerdictLine(result, false));
+  for (const std::string& reason : outcome.reasons) {
+    spdlog::warn("{}: {}", result.session, reason);
+  }
+  if (result.bender && result.bender->outcome == CommitOutcome::kCommitted) {
+    spdlog::info("{}: bender confirmed program {}", result.session, result.bender->sequence);
+  }
+}
+
+void PartKeeper::KeepFailure(const FailedScan& failed) {
+  spdlog::warn("{}: not measured: {}", failed.identity.session, failed.error.message);
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "firmware-host/cell/cell_loop.h"
+#include "firmware-host/cell/part_run.h"
+#include "firmware-host/daemon/state_store.h"
+
+namespace bendloop::host {
+
+// What the daemon does with a finished part: keeps what the lot has learnt, the result and the
+// history, and tells the log. Trouble is logged; it never stops the cell.
+class PartKeeper {
+ public:
+  PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key);
+
+  ScanIdentity Identify() const;
+  std::optional<pipeline::LotState> Lot() const { return lot_; }
+  // kBadInput when the kept lot is damaged.
+  hal::Result<void> LoadLot();
+  void Keep(PartOutcome& outcome);
+  void KeepFailure(const FailedScan& failed);
+
+ private:
+  StateStore& store_;
+  std::filesystem::path sessions_;
+  std::string lot_key_;
+  std::optional<pipeline::LotState> lot_;
+};
+
+// Now, in UTC: "2026-11-21T03:07:34.123Z".
+std::string UtcNow();
+
+}  // namespace bendloop::host
