@@ -7,6 +7,8 @@
 #include <thread>
 #include <utility>
 
+#include "firmware-host/daemon/state_store.h"
+
 namespace bendloop::host {
 
 class StatusServer::Impl {
@@ -69,6 +71,26 @@ hal::Result<std::string> FetchLocal(std::uint16_t port, const std::string& path,
                          (reply ? ", status " + std::to_string(reply->status) : std::string()));
   }
   return reply->body;
+}
+
+hal::Result<Json> FetchStatus(const std::filesystem::path& address_file) {
+  const auto no_daemon = [&](const std::string& why) {
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     address_file.parent_path().string() + ": no daemon answers (" + why +
+                         "); start bendloopd, or name its --state-dir or --config");
+  };
+  const auto text = ReadWholeFile(address_file, 4096);
+  if (!text) return no_daemon("no " + address_file.filename().string());
+  const Json address = Json::parse(*text, nullptr, false);
+  if (!address.is_object() || !address.contains("port") || !address["port"].is_number_unsigned() ||
+      address["port"] > 65535u) {
+    return no_daemon("no port in " + address_file.filename().string());
+  }
+  const auto body = FetchLocal(address["port"].get<std::uint16_t>(), "/status");
+  if (!body) return no_daemon(body.error().message);
+  Json status = Json::parse(*body, nullptr, false);
+  if (!status.is_object()) return no_daemon("the answer is no JSON object");
+  return status;
 }
 
 }  // namespace bendloop::host

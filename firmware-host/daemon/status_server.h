@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
 #include <string>
 
+#include "firmware-host/result/json.h"
 #include "hal/result.h"
 
 namespace bendloop::host {
@@ -34,5 +36,9 @@ class StatusServer {
 
 // GET from a server on this machine within `timeout_s`; kDevice when nobody answers.
 hal::Result<std::string> FetchLocal(std::uint16_t port, const std::string& path, int timeout_s = 2);
+
+// /status of the daemon whose address stands in this file of its state directory; kDevice when
+// there is no daemon.
+hal::Result<Json> FetchStatus(const std::filesystem::path& address_file);
 
 }  // namespace bendloop::host

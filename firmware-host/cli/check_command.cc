@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstdint>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/load.h"
+#include "drivers/session/session_check.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cli/command.h"
+
+namespace bendloop::host {
+namespace {
+
+constexpr const char* kFooter = R"(
+Examples:
+  bendloop check /etc/bendloop/cell.toml
+  bendloop check cells/*.toml parts/*.toml sessions/*.session
+
+Cell files are checked with the part and the register map that they name. All files are checked;
+each problem is told with file, line, key and the mend. Exit code 3 when there is any.)";
+
+bool IsDatabase(const std::string& file) {
+  char head[16] = {};
+  std::ifstream(file, std::ios::binary).read(head, sizeof head);
+  return std::string(head, 15) == "SQLite format 3";
+}
+
+hal::Result<std::string> CheckSessionFile(const std::string& file) {
+  const auto summary = drivers::CheckSession(file);
+  if (!summary) return hal::Fail(summary.error());
+  for (const std::string& warning : summary->warnings) {
+    std::cerr << "bendloop: note: " << warning << "\n";
+  }
+  if (!summary->ok()) {
+    std::string message;
+    for (const std::string& problem : summary->problems) {
+      message += (message.empty() ? "" : "\n") + problem;
+    }
+    if (summary->problems_left_out > 0) {
+      message += "\n" + file + ": and " + std::to_string(summary->problems_left_out) + " more";
+    }
+    return hal::Fail(hal::ErrorKind::kBadInput, message);
+  }
+  return "session, " + std::to_string(summary->profiles) + " profiles, " +
+         std::to_string(summary->points) + " points";
+}
+
+// What the file is, when it is right.
+hal::Result<std::string> CheckFile(const std::string& file) {
+  if (IsDatabase(file)) return CheckSessionFile(file);
+  const auto kind = config::ValidateFile(file);
+  if (!kind) return hal::Fail(kind.error());
+  // Beyond keys and types: can this be bent?
+  if (*kind == config::FileKind::kCell) {
+    const auto cell = config::LoadCell(file);
+    if (!cell) return hal::Fail(cell.error());
+    if (const auto plan = MakePartPlan(*cell); !plan) return hal::Fail(plan.error());
+  }
+  if (*kind == config::FileKind::kPart) {
+    const auto part = config::LoadPart(file);
+    if (!part) return hal::Fail(part.error());
+    if (const auto nominal = NominalProgram(*part); !nominal) return hal::Fail(nominal.error());
+    if (auto material = pipeline::Check(MaterialOf(*part)); !material) {
+      return hal::Fail(material.error().kind, file + ": " + material.error().message);
+    }
+  }
+  return std::string(config::Name(*kind));
+}
+
+int Check(const std::vector<std::string>& files) {
+  int code = 0;
+  for (const std::string& file : files) {
+    const auto kind = CheckFile(file);
+    if (kind) {
+      std::cout << file << ": ok (" << *kind << ")\n" << std::flush;
+    } else {
+      code = std::max(code, Report(kind.error()));
+    }
+  }
+  return code;
+}
+
+}  // namespace
+
+CLI::App* AddCheckCommand(CLI::App& app, Run& run) {
+  auto files = std::make_shared<std::vector<std::string>>();
+  CLI::App* command =
+      app.add_subcommand("check", "Validate cell, part, register-map and session files");
+  command->footer(kFooter);
+  command->add_option("files", *files, "Any of them")->required()->type_name("FILE...");
+  command->callback([files, &run] { run = [files] { return Check(*files); }; });
+  return command;
+}
+
+}  // namespace bendloop::host

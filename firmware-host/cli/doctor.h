@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace bendloop::host {
+
+// One thing that the daemon wants of the machine.
+struct Finding {
+  std::string name;
+  bool ok = false;
+  std::string found;
+  std::string mend;  // how to grant it; "" when ok
+};
+
+// Where to look; tests give a made-up tree.
+struct DoctorPlaces {
+  std::filesystem::path proc = "/proc";
+  std::filesystem::path sys = "/sys";
+  std::filesystem::path dev = "/dev";
+  std::filesystem::path state_dir = "/var/lib/bendloop";
+};
+
+std::vector<Finding> Examine(const DoctorPlaces& places);
+
+}  // namespace bendloop::host

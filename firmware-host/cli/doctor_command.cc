@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
+#include <iostream>
+#include <memory>
+
+#include "config/load.h"
+#include "firmware-host/cli/command.h"
+#include "firmware-host/cli/doctor.h"
+#include "firmware-host/result/json.h"
+#include "firmware-host/text/style.h"
+#include "firmware-host/text/table.h"
+
+namespace bendloop::host {
+namespace {
+
+struct DoctorArguments {
+  std::string config;
+  bool json = false;
+};
+
+constexpr const char* kFooter = R"(
+Examples:
+  bendloop doctor
+  bendloop doctor --config /etc/bendloop/cell.toml
+  sudo -u bendloop bendloop doctor --json
+
+Run it as the user that runs the daemon. Warnings do not change the exit code: which of them
+matter depends on the cell.)";
+
+int Doctor(const DoctorArguments& arguments) {
+  DoctorPlaces places;
+  if (!arguments.config.empty()) {
+    const auto cell = config::LoadCell(arguments.config);
+    if (!cell) return Report(cell.error());
+    places.state_dir = cell->state_dir;
+  }
+  const std::vector<Finding> findings = Examine(places);
+  if (arguments.json) {
+    Json list = Json::array();
+    for (const Finding& finding : findings) {
+      list.push_back({{"name", finding.name},
+                      {"ok", finding.ok},
+                      {"found", finding.found},
+                      {"mend", finding.mend}});
+    }
+    std::cout << Dump({{"schema", "bendloop.doctor/1"}, {"findings", list}}, 2) << "\n";
+    return 0;
+  }
+  const bool colour = ColourAllowed(STDOUT_FILENO);
+  Table table({{"", Align::kLeft}, {"what", Align::kLeft}, {"found", Align::kLeft}});
+  for (const Finding& finding : findings) {
+    table.Add({Cell(finding.ok ? "ok" : "warn", finding.ok ? Style::kGood : Style::kWarning),
+               finding.name, finding.found});
+    if (!finding.ok) table.Add({"", "", Cell(finding.mend, Style::kFaint)});
+  }
+  std::cout << table.Render(colour);
+  return 0;
+}
+
+}  // namespace
+
+CLI::App* AddDoctorCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<DoctorArguments>();
+  CLI::App* command = app.add_subcommand("doctor", "Is this machine fit for real time?");
+  command->footer(kFooter);
+  command->add_option("--config", arguments->config, "Looks at this cell's state_dir as well")
+      ->type_name("CELL.toml");
+  command->add_flag("--json", arguments->json, "JSON, schema bendloop.doctor/1");
+  command->callback([arguments, &run] { run = [arguments] { return Doctor(*arguments); }; });
+  return command;
+}
+
+}  // namespace bendloop::host

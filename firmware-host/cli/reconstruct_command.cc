@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "firmware-host/cell/version.h"
+#include "firmware-host/cli/command.h"
+#include "firmware-host/cloud/point_cloud.h"
+#include "firmware-host/result/result_json.h"
+#include "firmware-host/text/result_text.h"
+#include "firmware-host/text/style.h"
+#include "firmware-host/text/table.h"
+#include "hal/clock.h"
+#include "pipeline/reconstruction.h"
+
+namespace bendloop::host {
+namespace {
+
+struct ReconstructArguments {
+  std::string cloud;
+  std::string units = "mm";
+  std::optional<double> pipe_radius_mm;
+  std::string model = "auto";
+  std::string spine_method = "mls";
+  std::string json;
+  std::string spine_out;
+};
+
+constexpr const char* kFooter = R"(
+Examples:
+  bendloop reconstruct tube.ply
+  bendloop reconstruct coil.ply --units m
+  bendloop reconstruct tube.xyz --pipe-radius 4 --json tube.json --spine-out spine.csv
+  bendloop reconstruct tube.pcd --json - | jq .tube.rows
+
+Reads PLY, PCD and XYZ/CSV text; the content decides, not the name. Output is in mm and degrees.
+The rotation is right-handed about the feed direction, from one bend plane to the next.)";
+
+// The one place where a model and a spine method become a measurement.
+hal::Result<pipeline::Measurement> Measure(const ReconstructArguments& arguments,
+                                           const PointCloud& cloud) {
+  if (arguments.model == "canal" || arguments.model == "freeform") {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     "--model: '" + arguments.model + "' is not available yet; use auto or tube");
+  }
+  if (arguments.spine_method != "mls") {
+    return hal::Fail(hal::ErrorKind::kUsage, "--spine-method: '" + arguments.spine_method +
+                                                 "' is not available yet; use mls");
+  }
+  pipeline::ReconstructionOptions options;
+  options.pipe_radius_mm = arguments.pipe_radius_mm;
+  const hal::SteadyClock clock;
+  return pipeline::Reconstruct(cloud.points_mm, options, clock);
+}
+
+std::string SpineCsv(const pipeline::Measurement& measurement) {
+  std::string csv = "x_mm,y_mm,z_mm,pipe_radius_mm\n";
+  for (const pipeline::SpineSample& sample : measurement.spine) {
+    csv += Fixed(sample.position_mm.x(), 6) + "," + Fixed(sample.position_mm.y(), 6) + "," +
+           Fixed(sample.position_mm.z(), 6) + "," + Fixed(sample.pipe_radius_mm, 6) + "\n";
+  }
+  return csv;
+}
+
+std::string BaseName(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  return slash == std::string::npos ? path : path.substr(slash + 1);
+}
+
+int Reconstruct(const ReconstructArguments& arguments) {
+  const auto units = UnitsFromName(arguments.units);
+  if (!units) return Report(units.error());
+  auto cloud = ReadCloud(arguments.cloud, *units);
+  if (!cloud) return Report(cloud.error());
+  for (const std::string& warning : cloud->warnings) {
+    std::cerr << "bendloop: note: " << arguments.cloud << ": " << warning << "\n";
+  }
+  auto measurement = Measure(arguments, *cloud);
+  if (!measurement) {
+    hal::Error error = measurement.error();
+    if (error.kind == hal::ErrorKind::kBadInput) {
+      error.message = arguments.cloud + ": " + error.message;
+    }
+    return Report(error);
+  }
+  RunResult result;
+  result.session = BaseName(arguments.cloud);
+  result.software = kSoftware;
+  result.measurement = std::move(*measurement);
+  // With the JSON on standard output the table would be in its way.
+  if (arguments.json != "-" && arguments.spine_out != "-") {
+    std::cout << MeasurementText(result.measurement, ColourAllowed(STDOUT_FILENO)) << std::flush;
+  }
+  if (!arguments.json.empty()) {
+    ResultJsonOptions options;
+    options.spine = true;
+    if (const int code = WriteOutput(arguments.json, WriteResultJson(result, options))) return code;
+  }
+  if (!arguments.spine_out.empty()) {
+    if (const int code = WriteOutput(arguments.spine_out, SpineCsv(result.measurement))) {
+      return code;
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+CLI::App* AddReconstructCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<ReconstructArguments>();
+  CLI::App* command =
+      app.add_subcommand("reconstruct", "Point cloud to lengths, rotations and angles (LRA)");
+  command->footer(kFooter);
+  command->add_option("cloud", arguments->cloud, "PLY, PCD or XYZ/CSV text")
+      ->required()
+      ->type_name("CLOUD");
+  command->add_option("--units", arguments->units, "Unit of the cloud's coordinates")
+      ->check(CLI::IsMember({"mm", "m", "in"}))
+      ->capture_default_str();
+  command->add_option("--pipe-radius", arguments->pipe_radius_mm, "Known; estimated when not given")
+      ->check(CLI::PositiveNumber)
+      ->type_name("MM");
+  command->add_option("--model", arguments->model, "What the points show")
+      ->check(CLI::IsMember({"auto", "tube", "canal", "freeform"}))
+      ->capture_default_str();
+  command->add_option("--spine-method", arguments->spine_method, "How samples reach the spine")
+      ->check(CLI::IsMember({"mls", "shrinking"}))
+      ->capture_default_str();
+  command->add_option("--json", arguments->json, "Write the result here, - for standard output")
+      ->type_name("OUT");
+  command->add_option("--spine-out", arguments->spine_out, "Write the spine's points as CSV")
+      ->type_name("OUT.csv");
+  command->callback([arguments, &run] { run = [arguments] { return Reconstruct(*arguments); }; });
+  return command;
+}
+
+}  // namespace bendloop::host

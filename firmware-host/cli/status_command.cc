@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include "config/load.h"
+#include "firmware-host/cell/cell_status.h"
+#include "firmware-host/cli/command.h"
+#include "firmware-host/daemon/status_server.h"
+#include "firmware-host/daemon/status_server.h"
+
+namespace bendloop::host {
+namespace {
+
+struct StatusArguments {
+  std::string config;
+  std::string state_dir = "/var/lib/bendloop";
+  bool json = false;
+};
+
+constexpr const char* kFooter = R"(
+Examples:
+  bendloop status
+  bendloop status --config /etc/bendloop/cell.toml
+  bendloop status --state-dir demo-out/state --json
+
+Exit code 4 when no daemon answers.)";
+
+int Status(const StatusArguments& arguments) {
+  std::filesystem::path directory = arguments.state_dir;
+  if (!arguments.config.empty()) {
+    const auto cell = config::LoadCell(arguments.config);
+    if (!cell) return Report(cell.error());
+    directory = cell->state_dir;
+  }
+  const auto status = FetchStatus(directory / "status.json");
+  if (!status) return Report(status.error());
+  std::cout << (arguments.json ? Dump(*status, 2) + "\n" : StatusText(*status)) << std::flush;
+  return 0;
+}
+
+}  // namespace
+
+CLI::App* AddStatusCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<StatusArguments>();
+  CLI::App* command = app.add_subcommand("status", "The running daemon's state and health");
+  command->footer(kFooter);
+  auto* config = command->add_option("--config", arguments->config, "The daemon's cell file")
+                     ->type_name("CELL.toml");
+  command->add_option("--state-dir", arguments->state_dir, "The daemon's state directory")
+      ->type_name("DIR")
+      ->capture_default_str()
+      ->excludes(config);
+  command->add_flag("--json", arguments->json, "JSON, schema bendloop.status/1");
+  command->callback([arguments, &run] { run = [arguments] { return Status(*arguments); }; });
+  return command;
+}
+
+}  // namespace bendloop::host
