@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drivers/simulated_scanner/tube_surface.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace bendloop::drivers {
+namespace {
+
+using Eigen::Vector3d;
+
+// Neighbouring segments overlap by this, so that no ray slips between them.
+constexpr double kSeamMm = 1e-9;
+
+// x^4 + p x^2 + q x + s.
+struct DepressedQuartic {
+  double p, q, s;
+  double Value(double x) const { return ((x * x + p) * x + q) * x + s; }
+  double Slope(double x) const { return (4 * x * x + 2 * p) * x + q; }
+  double Curvature(double x) const { return 12 * x * x + 2 * p; }
+};
+
+// The root of a function that is monotone on [low, high] and changes sign there: Newton steps, and
+// a bisection whenever one leaves the bracket.
+template <class Value, class Slope>
+double MonotoneRoot(Value value, Slope slope, double low, double high, bool rising) {
+  double x = 0.5 * (low + high);
+  for (int step = 0; step < 100; ++step) {
+    const double y = value(x);
+    if (y == 0) return x;
+    ((y < 0) == rising ? low : high) = x;
+    double next = x - y / slope(x);
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    if (std::abs(next - x) <= 1e-14 * (std::abs(low) + std::abs(high)) || next == x) return next;
+    x = next;
+  }
+  return x;
+}
+
+// Calls `found` with each root in (-limit, limit), rising, until it returns true. Double roots may
+// be left out: a ray that only touches sees nothing.
+template <class Found>
+void ForEachRoot(const DepressedQuartic& f, double limit, Found found) {
+  const auto value = [&](double x) { return f.Value(x); };
+  const auto slope = [&](double x) { return f.Slope(x); };
+  const auto curvature = [&](double x) { return f.Curvature(x); };
+  // Where the slope is monotone, then where the function is.
+  std::array<double, 4> bends = {-limit, limit, limit, limit};
+  std::size_t bend_count = 2;
+  if (f.p < 0) {
+    const double inflexion = std::sqrt(-f.p / 6);
+    if (inflexion < limit) {
+      bends = {-limit, -inflexion, inflexion, limit};
+      bend_count = 4;
+    }
+  }
+  std::array<double, 5> turns{};
+  std::size_t turn_count = 0;
+  turns[turn_count++] = -limit;
+  for (std::size_t i = 0; i + 1 < bend_count; ++i) {
+    const double at_low = f.Slope(bends[i]);
+    const double at_high = f.Slope(bends[i + 1]);
+    if ((at_low < 0) != (at_high < 0)) {
+      turns[turn_count++] = MonotoneRoot(slope, curvature, bends[i], bends[i + 1], at_low < 0);
+    }
+  }
+  turns[turn_count++] = limit;
+  double at_low = f.Value(turns[0]);
+  for (std::size_t i = 0; i + 1 < turn_count; ++i) {
+    const double at_high = f.Value(turns[i + 1]);
+    if ((at_low < 0) != (at_high < 0) &&
+        found(MonotoneRoot(value, slope, turns[i], turns[i + 1], at_low < 0))) {
+      return;
+    }
+    at_low = at_high;
+  }
+}
+
+}  // namespace
+
+TubeSurface::TubeSurface(const hal::Tube& tube)
+    : pipe_radius_mm_(tube.pipe_radius_mm), segments_(hal::SpineSegments(tube.program, tube.X_WT)) {
+  for (const hal::SpineSegment& segment : segments_) {
+    if (!(segment.length_mm > 0)) continue;
+    Part part;
+    part.segment = segment;
+    part.bounds.center_mm = segment.PointAt(segment.length_mm / 2);
+    if (segment.is_arc()) {
+      part.center_mm = segment.center_mm();
+      part.to_start = -segment.normal.cross(segment.tangent);
+      const double quarter = std::min(segment.angle_rad() / 4, std::numbers::pi / 2);
+      part.bounds.radius_mm = 2 * segment.bend_radius_mm * std::sin(quarter) + pipe_radius_mm_;
+    } else {
+      part.bounds.radius_mm = std::hypot(segment.length_mm / 2, pipe_radius_mm_);
+    }
+    part.bounds.radius_mm += 1e-6;
+    parts_.push_back(part);
+  }
+}
+
+std::optional<Hit> TubeSurface::FirstHit(std::size_t index, const Ray& ray, double from_mm,
+                                         double to_mm) const {
+  const Part& part = parts_[index];
+  return part.segment.is_arc() ? HitArc(part, ray, from_mm, to_mm)
+                               : HitLine(part, ray, from_mm, to_mm);
+}
+
+std::optional<Hit> TubeSurface::HitLine(const Part& part, const Ray& ray, double from_mm,
+                                        double to_mm) const {
+  const Vector3d& axis = part.segment.tangent;
+  const Vector3d from_start = ray.origin_mm - part.segment.start_mm;
+  const double origin_along = from_start.dot(axis);
+  const double direction_along = ray.direction.dot(axis);
+  const Vector3d across = from_start - origin_along * axis;
+  const Vector3d direction_across = ray.direction - direction_along * axis;
+  // |across + x direction_across|^2 = r^2
+  const double a = direction_across.squaredNorm();
+  if (a < 1e-18) return std::nullopt;  // along the axis
+  const double middle = -across.dot(direction_across) / a;
+  const double inside =
+      pipe_radius_mm_ * pipe_radius_mm_ - (across + middle * direction_across).squaredNorm();
+  if (inside <= 0) return std::nullopt;
+  const double half = std::sqrt(inside / a);
+  for (const double x : {middle - half, middle + half}) {
+    const double along = origin_along + x * direction_along;
+    if (x < from_mm || x > to_mm || along < -kSeamMm || along > part.segment.length_mm + kSeamMm) {
+      continue;
+    }
+    return Hit{x, (across + x * direction_across) / pipe_radius_mm_};
+  }
+  return std::nullopt;
+}
+
+std::optional<Hit> TubeSurface::HitArc(const Part& part, const Ray& ray, double from_mm,
+                                       double to_mm) const {
+  const double R = part.segment.bend_radius_mm;
+  const double r = pipe_radius_mm_;
+  // In the torus' frame (axis z, start on x), the ray counted from its point next to the center:
+  // then the quartic has no cubic term and its numbers stay small.
+  const Vector3d& x_axis = part.to_start;
+  const Vector3d& y_axis = part.segment.tangent;
+  const Vector3d& z_axis = part.segment.normal;
+  const Vector3d to_center = part.center_mm - ray.origin_mm;
+  const double middle = to_center.dot(ray.direction);
+  const Vector3d nearest = middle * ray.direction - to_center;
+  const double limit_squared = (R + r) * (R + r) - nearest.squaredNorm();
+  if (limit_squared <= 0) return std::nullopt;
+  const double limit = std::sqrt(limit_squared) * (1 + 1e-9);
+  const Vector3d o(nearest.dot(x_axis), nearest.dot(y_axis), nearest.dot(z_axis));
+  const Vector3d d(ray.direction.dot(x_axis), ray.direction.dot(y_axis), ray.direction.dot(z_axis));
+  // (|p|^2 + R^2 - r^2)^2 = 4 R^2 (px^2 + py^2) with p = o + x d, o perpendicular to d.
+  const double k = o.squaredNorm() + R * R - r * r;
+  const double R2 = R * R;
+  const DepressedQuartic f{2 * k - 4 * R2 * (d.x() * d.x() + d.y() * d.y()),
+                           -8 * R2 * (o.x() * d.x() + o.y() * d.y()),
+                           k * k - 4 * R2 * (o.x() * o.x() + o.y() * o.y())};
+  std::optional<Hit> hit;
+  const double seam_rad = kSeamMm / R;
+  const double angle_rad = part.segment.angle_rad();
+  ForEachRoot(f, limit, [&](double x) {
+    if (middle + x < from_mm) return false;
+    if (middle + x > to_mm) return true;
+    const Vector3d p = o + x * d;
+    double phi = std::atan2(p.y(), p.x());
+    if (phi < -seam_rad) phi += 2 * std::numbers::pi;
+    if (phi > angle_rad + seam_rad) return false;
+    const double ring = std::hypot(p.x(), p.y());
+    const Vector3d normal = (p - Vector3d(p.x(), p.y(), 0) * (R / ring)) / r;
+    hit = Hit{middle + x, normal.x() * x_axis + normal.y() * y_axis + normal.z() * z_axis};
+    return true;
+  });
+  return hit;
+}
+
+}  // namespace bendloop::drivers

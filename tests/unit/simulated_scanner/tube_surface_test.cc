@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drivers/simulated_scanner/tube_surface.h"
+
+#include <gtest/gtest.h>
+
+#include "tube_fixture.h"
+
+namespace bendloop::drivers {
+namespace {
+
+using Eigen::Vector3d;
+
+std::optional<Hit> FirstHit(const TubeSurface& surface, const Ray& ray) {
+  std::optional<Hit> first;
+  for (std::size_t part = 0; part < surface.part_count(); ++part) {
+    const auto hit = surface.FirstHit(part, ray, 0, 1e4);
+    if (hit && (!first || hit->along_mm < first->along_mm)) first = hit;
+  }
+  return first;
+}
+
+// Through an open end there is no skin to meet.
+bool EntersAnEnd(const std::vector<hal::SpineSegment>& spine, double radius_mm, const Ray& ray) {
+  for (const bool at_start : {true, false}) {
+    const hal::SpineSegment& segment = at_start ? spine.front() : spine.back();
+    const Vector3d end = segment.PointAt(at_start ? 0 : segment.length_mm);
+    const Vector3d normal = segment.TangentAt(at_start ? 0 : segment.length_mm);
+    const double along = (end - ray.origin_mm).dot(normal) / ray.direction.dot(normal);
+    if (along > 0 && (ray.At(along) - end).norm() < radius_mm + 0.1) return true;
+  }
+  return false;
+}
+
+TEST(TubeSurface, RaysMeetTheTrueSurfaceFirstAndAlways) {
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    std::mt19937_64 engine(seed);
+    const hal::Tube tube = RandomTube(engine, static_cast<int>(seed % 6));
+    const TubeSurface surface(tube);
+    const auto& spine = surface.segments();
+    const double length_mm = hal::SpineLength(tube.program);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    int hits = 0;
+    for (int i = 0; i < 100; ++i) {
+      // Aim at a place near the spine from well outside.
+      const double along = length_mm * (0.5 + 0.5 * unit(engine));
+      std::size_t at = 0;
+      while (at + 1 < spine.size() && along >= spine[at + 1].from_start_mm) ++at;
+      const Vector3d target =
+          spine[at].PointAt(along - spine[at].from_start_mm) +
+          1.2 * tube.pipe_radius_mm * Vector3d(unit(engine), unit(engine), unit(engine));
+      Ray ray;
+      ray.direction = Vector3d(unit(engine), unit(engine), unit(engine)).normalized();
+      ray.origin_mm = target - 3000 * ray.direction;
+      if (EntersAnEnd(spine, tube.pipe_radius_mm, ray)) continue;
+      const auto hit = FirstHit(surface, ray);
+      if (hit) {
+        ++hits;
+        const Foot foot = NearestFoot(spine, ray.At(hit->along_mm));
+        EXPECT_NEAR(foot.distance_mm, tube.pipe_radius_mm, 1e-9) << "seed " << seed << " ray " << i;
+        EXPECT_NEAR(hit->normal.norm(), 1, 1e-9);
+        EXPECT_LT(
+            (foot.point_mm + tube.pipe_radius_mm * hit->normal - ray.At(hit->along_mm)).norm(),
+            1e-8);
+        EXPECT_LT(hit->normal.dot(ray.direction), 1e-6);
+      }
+      // No place before it (or on the whole ray) is inside the tube.
+      const double end = hit ? hit->along_mm - 1e-3 : 6000;
+      for (double x = 2000; x < std::min(end, 4000.0); x += 1.1) {
+        ASSERT_GT(NearestFoot(spine, ray.At(x)).distance_mm, tube.pipe_radius_mm - 1e-9)
+            << "seed " << seed << " ray " << i << " at " << x << " of " << end;
+      }
+    }
+    EXPECT_GT(hits, 30);
+  }
+}
+
+TEST(TubeSurface, StaysExactOnBigBends) {
+  const hal::Tube tube{5, {{{1, 0, 300, 560.0}, {1, 0, 0, std::nullopt}}}, {}};
+  const TubeSurface surface(tube);
+  std::mt19937_64 engine(1);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int i = 0; i < 2000; ++i) {
+    const Vector3d target(1 + 570 * unit(engine), 560 + 570 * unit(engine), 5 * unit(engine));
+    Ray ray;
+    ray.direction = Vector3d(unit(engine), unit(engine), unit(engine)).normalized();
+    ray.origin_mm = target - 2000 * ray.direction;
+    if (const auto hit = FirstHit(surface, ray)) {
+      EXPECT_NEAR(NearestFoot(surface.segments(), ray.At(hit->along_mm)).distance_mm, 5, 1e-9);
+    }
+  }
+}
+
+TEST(TubeSurface, RespectsItsRange) {
+  const TubeSurface surface(hal::Tube{4, {{{100, 0, 0, std::nullopt}}}, {}});
+  const Ray ray{{50, 0, 20}, {0, 0, -1}};
+  EXPECT_NEAR(surface.FirstHit(0, ray, 0, 100)->along_mm, 16, 1e-12);
+  EXPECT_NEAR(surface.FirstHit(0, ray, 17, 100)->along_mm, 24, 1e-12);
+  EXPECT_FALSE(surface.FirstHit(0, ray, 0, 15));
+  EXPECT_FALSE(surface.FirstHit(0, ray, 25, 100));
+  EXPECT_FALSE(surface.FirstHit(0, {{-0.1, 0, 20}, {0, 0, -1}}, 0, 100));
+  EXPECT_FALSE(surface.FirstHit(0, {{-10, 0, 0}, {1, 0, 0}}, 0, 100));  // into the open end
+}
+
+}  // namespace
+}  // namespace bendloop::drivers
