@@ -29,8 +29,10 @@ ScanStep ScanState::Take(const hal::LaserProfile& profile) {
   if (!first_t_ns_) first_t_ns_ = profile.t_ns;
   ++profiles_;
   points_ += profile.points.size();
-  const double seconds = static_cast<double>(profile.t_ns - *first_t_ns_) * 1e-9;
-  if (seconds > rules_.max_seconds) {
+  // Unsigned: times from a damaged recording must not overflow.
+  const std::uint64_t ns =
+      static_cast<std::uint64_t>(profile.t_ns) - static_cast<std::uint64_t>(*first_t_ns_);
+  if (profile.t_ns > *first_t_ns_ && static_cast<double>(ns) > rules_.max_seconds * 1e9) {
     return Break("the scan runs for more than " +
                  std::to_string(static_cast<int>(rules_.max_seconds)) +
                  " s: end it at the scanner, or raise [scan] max_seconds");
