@@ -11,6 +11,7 @@ constexpr std::size_t kMinSamples = 10;
 // A neighbourhood narrower than this part of its length (standard deviations) is a line: one laser
 // stripe says nothing of the surface across it.
 constexpr double kMinAspect = 0.15;
+constexpr double kMinCondition = 3e-4;
 
 }  // namespace
 
@@ -72,7 +73,8 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
     sum_z2 += w * z * z;
   }
   const Eigen::LDLT<Matrix6d> ldlt(normal_matrix.selfadjointView<Eigen::Lower>());
-  if (ldlt.info() != Eigen::Success || !(ldlt.rcond() > 1e-9)) return std::nullopt;
+  // Two laser stripes leave the curvature across them open; a third one settles it.
+  if (ldlt.info() != Eigen::Success || !(ldlt.rcond() > kMinCondition)) return std::nullopt;
   const Vector6d k = ldlt.solve(right);
   if (!k.allFinite()) return std::nullopt;
 

@@ -7,11 +7,13 @@
 
 #include "pipeline/cylinder_fit.h"
 #include "pipeline/local_paraboloid.h"
+#include "pipeline/statistics.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 constexpr double kParaboloid = 2.0 / 3.0;  // of r_P, section 7
+constexpr double kWiderParaboloid = 1.0;   // where stripes or a sparse scan leave too few samples
 constexpr double kSupport = 1.2;           // of r_P, section 3.2 with its erratum
 constexpr double kWiderSupport = 2.4;      // for stripes further apart than the support reaches
 constexpr double kCube = 0.5;              // of r_P, edge of a cube of the spine
@@ -19,9 +21,13 @@ constexpr std::size_t kSeedsOfBlock = 8;   // more starts in a block say the sam
 // Section 7 has 0.1; a sample's curvature scatters more than that under 0.1 mm of noise on a 2 mm
 // wire, and the cylinder fit judges again.
 constexpr double kCurvatureTolerance = 0.3;
-constexpr double kMaxRms = 0.12;         // of r_P, paraboloid and cylinder
-constexpr double kInlier = 0.25;         // of r_P, Tukey's cut-off
-constexpr double kMinCoverage = 0.2;     // of the circumference
+constexpr double kMaxRms = 0.12;  // of r_P, paraboloid and cylinder
+constexpr double kInlier = 0.25;  // of r_P, Tukey's cut-off
+constexpr double kMinCoverage =
+    0.25;  // of the circumference; a cylinder laid on from outside has less
+// A node far rougher than the common one is a fit across two things.
+constexpr double kMaxRoughness = 2.2;    // of the median
+constexpr double kAlwaysSmooth = 0.04;   // of r_P
 constexpr double kMinAxialSpread = 0.2;  // of r_P; less is a stripe, which has no direction
 constexpr double kMaxMove = 0.5;         // of r_P from start to node (section 7's last rule)
 
@@ -52,7 +58,11 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
   const std::size_t seeds = std::min(samples.size(), kSeedsOfBlock);
   for (std::size_t i = 0; i < seeds; ++i) {
     const Eigen::Vector3d& sample = samples[i * samples.size() / seeds];
-    const auto surface = FitLocalParaboloid(sample, scratch_, kParaboloid * radius_mm_);
+    auto surface = FitLocalParaboloid(sample, scratch_, kParaboloid * radius_mm_);
+    if (!surface) {
+      grid.GatherBall(sample, kWiderParaboloid * radius_mm_, wide_scratch_);
+      surface = FitLocalParaboloid(sample, wide_scratch_, kWiderParaboloid * radius_mm_);
+    }
     if (!surface || surface->rms_mm > kMaxRms * radius_mm_) continue;
     // Around the pipe the curvature is 1/r_P. Inside a tight bend the curvature along the pipe may
     // be as large, with the other sign; a sample where both could be meant says nothing.
@@ -139,9 +149,16 @@ std::vector<SpineNode> MlsProjection::Nodes() const {
     if (cube.accepted) found.emplace_back(key, &cube.node);
   }
   std::sort(found.begin(), found.end());
+  std::vector<double> roughness;
+  roughness.reserve(found.size());
+  for (const auto& [key, node] : found) roughness.push_back(node->rms_mm);
+  const double limit =
+      std::max(kMaxRoughness * Median(std::move(roughness)), kAlwaysSmooth * radius_mm_);
   std::vector<SpineNode> nodes;
   nodes.reserve(found.size());
-  for (const auto& [key, node] : found) nodes.push_back(*node);
+  for (const auto& [key, node] : found) {
+    if (node->rms_mm <= limit) nodes.push_back(*node);
+  }
   return nodes;
 }
 

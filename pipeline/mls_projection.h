@@ -65,6 +65,7 @@ class MlsProjection {
   std::vector<std::uint64_t> changed_;
   std::unordered_map<std::int32_t, std::vector<std::uint64_t>> cubes_of_block_;
   std::vector<Eigen::Vector3d> scratch_;
+  std::vector<Eigen::Vector3d> wide_scratch_;
 };
 
 }  // namespace bendloop::pipeline

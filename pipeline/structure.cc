@@ -23,6 +23,10 @@ constexpr double kReach = 0.35;  // of r_P: how far a sample may be from a wrong
 // independent ones: the price of a parameter is this many times the criterion's log(n).
 constexpr double kPrice = 3.0;
 constexpr double kDropAngleDeg = 3.0;
+// The number of bends does not need every sample; the comparison sees at most about so many.
+constexpr std::size_t kEnoughSamples = 8000;
+constexpr int kRounds = 3;
+constexpr int kIterations = 8;
 
 // Vertices and tangent lines of the simplified polygon. A line follows the nodes under its edge
 // where there are enough of them, which steadies it against the noise of the two end nodes.
@@ -108,8 +112,8 @@ std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {
 class Search {
  public:
   Search(double pipe_radius_mm, std::span<const PointBlock> blocks)
-      : radius_mm_(pipe_radius_mm), blocks_(blocks) {
-    for (const PointBlock& block : blocks) samples_ += block.points.size();
+      : radius_mm_(pipe_radius_mm), blocks_(Thinned(blocks)) {
+    for (const PointBlock& block : blocks_) samples_ += block.points.size();
   }
 
   SurfaceFit Run(const SpinePolygon& polygon) {
@@ -129,8 +133,25 @@ class Search {
   }
 
  private:
+  static std::vector<PointBlock> Thinned(std::span<const PointBlock> blocks) {
+    std::size_t all = 0;
+    for (const PointBlock& block : blocks) all += block.points.size();
+    const std::size_t stride = all / kEnoughSamples + 1;
+    std::vector<PointBlock> thinned;
+    for (const PointBlock& block : blocks) {
+      PointBlock& out =
+          thinned.emplace_back(PointBlock{block.center_mm, block.half_diagonal_mm, {}});
+      for (std::size_t i = 0; i < block.points.size(); i += stride) {
+        out.points.push_back(block.points[i]);
+      }
+    }
+    return thinned;
+  }
+
   SurfaceFit Fit(const hal::Tube& tube) const {
-    return FitSurface(tube, blocks_, {.reach_mm = kReach * radius_mm_});
+    return FitSurface(
+        tube, blocks_,
+        {.reach_mm = kReach * radius_mm_, .max_rounds = kRounds, .max_iterations = kIterations});
   }
 
   // Bayesian information criterion, the variance taken from the better fit of the two.
@@ -171,7 +192,7 @@ class Search {
   }
 
   double radius_mm_;
-  std::span<const PointBlock> blocks_;
+  std::vector<PointBlock> blocks_;
   std::size_t samples_ = 0;
 };
 

@@ -81,9 +81,27 @@ Augmented Accumulate(const SegmentPoints& points, const hal::SpineSegment& segme
   Augmented sum = Augmented::Zero();
   for (const auto& [point, weight] : points) {
     const Row row = ResidualRow(to_local * (point - segment.start_mm), segment, pipe_radius_mm);
-    sum.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+    // Fixed-size and whole: the compiler vectorises this better than the triangle.
+    sum.noalias() += (weight * row) * row.transpose();
   }
-  return sum.selfadjointView<Eigen::Lower>();
+  return sum;
+}
+
+double SumOfSquares(const SegmentPoints& points, const hal::SpineSegment& segment,
+                    double pipe_radius_mm) {
+  const Eigen::Matrix3d to_local = ToLocal(segment);
+  double sum = 0;
+  for (const auto& [point, weight] : points) {
+    const Eigen::Vector3d local = to_local * (point - segment.start_mm);
+    double u = local.y();
+    if (segment.is_arc()) {
+      const double y = local.y() - segment.bend_radius_mm;
+      u = std::sqrt(local.x() * local.x() + y * y) - segment.bend_radius_mm;
+    }
+    const double d = std::sqrt(u * u + local.z() * local.z()) - pipe_radius_mm;
+    sum += weight * d * d;
+  }
+  return sum;
 }
 
 // All residuals at once. The rows of one segment depend on the parameters through the segment's
@@ -102,8 +120,16 @@ class SurfaceCost final : public ceres::CostFunction {
     const hal::Tube tube = parameters_.TubeAt(at);
     const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
     const bool wants_jacobian = jacobians != nullptr && jacobians[0] != nullptr;
-    std::vector<Eigen::MatrixXd> derivatives;
-    if (wants_jacobian) derivatives = parameters_.FrameDerivatives(at, segments);
+    if (!wants_jacobian) {
+      // A step is tried: only the cost is asked for, and one residual a segment holds it.
+      std::fill_n(residuals, num_residuals(), 0.0);
+      for (std::size_t k = 0; k < segments.size(); ++k) {
+        residuals[k * kCondensed] =
+            std::sqrt(SumOfSquares(points_[k], segments[k], tube.pipe_radius_mm));
+      }
+      return true;
+    }
+    const std::vector<Eigen::MatrixXd> derivatives = parameters_.FrameDerivatives(at, segments);
     for (std::size_t k = 0; k < segments.size(); ++k) {
       const Augmented sum = Accumulate(points_[k], segments[k], tube.pipe_radius_mm);
       // Pivoting, because a line does not feel its own direction and the sum is singular.
@@ -113,11 +139,9 @@ class SurfaceCost final : public ceres::CostFunction {
       root = ldlt.vectorD().cwiseMax(0.0).cwiseSqrt().asDiagonal() * root.eval();
       const auto first = static_cast<Eigen::Index>(k) * kCondensed;
       Eigen::Map<Row>(residuals + first) = root.col(kLocal);
-      if (wants_jacobian) {
-        using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-        Eigen::Map<RowMajor> jacobian(jacobians[0], num_residuals(), parameters_.size());
-        jacobian.middleRows<kCondensed>(first) = root.leftCols<kLocal>() * derivatives[k];
-      }
+      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+      Eigen::Map<RowMajor> jacobian(jacobians[0], num_residuals(), parameters_.size());
+      jacobian.middleRows<kCondensed>(first) = root.leftCols<kLocal>() * derivatives[k];
     }
     return true;
   }
@@ -163,10 +187,10 @@ Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, dou
     CandidateSegments(block, segments, tube.pipe_radius_mm + reach_mm, candidates);
     if (candidates.empty()) continue;
     for (const Eigen::Vector3d& point : block.points) {
-      const SpineFoot foot = NearestFoot(point, segments, candidates);
-      const double d = foot.distance_mm - tube.pipe_radius_mm;
+      const NearSegment near = NearestSegment(point, segments, candidates);
+      const double d = near.distance_mm - tube.pipe_radius_mm;
       if (std::abs(d) >= reach_mm) continue;
-      held.push_back({point, d, static_cast<std::size_t>(foot.segment)});
+      held.push_back({point, d, static_cast<std::size_t>(near.segment)});
       result.distances_mm.push_back(d);
       magnitudes.push_back(std::abs(d));
     }
@@ -255,8 +279,8 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
     ceres::Solver::Options solver;
     solver.linear_solver_type = ceres::DENSE_QR;
     solver.max_num_iterations = options.max_iterations;
-    solver.function_tolerance = 1e-9;
-    solver.parameter_tolerance = 1e-10;
+    solver.function_tolerance = 1e-7;
+    solver.parameter_tolerance = 1e-9;
     solver.logging_type = ceres::SILENT;
     solver.num_threads = 1;
     ceres::Solver::Summary summary;

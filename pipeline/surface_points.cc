@@ -10,48 +10,77 @@
 namespace bendloop::pipeline {
 namespace {
 
-// Foot on one segment; `open_before` and `open_after` let the end straights go on.
-SpineFoot FootOn(const Eigen::Vector3d& point, const hal::SpineSegment& segment, bool open_before,
-                 bool open_after) {
-  SpineFoot foot;
+// Distance of the point from the segment's spine; the end straights go on when open.
+double DistanceFrom(const Eigen::Vector3d& point, const hal::SpineSegment& segment,
+                    bool open_before, bool open_after) {
   const Eigen::Vector3d v = point - segment.start_mm;
+  const double x = v.dot(segment.tangent);
   if (!segment.is_arc()) {
-    double along = v.dot(segment.tangent);
-    if (!open_before) along = std::max(along, 0.0);
-    if (!open_after) along = std::min(along, segment.length_mm);
-    foot.along_mm = along;
-    foot.distance_mm = (v - along * segment.tangent).norm();
-    return foot;
+    const double low = open_before ? x : std::max(x, 0.0);
+    return (v - (open_after ? low : std::min(low, segment.length_mm)) * segment.tangent).norm();
   }
   const double radius = segment.bend_radius_mm;
-  const Eigen::Vector3d inward = segment.normal.cross(segment.tangent);
+  const double h = v.dot(segment.normal);
+  const double y = radius - v.dot(segment.normal.cross(segment.tangent));  // from the centre
+  const double angle = segment.angle_rad();
+  const double sine = std::sin(angle);
+  const double cosine = std::cos(angle);
+  // Inside the sector: after the first plane and before the last, or either beyond a half turn.
+  const bool after_first = x >= 0;
+  const bool before_last = x * cosine - y * sine <= 0;
+  const bool inside =
+      angle <= std::numbers::pi ? after_first && before_last : after_first || before_last;
+  if (inside) {
+    const double u = std::sqrt(x * x + y * y) - radius;
+    return std::sqrt(u * u + h * h);
+  }
+  const double to_start = v.squaredNorm();
+  const double ex = x - radius * sine;
+  const double ey = y - radius * cosine;
+  return std::sqrt(std::min(to_start, ex * ex + ey * ey + h * h));
+}
+
+double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, bool open_before,
+               bool open_after) {
+  const Eigen::Vector3d v = point - segment.start_mm;
   const double x = v.dot(segment.tangent);
-  const double y = radius - v.dot(inward);  // from the centre, opposite to `inward`
-  double phi = std::atan2(x, y);
+  if (!segment.is_arc()) {
+    const double low = open_before ? x : std::max(x, 0.0);
+    return open_after ? low : std::min(low, segment.length_mm);
+  }
+  const double radius = segment.bend_radius_mm;
+  const double y = radius - v.dot(segment.normal.cross(segment.tangent));
   const double angle = segment.angle_rad();
   // Outside the arc the nearer of its two ends is meant: cut the turn opposite to its middle.
   const double middle = 0.5 * angle;
-  phi = middle + std::remainder(phi - middle, 2.0 * std::numbers::pi);
-  foot.along_mm = radius * std::clamp(phi, 0.0, angle);
-  foot.distance_mm = (point - segment.PointAt(foot.along_mm)).norm();
-  return foot;
+  const double phi = middle + std::remainder(std::atan2(x, y) - middle, 2.0 * std::numbers::pi);
+  return radius * std::clamp(phi, 0.0, angle);
 }
 
 }  // namespace
 
-SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
-                      std::span<const std::int32_t> candidates) {
-  SpineFoot best;
-  best.distance_mm = std::numeric_limits<double>::infinity();
+NearSegment NearestSegment(const Eigen::Vector3d& point,
+                           std::span<const hal::SpineSegment> segments,
+                           std::span<const std::int32_t> candidates) {
+  NearSegment best{-1, std::numeric_limits<double>::infinity()};
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
   for (const std::int32_t k : candidates) {
-    SpineFoot foot = FootOn(point, segments[static_cast<std::size_t>(k)], k == 0, k == last);
-    if (foot.distance_mm < best.distance_mm) {
-      best = foot;
-      best.segment = k;
-    }
+    const double distance =
+        DistanceFrom(point, segments[static_cast<std::size_t>(k)], k == 0, k == last);
+    if (distance < best.distance_mm) best = {k, distance};
   }
   return best;
+}
+
+SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
+                      std::span<const std::int32_t> candidates) {
+  const NearSegment near = NearestSegment(point, segments, candidates);
+  const auto last = static_cast<std::int32_t>(segments.size()) - 1;
+  if (near.segment < 0) return {};
+  return {near.segment,
+          AlongOf(point, segments[static_cast<std::size_t>(near.segment)], near.segment == 0,
+                  near.segment == last),
+          near.distance_mm};
 }
 
 void CandidateSegments(const PointBlock& block, std::span<const hal::SpineSegment> segments,
@@ -60,9 +89,10 @@ void CandidateSegments(const PointBlock& block, std::span<const hal::SpineSegmen
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
   const double reach = reach_mm + block.half_diagonal_mm;
   for (std::int32_t k = 0; k <= last; ++k) {
-    const SpineFoot foot =
-        FootOn(block.center_mm, segments[static_cast<std::size_t>(k)], k == 0, k == last);
-    if (foot.distance_mm <= reach) out.push_back(k);
+    if (DistanceFrom(block.center_mm, segments[static_cast<std::size_t>(k)], k == 0, k == last) <=
+        reach) {
+      out.push_back(k);
+    }
   }
 }
 

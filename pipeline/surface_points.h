@@ -24,7 +24,17 @@ struct SpineFoot {
   double distance_mm = 0;     // from the spine
 };
 
-// Nearest place on the spine among `candidates`. The end straights go on beyond their ends.
+struct NearSegment {
+  std::int32_t segment = -1;
+  double distance_mm = 0;  // from the spine
+};
+
+// Nearest segment among `candidates`. The end straights go on beyond their ends.
+NearSegment NearestSegment(const Eigen::Vector3d& point,
+                           std::span<const hal::SpineSegment> segments,
+                           std::span<const std::int32_t> candidates);
+
+// The same, and where on it.
 SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
                       std::span<const std::int32_t> candidates);
 
