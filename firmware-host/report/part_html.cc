@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/report/part_html.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "firmware-host/report/html.h"
+#include "firmware-host/result/words.h"
+#include "firmware-host/text/table.h"
+
+namespace bendloop::host {
+namespace {
+
+using pipeline::AxisCorrection;
+using pipeline::Deviation;
+
+std::string Number(double value) { return "<td class=\"n\">" + Fixed(value, 3) + "</td>"; }
+std::string Change(double value) { return "<td class=\"n\">" + Signed(value, 3) + "</td>"; }
+
+std::string StateCell(pipeline::ToleranceState state) {
+  const StateMark mark = MarkOf(state);
+  return "<td class=\"state " + std::string(mark.css) + "\"><span aria-hidden=\"true\">" +
+         mark.mark + "</span> " + mark.word + "</td>";
+}
+
+std::string FlagText(std::uint32_t flags) {
+  std::string text;
+  for (const auto& [flag, word] : Words<pipeline::CorrectionFlag>::kTable) {
+    if (!(flags & flag) || flag == pipeline::kFlagNotCorrected) continue;
+    text += (text.empty() ? "" : ", ") + std::string(word);
+  }
+  std::replace(text.begin(), text.end(), '_', ' ');
+  return text;
+}
+
+std::string AxisRow(const std::string& head, const char* name, const char* unit, const Deviation& d,
+                    bool corrected, const AxisCorrection* correction) {
+  std::string html =
+      "<tr class=\"" + std::string(MarkOf(d.state).css) + "\">" + head + "<th scope=\"row\">" +
+      name + " <small>" + unit + "</small></th>" + Number(d.nominal) + Number(d.measured) +
+      Number(d.sigma) + Change(d.deviation) + "<td class=\"n\">" +
+      (d.tolerance ? "&#177;" + Fixed(*d.tolerance, 2) : "") + "</td>" + StateCell(d.state);
+  if (corrected && correction) {
+    html += Number(correction->commanded) + Number(correction->corrected) +
+            Change(correction->applied) + "<td class=\"flag\">" + FlagText(correction->flags) +
+            "</td>";
+  } else if (corrected) {
+    html += "<td></td><td></td><td></td><td></td>";
+  }
+  return html + "</tr>\n";
+}
+
+std::string MeasuredOnly(const pipeline::Measurement& m) {
+  std::string html =
+      "<table><thead><tr><th>row</th><th class=\"n\">length <small>mm</small></th>"
+      "<th class=\"n\">&#177;</th><th class=\"n\">rotation <small>deg</small></th>"
+      "<th class=\"n\">&#177;</th><th class=\"n\">angle <small>deg</small></th>"
+      "<th class=\"n\">&#177;</th><th class=\"n\">CLR <small>mm</small></th></tr></thead><tbody>\n";
+  const auto& rows = m.tube.program.rows;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const bool last = i + 1 == rows.size(), known = i < m.sigma.rows.size();
+    const hal::BendRow sigma =
+        known ? m.sigma.rows[i] : hal::BendRow{std::nan(""), std::nan(""), std::nan(""), {}};
+    html += "<tr><th scope=\"row\">" + std::to_string(i + 1) + "</th>" + Number(rows[i].length_mm) +
+            Number(sigma.length_mm);
+    if (!last) {
+      html += Number(rows[i].rotation_deg) + Number(sigma.rotation_deg) +
+              Number(rows[i].angle_deg) + Number(sigma.angle_deg) +
+              Number(rows[i].bend_radius_mm.value_or(std::nan("")));
+    }
+    html += "</tr>\n";
+  }
+  return html + "</tbody></table>";
+}
+
+std::string List(const std::vector<std::string>& sentences, const char* css) {
+  if (sentences.empty()) return "";
+  std::string html = "<ul class=\"" + std::string(css) + "\">";
+  for (const auto& sentence : sentences) html += "<li>" + Escape(sentence) + "</li>";
+  return html + "</ul>";
+}
+
+std::string Card(const char* title, const std::string& body) {
+  if (body.empty()) return "";
+  return "<section class=\"card\"><h3>" + std::string(title) + "</h3>" + body + "</section>\n";
+}
+
+std::string Fact(const char* name, const std::string& value) {
+  return "<div><dt>" + std::string(name) + "</dt><dd>" + value + "</dd></div>";
+}
+
+std::string InspectionBody(const RunResult& run) {
+  if (!run.inspection) return "";
+  const auto& in = *run.inspection;
+  std::string html = List(in.reasons, "reasons");
+  if (in.reasons.empty()) html = "<p>Every judged number is inside its limit.</p>";
+  html += "<p>" + Escape(in.direction.message) + "</p>";
+  if (in.rows.empty()) return html;
+  const StateMark surface = MarkOf(in.surface.state);
+  html += "<dl>" +
+          Fact("Surface, 99 % below",
+               Fixed(in.surface.p99_abs_mm, 3) + " mm" +
+                   (in.surface.tolerance_mm ? " of " + Fixed(*in.surface.tolerance_mm, 2) : "") +
+                   " <span class=\"state " + surface.css + "\">" + surface.mark + " " +
+                   surface.word + "</span>") +
+          Fact("Surface, largest", Fixed(in.surface.max_abs_mm, 3) + " mm") +
+          Fact("Tangent points, largest", Fixed(in.envelope_max_mm, 3) + " mm") +
+          Fact("Pipe radius", Fixed(in.pipe_radius_mm.measured, 3) + " mm (nominal " +
+                                  Fixed(in.pipe_radius_mm.nominal, 3) + ")") +
+          "</dl>";
+  html +=
+      "<details><summary>Tangent points and ends</summary><table><thead><tr><th>point</th>"
+      "<th class=\"n\">distance <small>mm</small></th><th class=\"n\">&#177;</th><th></th></tr>"
+      "</thead><tbody>";
+  for (const auto& point : in.envelope) {
+    html += "<tr class=\"" + std::string(MarkOf(point.state).css) + "\"><th scope=\"row\">" +
+            Escape(point.name) + "</th>" + Number(point.distance_mm) + Number(point.sigma_mm) +
+            StateCell(point.state) + "</tr>";
+  }
+  return html + "</tbody></table></details>";
+}
+
+std::string CorrectionBody(const RunResult& run) {
+  if (!run.correction) return "";
+  const auto& c = *run.correction;
+  std::string html = "<p>" + Escape(OutcomeText(run)) + "</p>";
+  // The largest change of angle, in words: what a setter asks first.
+  const pipeline::RowCorrection* most = nullptr;
+  std::size_t row = 0;
+  for (std::size_t i = 0; i < c.rows.size(); ++i) {
+    const double size = std::abs(c.rows[i].angle_deg.applied);
+    if (size > (most ? std::abs(most->angle_deg.applied) : 0.0)) most = &c.rows[i], row = i + 1;
+  }
+  if (most) {
+    const AxisCorrection& a = most->angle_deg;
+    html += "<p>Largest change of angle: bend " + std::to_string(row) + " was " +
+            Fixed(std::abs(a.deviation), 3) + "&#176; " + (a.deviation < 0 ? "over" : "under") +
+            " its nominal. Believed to be the lot's and not this part's alone: " +
+            Fixed(100 * a.gain, 0) + " %. So the command changes by " + Signed(a.applied, 3) +
+            "&#176;, from " + Fixed(a.commanded, 3) + "&#176; to " + Fixed(a.corrected, 3) +
+            "&#176;.</p>";
+  }
+  return html + List(c.refusals, "bad") + List(c.notices, "notes");
+}
+
+std::string InterlocksBody(const RunResult& run) {
+  if (!run.interlocks || run.interlocks->checks.empty()) return "";
+  std::string html = "<ul class=\"checks\">";
+  for (const auto& check : run.interlocks->checks) {
+    html += "<li class=\"" + std::string(check.passed ? "in" : "out") +
+            "\"><span class=\"mark\" aria-hidden=\"true\">" + (check.passed ? "\u2713" : "\u2717") +
+            "</span><span class=\"sr\">" + (check.passed ? "passed" : "refused") + ": </span>" +
+            Escape(check.sentence) + "</li>";
+  }
+  return html + "</ul>";
+}
+
+std::string FitBody(const RunResult& run) {
+  const auto& m = run.measurement;
+  std::string html = "<dl>" + Fact("Samples used", std::to_string(m.fit.samples)) +
+                     Fact("Left out", std::to_string(m.fit.outliers)) +
+                     Fact("Distance, median", Fixed(m.fit.median_abs_distance_mm, 3) + " mm") +
+                     Fact("Distance, rms", Fixed(m.fit.rms_distance_mm, 3) + " mm") +
+                     Fact("Distance, 95 % below", Fixed(m.fit.p95_abs_distance_mm, 3) + " mm") +
+                     Fact("Noise of a sample", Fixed(m.noise_mm, 3) + " mm") +
+                     Fact("Pipe radius", Fixed(m.tube.pipe_radius_mm, 3) + " &#177; " +
+                                             Fixed(m.pipe_radius_sigma_mm, 3) + " mm") +
+                     Fact("Longest gap", Fixed(m.longest_gap_mm, 1) + " mm") + "</dl>";
+  const double coverage = std::clamp(std::isfinite(m.coverage) ? m.coverage : 0.0, 0.0, 1.0);
+  html += "<p class=\"meter\">Coverage of the spine " + Fixed(100 * m.coverage, 1) +
+          " %<span><i style=\"width:" + Fixed(100 * coverage, 1) + "%\"></i></span></p>";
+  return html + List(m.warnings, "notes");
+}
+
+std::string TimingBody(const RunResult& run) {
+  double most = 0;
+  for (const auto& stage : run.measurement.timing) most = std::max(most, stage.ms);
+  if (!(most > 0)) return "";
+  std::string html = "<table class=\"timing\"><tbody>";
+  for (const auto& stage : run.measurement.timing) {
+    html += "<tr><th scope=\"row\">" + Escape(stage.stage) + "</th><td class=\"n\">" +
+            Fixed(stage.ms, 1) +
+            " <small>ms</small></td><td class=\"meter\"><span><i "
+            "style=\"width:" +
+            Fixed(100 * std::clamp(stage.ms / most, 0.0, 1.0), 1) + "%\"></i></span></td></tr>";
+  }
+  return html + "</tbody></table>";
+}
+
+}  // namespace
+
+std::string OutcomeText(const RunResult& run) {
+  if (run.bender && run.bender->outcome == CommitOutcome::kCommitted) {
+    return "Corrected program committed as sequence " + std::to_string(run.bender->sequence) + ".";
+  }
+  if (run.bender) {
+    return "The correction was not committed (" + std::string(Word(run.bender->outcome)) +
+           "): " + run.bender->reason;
+  }
+  if (run.correction && run.correction->refused()) return "Correction refused; nothing was sent.";
+  if (run.interlocks) {
+    const auto& checks = run.interlocks->checks;
+    const auto failed =
+        std::find_if(checks.begin(), checks.end(), [](const auto& check) { return !check.passed; });
+    if (failed != checks.end()) return "Refused, nothing was sent: " + failed->sentence;
+  }
+  if (run.correction && !run.correction->changes_anything) return "No correction needed.";
+  return run.correction ? "The correction was not sent." : "";
+}
+
+std::string RowsHtml(const RunResult& run) {
+  if (!run.inspection || run.inspection->rows.empty()) return MeasuredOnly(run.measurement);
+  const auto& rows = run.inspection->rows;
+  const bool corrected = run.correction && run.correction->rows.size() == rows.size();
+  std::string html =
+      "<table class=\"rows\"><thead><tr><th>row</th><th></th><th class=\"n\">nominal</th>"
+      "<th class=\"n\">measured</th><th class=\"n\">&#177;1&#963;</th>"
+      "<th class=\"n\">deviation</th><th class=\"n\">limit</th><th></th>";
+  if (corrected) {
+    html +=
+        "<th class=\"n\">commanded</th><th class=\"n\">corrected</th>"
+        "<th class=\"n\">change</th><th></th>";
+  }
+  html += "</tr></thead>\n";
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const pipeline::RowCorrection* c = corrected ? &run.correction->rows[i] : nullptr;
+    const bool last = i + 1 == rows.size();
+    std::size_t lines = 1;
+    if (!last) lines = (i > 0 ? 3 : 2) + (rows[i].bend_radius_mm ? 1 : 0);
+    std::string head = "<th scope=\"rowgroup\" class=\"row\" rowspan=\"" + std::to_string(lines) +
+                       "\">" + std::to_string(i + 1) + "</th>";
+    html += "<tbody>";
+    html +=
+        AxisRow(head, "length", "mm", rows[i].length_mm, corrected, c ? &c->length_mm : nullptr);
+    if (!last && i > 0) {
+      html += AxisRow("", "rotation", "deg", rows[i].rotation_deg, corrected,
+                      c ? &c->rotation_deg : nullptr);
+    }
+    if (!last) {
+      html +=
+          AxisRow("", "angle", "deg", rows[i].angle_deg, corrected, c ? &c->angle_deg : nullptr);
+      if (rows[i].bend_radius_mm) {
+        html += AxisRow("", "CLR", "mm", *rows[i].bend_radius_mm, corrected, nullptr);
+      }
+    }
+    html += "</tbody>\n";
+  }
+  return html + "</table>";
+}
+
+std::string CardsHtml(const RunResult& run) {
+  return Card("Inspection", InspectionBody(run)) + Card("Correction", CorrectionBody(run)) +
+         Card("Interlocks", InterlocksBody(run)) + Card("Fit", FitBody(run)) +
+         Card("Timing", TimingBody(run));
+}
+
+}  // namespace bendloop::host
