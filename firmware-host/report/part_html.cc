@@ -64,7 +64,9 @@ std::string MeasuredOnly(const pipeline::Measurement& m) {
     html += "<tr><th scope=\"row\">" + std::to_string(i + 1) + "</th>" + Number(rows[i].length_mm) +
             Number(sigma.length_mm);
     if (!last) {
-      html += Number(rows[i].rotation_deg) + Number(sigma.rotation_deg) +
+      // The first rotation is 0 by convention and not measured.
+      html += (i == 0 ? "<td></td><td></td>"
+                      : Number(rows[i].rotation_deg) + Number(sigma.rotation_deg)) +
               Number(rows[i].angle_deg) + Number(sigma.angle_deg) +
               Number(rows[i].bend_radius_mm.value_or(std::nan("")));
     }

@@ -49,7 +49,7 @@
   } catch (error) {
     renderer = null;
   }
-  if (!renderer || !data.parts.length) {
+  if (!renderer || !data.parts.some(function (part) { return part.measured; })) {
     document.body.classList.add('no-webgl');
     choose(chosen);
     return;
@@ -110,7 +110,7 @@
     built.tube = new THREE.Mesh(tube, new THREE.MeshLambertMaterial(material));
     if (built.nominal.length) {
       built.ghost = new THREE.Mesh(geometry(built.nominal, part.sides),
-        new THREE.MeshLambertMaterial({color: 0x55656f, transparent: true, opacity: 0.3,
+        new THREE.MeshLambertMaterial({color: 0x7d8c98, transparent: true, opacity: 0.3,
           depthWrite: false, polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 30}));
     }
     var raw = floats(part.points), count = raw.length / 4;
@@ -161,7 +161,7 @@
     labels.textContent = '';
     built.labels = [];
     var segments = built.part.segments;
-    addLabel('start', built, 0);
+    if (segments.length) addLabel('start', built, 0);
     for (var first = 0; first < segments.length; ++first) {
       var last = first;
       while (last + 1 < segments.length && segments[last + 1] === segments[first]) ++last;
@@ -199,6 +199,7 @@
     if (!current) return;
     var box = new THREE.Box3().setFromBufferAttribute(
       current.tube.geometry.getAttribute('position'));
+    if (box.isEmpty()) return;
     var middle = box.getCenter(new THREE.Vector3());
     var radius = Math.max(1, box.getSize(new THREE.Vector3()).length() / 2);
     var at = current.tube.geometry.getAttribute('position').array, p = new THREE.Vector3();
@@ -246,7 +247,12 @@
     cloud.needsUpdate = true;
   }
 
+  function offer(id, on) { byId(id).closest('label').hidden = !on; }
   function apply() {
+    offer('factor', current.part.compared);
+    offer('ghost', Boolean(current.ghost));
+    offer('scale', data.parts.length > 1);
+    offer('mode', current.distance.length > 0);
     var own = byId('scale').value === 'own';
     recolour(current, own ? current.part.scale_mm : data.scale_mm);
     document.querySelectorAll('[data-bar]').forEach(function (bar) {
@@ -297,7 +303,7 @@
     });
   });
   function read() {
-    if (!current || !current.tube.visible) return '';
+    if (!current || !current.tube.visible || !current.measured.length) return '';
     ray.setFromCamera(mouse, camera);
     var hit = ray.intersectObject(current.tube)[0];
     if (!hit) return '';

@@ -22,6 +22,18 @@ std::string Positions(const std::vector<Eigen::Vector3d>& points) {
   return Base64(floats);
 }
 
+// A spine that can be drawn: rows that are not finite give none.
+std::vector<hal::SpineSegment> DrawableSpine(const hal::BendProgram& program,
+                                             const hal::Pose& pose) {
+  auto spine = hal::SpineSegments(program, pose);
+  const bool finite = std::all_of(spine.begin(), spine.end(), [](const hal::SpineSegment& s) {
+    return s.start_mm.allFinite() && s.tangent.allFinite() && s.normal.allFinite() &&
+           std::isfinite(s.length_mm) && s.length_mm >= 0;
+  });
+  if (!finite) spine.clear();
+  return spine;
+}
+
 }  // namespace
 
 Scene MakeScene(const RunResult& run, std::size_t most_points) {
@@ -32,9 +44,10 @@ Scene MakeScene(const RunResult& run, std::size_t most_points) {
   const hal::Tube& tube = scene.compared ? run.inspection->measured : m.tube;
   const hal::Pose X_NW = scene.compared ? run.inspection->alignment.X_NW : m.tube.X_WT.Inverse();
 
-  const auto measured = hal::SpineSegments(tube.program, X_NW * tube.X_WT);
-  const auto nominal = run.nominal ? hal::SpineSegments(*run.nominal, hal::Pose{})
-                                   : std::vector<hal::SpineSegment>{};
+  const auto measured = DrawableSpine(tube.program, X_NW * tube.X_WT);
+  const auto nominal =
+      run.nominal ? DrawableSpine(*run.nominal, hal::Pose{}) : std::vector<hal::SpineSegment>{};
+  scene.compared = scene.compared && measured.size() == nominal.size() && !measured.empty();
   // The nominal's own pipe radius is in the inspection only; without one the measured is shown.
   double nominal_radius_mm = tube.pipe_radius_mm;
   if (scene.compared && run.inspection->pipe_radius_mm.nominal > 0) {

@@ -166,7 +166,7 @@ class Chart {
     if (tolerance_ > 0) {
       html +=
           "<span><svg viewBox=\"0 0 16 12\" width=\"16\" height=\"12\" aria-hidden=\"true\">"
-          "<rect class=\"band\" width=\"16\" height=\"12\"/></svg>tolerance +-" +
+          "<rect class=\"band\" width=\"16\" height=\"12\"/></svg>tolerance &#177;" +
           Fixed(tolerance_, 2) + " " + axis_.unit + "</span>";
     }
     return html;

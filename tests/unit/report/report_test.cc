@@ -3,6 +3,188 @@
 
 #include <gmock/gmock.h>
 
+#include <regex>
+
+#include "firmware-host/report/html.h"
+#include "firmware-host/report/scene.h"
+#include "firmware-host/result/json.h"
+#include "tests/unit/result/sample_run.h"
+
 namespace bendloop::host {
-TEST(X,Y){}
+namespace {
+
+// How often `what` stands in `text`; a page is too long to be printed by a matcher.
+std::size_t Count(const std::string& text, const std::string& what) {
+  std::size_t count = 0;
+  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += what.size()) {
+    ++count;
+  }
+  return count;
 }
+
+Json Data(const std::string& html) {
+  const std::string open = "id=\"data\">";
+  const std::size_t from = html.find(open) + open.size();
+  return Json::parse(html.substr(from, html.find("</script>", from) - from));
+}
+
+// The page without the scripts of three.js, whose text is not ours.
+std::string Markup(const std::string& html) {
+  const std::size_t data = html.find("<script type=\"application/json\"");
+  return html.substr(0, data);
+}
+
+TEST(ReportHtml, LoadsNothingFromAnywhere) {
+  const std::vector<RunResult> runs = {SampleRun(1), SampleRun(2, 0.1)};
+  const std::string html = ReportHtml(runs);
+  EXPECT_FALSE(std::regex_search(
+      Markup(html), std::regex("<(link|img|iframe|object|embed|base)\\b", std::regex::icase)));
+  EXPECT_FALSE(
+      std::regex_search(Markup(html), std::regex("(src|href)=|@import", std::regex::icase)));
+  EXPECT_EQ(Count(Markup(html), "://"), 0u);
+  EXPECT_EQ(Count(html, "<script src"), 0u);
+  EXPECT_EQ(Count(html, "</script>"), 4u);
+  EXPECT_EQ(Count(html, "url("),
+            Count(html, "url(#rdbu)") + Count(html.substr(Markup(html).size()), "url("));
+  EXPECT_GT(Count(html, "default-src 'none'"), 0u);
+  EXPECT_GT(Count(html, "MIT License"), 0u);
+}
+
+TEST(ReportHtml, IsTheSameBytesEachTime) {
+  const std::vector<RunResult> runs = {SampleRun(1), SampleRun(2)};
+  EXPECT_EQ(ReportHtml(runs), ReportHtml(runs));
+}
+
+TEST(ReportHtml, NamesCannotBreakOut) {
+  const std::string evil =
+      "</script><script>alert(1)</script><img src=x onerror='alert(\"2\")'>&\x01";
+  RunResult run = SampleRun();
+  run.part = run.session = run.time = run.software = evil;
+  run.measurement.warnings = {evil};
+  run.measurement.timing = {{evil, 1}};
+  run.inspection->reasons = {evil};
+  run.inspection->direction.message = evil;
+  run.inspection->envelope[0].name = evil;
+  run.correction->notices = {evil};
+  run.correction->refusals = {evil};
+  run.interlocks->checks[0].sentence = evil;
+  run.bender->outcome = CommitOutcome::kRefused;
+  run.bender->reason = evil;
+  const std::string html = ReportHtml(std::span(&run, 1), {.title = evil});
+  EXPECT_EQ(Count(html, "<script>alert"), 0u);
+  EXPECT_EQ(Count(html, "<img"), 0u);
+  EXPECT_GT(Count(html, "&lt;/script&gt;"), 0u);
+  EXPECT_EQ(Count(html, "</script>"), 4u);
+}
+
+TEST(ReportHtml, ShowsTheNumbersAndMarksThemNotByColourAlone) {
+  const RunResult run = SampleRun(1, 1.5);
+  const std::string html = ReportHtml(std::span(&run, 1));
+  EXPECT_GT(Count(html,
+                  "<td class=\"n\">46.500</td><td class=\"n\">0.015</td>"
+                  "<td class=\"n\">+1.500</td>"),
+            0u);
+  EXPECT_GT(Count(html, "<span aria-hidden=\"true\">\u2717</span> out</td>"), 0u);
+  EXPECT_GT(Count(html, "committed as sequence 102"), 0u);
+  EXPECT_GT(Count(html, "bend 2 was 1.500&#176; over its nominal"), 0u);
+  EXPECT_GT(Count(html, "the clamp hides 14 mm of row 3"), 0u);
+  EXPECT_GT(Count(html, "<title>part 1, bend 2: +1.500 +- 0.015 deg</title>"), 0u);
+}
+
+TEST(ReportHtml, HoldsForAnythingThatIsMissing) {
+  EXPECT_GT(Count(ReportHtml({}), "</html>"), 0u);
+  RunResult run;
+  EXPECT_GT(Count(ReportHtml(std::span(&run, 1)), "Measured"), 0u);
+  run = SampleRun();
+  run.inspection->rows.clear();  // another number of bends than the nominal
+  run.measurement.tube.program.rows.pop_back();
+  EXPECT_GT(Count(ReportHtml(std::span(&run, 1)), "</html>"), 0u);
+  run = SampleRun();
+  run.measurement.surface.clear();
+  run.measurement.sigma.rows.clear();
+  run.measurement.tube.program.rows[1].angle_deg = std::nan("");
+  EXPECT_EQ(Count(Markup(ReportHtml(std::span(&run, 1))), "nan<"), 0u);
+  run.nominal->rows.clear();
+  EXPECT_GT(Count(ReportHtml(std::span(&run, 1)), "</html>"), 0u);
+}
+
+TEST(ReportHtml, StaysSmallForManySamples) {
+  std::vector<RunResult> runs(4, SampleRun(1, 1, 100));
+  for (RunResult& run : runs) {
+    run.measurement.surface.resize(500'000, run.measurement.surface.front());
+  }
+  const std::string html = ReportHtml(runs);
+  EXPECT_LT(html.size(), 5'000'000u);
+  for (const auto& part : Data(html)["parts"]) {
+    const std::size_t bytes = part["points"].get<std::string>().size() / 4 * 3;
+    EXPECT_LE(bytes, 16u * 15'000 + 3);
+    EXPECT_GE(bytes, 16u * 12'000);
+  }
+}
+
+TEST(Scene, DeviationsAreSignedAndExact) {
+  // A tube of the nominal's shape, 2 mm off along +z of its first straight: +2 above, -2 below.
+  RunResult run = SampleRun(1, 0);
+  run.inspection->measured.program = *run.nominal;
+  run.inspection->measured.pipe_radius_mm = 10;
+  run.inspection->alignment.X_NW.position_mm = {0, 0, 2};
+  run.inspection->alignment.X_NW.orientation.setIdentity();
+  run.inspection->measured.X_WT = {};
+  const Scene scene = MakeScene(run, 100);
+  ASSERT_TRUE(scene.compared);
+  double most = 0, least = 0;
+  for (int k = 0; k < TubeMesh::kSides; ++k) {
+    const auto& v = scene.measured.vertices[static_cast<std::size_t>(k)];
+    const double d = scene.deviation_mm[static_cast<std::size_t>(k)];
+    EXPECT_NEAR(d, std::hypot(v.y(), v.z()) - 10, 1e-9);
+    most = std::max(most, d);
+    least = std::min(least, d);
+  }
+  EXPECT_NEAR(most, 2, 1e-9);
+  EXPECT_NEAR(least, -2, 1e-9);
+}
+
+TEST(Scene, ScannedPointsHaveTheDeviationOfTheInspection) {
+  const RunResult run = SampleRun(1, 1.5, 300);
+  const Scene scene = MakeScene(run, 1000);
+  ASSERT_EQ(scene.points.size(), 300u);
+  const auto spine = hal::SpineSegments(*run.nominal, hal::Pose{});
+  double most = 0;
+  for (std::size_t i = 0; i < 300; ++i) {
+    EXPECT_EQ(scene.points[i].deviation_mm, run.inspection->surface.distance_mm[i]);
+    EXPECT_NEAR(DistanceFromSpine(spine, scene.points[i].position_mm) - 10,
+                scene.points[i].deviation_mm, 0.02);
+    most = std::max(most, std::abs(scene.points[i].deviation_mm));
+  }
+  EXPECT_GT(most, 2);  // 1.5 degrees at bend 2 over the rest of the tube
+}
+
+TEST(TubeMesh, LiesOnTheTubeAndDoesNotTwist) {
+  const auto spine = hal::SpineSegments(SampleNominal(), hal::Pose{});
+  const auto counts = RingCounts({spine});
+  const TubeMesh mesh = MakeTubeMesh(spine, 10, counts);
+  ASSERT_EQ(mesh.vertices.size(), mesh.centers.size() * TubeMesh::kSides);
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    EXPECT_NEAR(DistanceFromSpine(spine, mesh.vertices[i]), 10, 1e-9);
+  }
+  for (std::size_t i = TubeMesh::kSides; i < mesh.vertices.size(); ++i) {
+    // A step is 8 mm of straight or 3 degrees of the bend's outside: 2.6 mm.
+    EXPECT_LT((mesh.vertices[i] - mesh.vertices[i - TubeMesh::kSides]).norm(), 9);
+  }
+}
+
+TEST(DeviationColour, RunsFromBlueOverGreyToRed) {
+  EXPECT_EQ(DeviationColour(-9, 3), "#054891");
+  EXPECT_EQ(DeviationColour(0, 3), "#d8d8d3");
+  EXPECT_EQ(DeviationColour(3, 3), "#960a26");
+}
+
+TEST(Base64, KnowsItsPadding) {
+  const std::vector<float> one = {1.0f}, three = {1.0f, -2.0f, 0.5f};
+  EXPECT_EQ(Base64(one), "AACAPw==");
+  EXPECT_EQ(Base64(three), "AACAPwAAAMAAAAA/");
+  EXPECT_EQ(Base64({}), "");
+}
+
+}  // namespace
+}  // namespace bendloop::host
