@@ -62,13 +62,13 @@ class VirtualScan {
   // `index` below profile_count(); sequence and time follow from it.
   void Make(std::size_t index, hal::LaserProfile& profile) const;
 
+  std::int64_t TimeOf(std::size_t index) const;
+
   // At the times of the first and last profile.
   hal::ScanEvent StartEvent() const;
   hal::ScanEvent EndEvent() const;
 
  private:
-  std::int64_t TimeOf(std::size_t index) const;
-
   VirtualScanOptions options_;
   Scene scene_;
   std::vector<hal::Pose> poses_;
