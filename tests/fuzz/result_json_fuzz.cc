@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Links: bendloop_host_result
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
