@@ -180,6 +180,20 @@ TEST(Correction, CutsAStepAndSaysSo) {
   EXPECT_THAT(correction.notices, ElementsAre(HasSubstr("bend 3 angle: a change of 8.00")));
 }
 
+TEST(Correction, CutsAStepDownwardsToo) {
+  CorrectionInput input{kNominal, kNominal, kNominal, {}};
+  input.measured.rows[2].angle_deg += 8;
+  EXPECT_NEAR(MustCorrect(input, Exact()).rows[2].angle_deg.applied, -6, 1e-9);
+}
+
+TEST(Correction, StatesItsUncertaintyInTheBendersTerms) {
+  CorrectionInput input{kNominal, kNominal, kNominal, {}};
+  CorrectionOptions options;
+  options.decaying_gain = false;
+  options.material = {1.0, 11.0, 0};  // slope 0.9: a command moves the bend by less than itself
+  EXPECT_NEAR(MustCorrect(input, options).rows[0].angle_deg.sigma, 0.1 / 0.9, 1e-9);
+}
+
 TEST(Correction, RefusesToLeaveTheLotsBaseByMoreThanTheTotal) {
   CorrectionInput input{kNominal, kNominal, kNominal, {}};
   LotState lot = StartLot(kNominal, kNominal, Exact());
