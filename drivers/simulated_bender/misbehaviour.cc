@@ -12,6 +12,17 @@ using Answer = Misbehaviour::Answer;
 
 constexpr unsigned kMaxDelayMs = 600000;
 
+// "late, ack-late, silent, ...": the first word of each line of the help.
+std::string Verbs() {
+  std::istringstream lines{std::string(MisbehaviourHelp())};
+  std::string verbs;
+  for (std::string line, verb; std::getline(lines, line); verbs += verb) {
+    std::istringstream(line) >> verb;
+    if (!verbs.empty()) verbs += ", ";
+  }
+  return verbs;
+}
+
 }  // namespace
 
 std::string_view MisbehaviourHelp() {
@@ -44,8 +55,8 @@ hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Mis
 
   const auto bad = [&](const std::string& expected) {
     return hal::Fail(hal::ErrorKind::kUsage, "misbehave \"" + std::string(command) +
-                                                 "\": " + expected + " was expected; there are\n" +
-                                                 std::string(MisbehaviourHelp()));
+                                                 "\": expected " + expected + "; the faults are " +
+                                                 Verbs());
   };
   unsigned number = 0;
   const auto number_up_to = [&](unsigned max) { return words >> number && number <= max; };

@@ -97,11 +97,10 @@ int Run(int argc, char** argv) {
       "  misbehave FAULT      do something wrong (below)\n"
       "  quit                 or the end of input: switch off"};
   app.name("bendloop-simbender");
-  app.footer(
-      "Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
-      "\nExample:\n"
-      "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
-      "      --springback-20 0.8 --springback-120 3.1 --scatter-angle 0.05 --tray /tmp/tray");
+  app.footer("Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
+             "\nExample:\n"
+             "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
+             "      --pipe-radius 10 --springback-20 0.8 --springback-120 3.1 --tray /tmp/tray");
   app.add_option("--port", options.port, "TCP port on 127.0.0.1; 0 picks a free one")
       ->capture_default_str();
   app.add_option("--map", map_file, "register map (TOML)")->required();

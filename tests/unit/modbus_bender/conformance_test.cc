@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "config/load.h"
 #include "tests/support/bender_link_conformance.h"
 #include "tests/support/modbus_bender_under_test.h"
 
@@ -18,9 +19,20 @@ hal::RegisterMap SwappedMap() {
   return map;
 }
 
+// A map that we ship; the name is that of its file.
+BenderFactory Shipped(const std::string& name) {
+  const std::string file = BENDLOOP_SOURCE_DIR "/config/register-maps/" + name + ".toml";
+  return {name.substr(0, name.find('-')), [file] {
+            const auto map = config::LoadRegisterMap(file);
+            EXPECT_TRUE(map) << map.error().message;
+            return std::make_unique<ModbusBenderUnderTest>(map.value_or(hal::RegisterMap{}));
+          }};
+}
+
 INSTANTIATE_TEST_SUITE_P(Modbus, BenderLinkConformance,
                          testing::Values(Factory(PlainMap()), Factory(OddMap()),
-                                         Factory(SwappedMap())),
+                                         Factory(SwappedMap()), Shipped("default"),
+                                         Shipped("siemens-like")),
                          [](const auto& factory) { return factory.param.name; });
 
 }  // namespace

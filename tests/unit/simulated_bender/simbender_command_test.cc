@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The simulator as its own process, as the operator and the demo use it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "config/load.h"
+#include "drivers/modbus_bender/modbus_bender.h"
+#include "tests/support/child_process.h"
+
+namespace bendloop::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::StartsWith;
+
+const char kSimulator[] = BENDLOOP_BIN_DIR "/bendloop-simbender";
+const char kMap[] = BENDLOOP_SOURCE_DIR "/config/register-maps/default.toml";
+
+class SimbenderCommand : public testing::Test {
+ protected:
+  SimbenderCommand()
+      : folder_(std::filesystem::path(testing::TempDir()) /
+                ("bendloop-simbender-" + std::to_string(getpid()) +
+                 testing::UnitTest::GetInstance()->current_test_info()->name())) {
+    std::filesystem::create_directories(folder_);
+    WriteProgram(R"({"rows": [
+      {"length_mm": 100, "rotation_deg": 0, "angle_deg": 90, "bend_radius_mm": 30},
+      {"length_mm": 80, "rotation_deg": 0, "angle_deg": 0, "bend_radius_mm": null}]})");
+  }
+  ~SimbenderCommand() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path program() const { return folder_ / "program.json"; }
+  void WriteProgram(const std::string& text) { std::ofstream(program()) << text; }
+  std::vector<std::string> Command(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> command{kSimulator,
+                                     "--map",
+                                     kMap,
+                                     "--program",
+                                     program(),
+                                     "--pipe-radius",
+                                     "8",
+                                     "--tray",
+                                     folder_ / "tray",
+                                     "--part-number",
+                                     "5",
+                                     "--port",
+                                     "0",
+                                     "--cycle-ms",
+                                     "1"};
+    command.insert(command.end(), more.begin(), more.end());
+    return command;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(SimbenderCommand, ListensBendsAndEndsWithItsInput) {
+  ChildProcess simulator(Command({"--springback-20", "1", "--springback-120", "2"}));
+  const auto line = simulator.ReadLine();
+  ASSERT_TRUE(line);
+  int port = 0;
+  ASSERT_EQ(std::sscanf(line->c_str(), "listening %d", &port), 1) << *line;
+
+  hal::SteadyClock clock;
+  drivers::ModbusBenderOptions options;
+  options.port = static_cast<std::uint16_t>(port);
+  options.response_timeout = std::chrono::seconds(10);
+  const auto link =
+      drivers::MakeModbusBender(config::LoadRegisterMap(kMap).value(), options, clock);
+  const auto active = link->ReadActive();
+  ASSERT_TRUE(active) << active.error().message;
+  EXPECT_EQ(active->part_number, 5u);
+  EXPECT_EQ(active->sequence, 1u);
+  EXPECT_EQ(active->program.rows[0].angle_deg, 90);
+
+  simulator.WriteLine("bend");
+  EXPECT_EQ(simulator.ReadLine(), "bent part-0001.json");
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "tray" / "part-0001.json"));
+  simulator.WriteLine("status");
+  EXPECT_EQ(simulator.ReadLine(), "active part 5 sequence 1 rows 2 accepted 0 rejected 0");
+  simulator.WriteLine("misbehave exception 6");
+  EXPECT_EQ(simulator.ReadLine(), "ok");
+  const auto state = link->ReadState();
+  ASSERT_FALSE(state);
+  EXPECT_THAT(state.error().message, HasSubstr("exception 6, device busy"));
+  simulator.WriteLine("misbehave behave");
+  EXPECT_EQ(simulator.ReadLine(), "ok");
+  EXPECT_TRUE(link->ReadState());
+  simulator.WriteLine("juggle");
+  EXPECT_THAT(simulator.ReadLine().value_or(""), StartsWith("error"));
+  simulator.CloseInput();
+  EXPECT_EQ(simulator.Wait(), 0);
+}
+
+TEST_F(SimbenderCommand, HelpShowsFaultsAndAnExample) {
+  ChildProcess simulator({kSimulator, "--help"});
+  const std::string help = simulator.ReadAll();
+  EXPECT_EQ(simulator.Wait(), 0);
+  EXPECT_THAT(help, HasSubstr("--springback-20"));
+  EXPECT_THAT(help, HasSubstr("drop-after-stage"));
+  EXPECT_THAT(help, HasSubstr("Example"));
+}
+
+TEST_F(SimbenderCommand, ExitCodesSayWhoHasToAct) {
+  const auto exit_code = [](const std::vector<std::string>& command) {
+    ChildProcess simulator(command);
+    simulator.CloseInput();
+    simulator.ReadAll();
+    return simulator.Wait();
+  };
+  EXPECT_EQ(exit_code(Command()), 0);
+  EXPECT_EQ(exit_code({kSimulator}), 2);
+  EXPECT_EQ(exit_code(Command({"--frobnicate"})), 2);
+  EXPECT_EQ(exit_code(Command({"--springback-20", "nan"})), 3);
+  EXPECT_EQ(exit_code(Command({"--misbehave", "dance"})), 2);
+  for (const char* bad :
+       {"", "{", "[]", R"({"rows": 3})", R"({"rows": []})", R"({"rows": [{"length_mm": 1}]})",
+        R"({"rows": [{"length_mm": null, "rotation_deg": 0, "angle_deg": 0,
+                             "bend_radius_mm": null}]})"}) {
+    WriteProgram(bad);
+    EXPECT_EQ(exit_code(Command()), 3) << bad;
+  }
+  std::filesystem::remove(program());
+  EXPECT_EQ(exit_code(Command()), 3);
+}
+
+}  // namespace
+}  // namespace bendloop::test
