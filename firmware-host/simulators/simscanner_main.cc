@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <poll.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <string>
+
+#include "drivers/simulated_scanner/simulate_session.h"
+#include "drivers/simulated_scanner/simulated_scanner.h"
+#include "firmware-host/result/program_json.h"
+
+namespace bendloop::host {
+namespace {
+
+using drivers::ScanPace;
+using drivers::SimulatedScanner;
+using drivers::VirtualScan;
+using drivers::VirtualScanOptions;
+using hal::ErrorKind;
+using hal::Fail;
+using hal::Result;
+
+constexpr std::uintmax_t kMaxTrayBytes = 4 << 20;
+constexpr std::size_t kMaxLineBytes = 1 << 16;
+constexpr std::int64_t kBetweenScansNs = 1'000'000'000;
+
+struct TrayPart {
+  std::uint32_t serial = 1;
+  hal::Tube tube;
+};
+
+Result<TrayPart> ReadTray(const std::string& file) {
+  std::error_code no_size;
+  const auto size = std::filesystem::file_size(file, no_size);
+  std::ifstream in(file);
+  if (no_size || !in || size > kMaxTrayBytes) {
+    return Fail(ErrorKind::kBadInput,
+                file + ": cannot be read; expected a tray file (JSON) of at most 4 MiB");
+  }
+  const Json json = Json::parse(in, nullptr, false);
+  if (json.is_discarded()) return Fail(ErrorKind::kBadInput, file + ": is not JSON");
+  std::optional<hal::Error> error;
+  const JsonReader reader(json, file, error);
+  const std::string schema = reader.At("schema").Text();
+  TrayPart part;
+  if (reader.Has("serial")) part.serial = reader.At("serial").Count32();
+  part.tube.pipe_radius_mm = reader.At("pipe_radius_mm").Number();
+  part.tube.program = ReadRows(reader.At("rows"));
+  if (error) return Fail(*error);
+  if (schema != "bendloop.tray/1") {
+    return Fail(ErrorKind::kBadInput,
+                file + ": schema is \"" + schema + "\", expected \"bendloop.tray/1\"");
+  }
+  return part;
+}
+
+// The simulated scanner and who stands beside it.
+class Operator {
+ public:
+  Operator(SimulatedScanner& scanner, VirtualScanOptions options, ScanPace pace, bool lay_on_table)
+      : scanner_(scanner), options_(std::move(options)), pace_(pace), lay_on_table_(lay_on_table) {}
+
+  // One command line; false: switch off.
+  bool Obey(const std::string& line) {
+    std::istringstream words(line);
+    std::string verb;
+    words >> verb;
+    if (verb.empty()) return true;
+    if (verb == "quit") return false;
+    if (verb == "scan") {
+      std::string file;
+      std::getline(words >> std::ws, file);
+      if (auto begun = Scan(file); !begun) {
+        std::cout << "error " << begun.error().message << std::endl;
+      }
+    } else if (verb == "misbehave") {
+      Misbehave(words);
+    } else {
+      std::cout << "error \"" << verb << "\": expected scan FILE, misbehave FAULT or quit"
+                << std::endl;
+    }
+    return true;
+  }
+
+  void Report() {
+    for (; finished_ < scanner_.scans_finished(); ++finished_) Say("scanned ");
+    for (; abandoned_ < scanner_.scans_abandoned(); ++abandoned_) Say("abandoned ");
+  }
+
+ private:
+  Result<void> Scan(const std::string& file) {
+    auto part = ReadTray(file);
+    if (!part) return Fail(part.error());
+    VirtualScanOptions options = options_;
+    options.seed = options_.seed * 1'000'003 + part->serial;  // no two parts alike
+    options.start_t_ns = next_t_ns_;
+    if (auto checked = drivers::CheckScan(part->tube, options); !checked) {
+      return Fail(checked.error().kind, file + ": " + checked.error().message);
+    }
+    if (lay_on_table_) part->tube = drivers::LayOnTable(part->tube, options.seed);
+    auto scan = std::make_shared<const VirtualScan>(part->tube, options);
+    next_t_ns_ = scan->EndEvent().t_ns + kBetweenScansNs;
+    names_.push_back(std::filesystem::path(file).filename().string());
+    std::cout << "scanning " << names_.back() << " " << scan->profile_count() << " profiles"
+              << std::endl;
+    scanner_.Trigger(std::move(scan), pace_);
+    return {};
+  }
+
+  void Misbehave(std::istringstream& words) {
+    std::string name;
+    std::uint32_t amount = 1;
+    words >> name;
+    const auto kind = drivers::MisbehaviourFromName(name);
+    if (!kind || (!(words >> amount) && !words.eof())) {
+      std::cout << "error misbehave: expected gap N, repeat, garbage BYTES, corrupt, bad-pose, "
+                   "stall MS, cut or fault"
+                << std::endl;
+      return;
+    }
+    scanner_.Misbehave({*kind, std::max(amount, 1U)});
+    std::cout << "ok" << std::endl;
+  }
+
+  void Say(const char* what) {
+    if (names_.empty()) return;
+    std::cout << what << names_.front() << std::endl;
+    names_.erase(names_.begin());
+  }
+
+  SimulatedScanner& scanner_;
+  VirtualScanOptions options_;
+  ScanPace pace_;
+  bool lay_on_table_;
+  std::int64_t next_t_ns_ = kBetweenScansNs;
+  std::vector<std::string> names_;
+  std::size_t finished_ = 0;
+  std::size_t abandoned_ = 0;
+};
+
+int Complain(const hal::Error& error) {
+  std::cerr << "bendloop-simscanner: " << error.message << '\n';
+  return hal::ExitCode(error.kind);
+}
+
+// Serves the host and obeys standard input until it ends or says quit.
+int Serve(SimulatedScanner& scanner, Operator& person) {
+  scanner.WakeOn(STDIN_FILENO);
+  std::string input;
+  std::array<char, 4096> block{};
+  while (true) {
+    if (auto served = scanner.Poll(std::chrono::seconds(1)); !served) {
+      return Complain(served.error());
+    }
+    person.Report();
+    pollfd waiting{STDIN_FILENO, POLLIN, 0};
+    if (poll(&waiting, 1, 0) <= 0) continue;
+    const ssize_t got = read(STDIN_FILENO, block.data(), block.size());
+    if (got > 0) input.append(block.data(), static_cast<std::size_t>(got));
+    for (std::size_t end = input.find('\n'); end != std::string::npos; end = input.find('\n')) {
+      if (!person.Obey(input.substr(0, end))) return 0;
+      input.erase(0, end + 1);
+    }
+    if (got == 0 || input.size() > kMaxLineBytes) return 0;
+  }
+}
+
+int Run(int argc, char** argv) {
+  VirtualScanOptions options;
+  drivers::WireIdentity identity{"bendloop simulated arm scanner", "SIM-0001", "1.0", "none", 0};
+  std::uint16_t port = 0;
+  int views = 1;
+  bool all_around = false;
+  std::string pace = "real";
+  std::string pose = "table";
+  std::vector<std::string> clutter;
+  int clamps = 2;
+
+  CLI::App app{
+      "An arm scanner that is not there: serves the scanner's wire protocol on a TCP port and\n"
+      "scans the tubes that it is given. Prints \"listening PORT\", then obeys one command a line\n"
+      "on standard input:\n"
+      "  scan FILE            scan the part in this tray file (schema bendloop.tray/1) as soon as\n"
+      "                       a host has started the scanner; prints \"scanning NAME N profiles\"\n"
+      "                       and at its end \"scanned NAME\", or \"abandoned NAME\" if the host\n"
+      "                       went away\n"
+      "  misbehave FAULT      before the next profile, once (below)\n"
+      "  quit                 or the end of input: switch off"};
+  app.name("bendloop-simscanner");
+  app.footer(
+      "Faults:\n"
+      "  gap N                leave out N profiles\n"
+      "  repeat               send a profile twice\n"
+      "  garbage BYTES        random bytes between messages\n"
+      "  corrupt              a wrong byte in a message\n"
+      "  bad-pose             a whole message with a pose that is none\n"
+      "  stall MS             silence\n"
+      "  cut                  half a message, then hang up\n"
+      "  fault                a fault event\n"
+      "Example:\n"
+      "  (echo scan tray/part-0001.json; cat) | bendloop-simscanner --views 2 --clutter table");
+  app.add_option("--port", port, "TCP port on 127.0.0.1; 0 picks a free one")
+      ->capture_default_str();
+  app.add_option("--seed", options.seed, "of pose, noise and fliers")->capture_default_str();
+  app.add_option("--noise", options.noise_mm, "1 sigma along the ray [mm]")->capture_default_str();
+  app.add_option("--outliers", options.outlier_fraction, "share of fliers, 0 to 1")
+      ->capture_default_str();
+  app.add_option("--pose-noise", options.pose_noise_mm, "1 sigma of the arm's position [mm]")
+      ->capture_default_str();
+  app.add_option("--jitter", options.path.jitter_mm, "of an unsteady hand, 1 sigma [mm]")
+      ->capture_default_str();
+  app.add_option("--views", views, "passes along the tube")
+      ->check(CLI::Range(1, 36))
+      ->capture_default_str();
+  app.add_flag("--all-around", all_around, "spread the views over the whole turn, not the upside");
+  app.add_option("--spacing", options.path.profile_spacing_mm, "between profiles [mm]")
+      ->capture_default_str();
+  app.add_option("--rays", options.rays, "of one profile")->capture_default_str();
+  app.add_option("--rate", options.profiles_per_second, "profiles per second")
+      ->capture_default_str();
+  app.add_option("--pace", pace, "real: at the rate; max: as fast as the host takes them")
+      ->check(CLI::IsMember({"real", "max"}))
+      ->capture_default_str();
+  app.add_option("--clutter", clutter, "in view: table, clamps, second-tube (with commas)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"table", "clamps", "second-tube"}));
+  app.add_option("--clamps", clamps, "how many, if they are in view")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  app.add_option("--pose", pose, "table: a seeded pose on the table; origin: begins at the origin")
+      ->check(CLI::IsMember({"table", "origin"}))
+      ->capture_default_str();
+  app.add_flag("--reverse", options.path.reverse, "begin at the tube's end");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : hal::ExitCode(ErrorKind::kUsage);
+  }
+  options.path.views_deg = drivers::SpreadViewsDeg(views, all_around);
+  const auto has = [&](const char* name) {
+    return std::find(clutter.begin(), clutter.end(), name) != clutter.end();
+  };
+  options.clutter.table = has("table");
+  options.clutter.clamps = has("clamps") ? clamps : 0;
+  options.clutter.second_tube = has("second-tube");
+  const hal::Tube any_tube{1, {{{1, 0, 0, std::nullopt}}}, {}};
+  if (auto checked = drivers::CheckScan(any_tube, options); !checked) {
+    return Complain(checked.error());
+  }
+
+  identity.max_points = static_cast<std::uint32_t>(options.rays);
+  hal::SteadyClock clock;
+  auto scanner = SimulatedScanner::Listen(port, identity, clock);
+  if (!scanner) return Complain(scanner.error());
+  std::cout << "listening " << (*scanner)->port() << std::endl;
+  Operator person(**scanner, options, pace == "max" ? ScanPace::kMax : ScanPace::kRealTime,
+                  pose == "table");
+  return Serve(**scanner, person);
+}
+
+}  // namespace
+}  // namespace bendloop::host
+
+int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);
+  try {
+    return bendloop::host::Run(argc, argv);
+  } catch (const std::exception& e) {
+    std::cerr << "bendloop-simscanner: " << e.what() << '\n';
+    return bendloop::hal::ExitCode(bendloop::hal::ErrorKind::kInternal);
+  }
+}
