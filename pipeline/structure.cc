@@ -19,10 +19,13 @@ namespace {
 constexpr std::array<double, 3> kTolerances = {0.04, 0.08, 0.16};
 constexpr double kArcTolerance = 2.0;
 constexpr double kReach = 0.35;  // of r_P: how far a sample may be from a wrong model
-// Neighbouring samples share systematic errors (ovality, pose), so they count for less than
-// independent ones: the price of a parameter is this many times the criterion's log(n).
+// The price of a parameter is this many times the criterion's log(n) variances: systematic errors
+// reach further than the blocks in which they are estimated.
 constexpr double kPrice = 3.0;
 constexpr double kDropAngleDeg = 3.0;
+// A bend with less than this beyond it (arc and straight, in pipe radii) cannot be told from the
+// cap, burr or fixture at the border of a scan: the tube goes straight on there.
+constexpr double kBorder = 2.0;
 // The number of bends does not need every sample; the comparison sees at most about so many.
 constexpr std::size_t kEnoughSamples = 8000;
 constexpr int kRounds = 3;
@@ -77,6 +80,30 @@ ArcLineSpline SplineFromTube(const hal::Tube& tube) {
                            arc.angle_rad()});
   }
   return spline;
+}
+
+// Without bends that only the border of the samples pretends; false: there were none.
+bool TrimBorders(ArcLineSpline& spline, double border_mm) {
+  const auto arc_mm = [](const SplineArc& arc) { return arc.radius_mm * arc.angle_rad; };
+  bool trimmed = false;
+  while (!spline.arcs.empty()) {
+    const SplineArc& last = spline.arcs.back();
+    const double beyond_mm = arc_mm(last) + (spline.end_mm - last.end_mm).norm();
+    if (beyond_mm >= border_mm) break;
+    spline.end_mm = last.begin_mm + beyond_mm * last.tangent_in;
+    spline.arcs.pop_back();
+    trimmed = true;
+  }
+  while (!spline.arcs.empty()) {
+    const SplineArc first = spline.arcs.front();
+    const double before_mm = arc_mm(first) + (first.begin_mm - spline.start_mm).norm();
+    if (before_mm >= border_mm) break;
+    spline.tangent = first.tangent_out;
+    spline.start_mm = first.end_mm - before_mm * first.tangent_out;
+    spline.arcs.erase(spline.arcs.begin());
+    trimmed = true;
+  }
+  return trimmed;
 }
 
 // One arc in place of two that follow each other.
@@ -149,6 +176,15 @@ class Search {
   }
 
   SurfaceFit Fit(const hal::Tube& tube) const {
+    SurfaceFit fit = FitOnce(tube);
+    ArcLineSpline spline = SplineFromTube(fit.tube);
+    if (TrimBorders(spline, kBorder * radius_mm_)) {
+      fit = FitOnce(TubeFromSpline(spline, fit.tube.pipe_radius_mm));
+    }
+    return fit;
+  }
+
+  SurfaceFit FitOnce(const hal::Tube& tube) const {
     return FitSurface(
         tube, blocks_,
         {.reach_mm = kReach * radius_mm_, .max_rounds = kRounds, .max_iterations = kIterations});
@@ -156,8 +192,9 @@ class Search {
 
   // Bayesian information criterion, the variance taken from the better fit of the two.
   bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const {
-    const double sigma = std::min(a.sigma_mm, b.sigma_mm);
-    const double price = kPrice * std::log(static_cast<double>(samples_)) * sigma * sigma;
+    const double variance = std::min(a.sigma_mm * a.sigma_mm * a.design_effect,
+                                     b.sigma_mm * b.sigma_mm * b.design_effect);
+    const double price = kPrice * std::log(static_cast<double>(samples_)) * variance;
     return a.cost_mm2 + a.parameters * price < b.cost_mm2 + b.parameters * price;
   }
 

@@ -167,7 +167,34 @@ struct Assignment {
   std::size_t used = 0;
   std::size_t total = 0;
   double sigma_mm = 0;
+  double design_effect = 1;
 };
+
+// How many times more the block means scatter than independent noise would have it: the ratio of
+// the mean squares between and within blocks. Pose errors, ovality and dents move neighbours
+// together, and n such samples tell less than n independent ones.
+double DesignEffect(std::span<const double> distances_mm, std::span<const std::size_t> blocks,
+                    double limit_mm) {
+  double between = 0, within = 0, block_count = 0, freedom = 0;
+  for (std::size_t i = 0; i < distances_mm.size();) {
+    double n = 0, sum = 0, sum2 = 0;
+    const std::size_t block = blocks[i];
+    for (; i < distances_mm.size() && blocks[i] == block; ++i) {
+      const double d = distances_mm[i];
+      if (std::abs(d) > limit_mm) continue;
+      n += 1;
+      sum += d;
+      sum2 += d * d;
+    }
+    if (n < 2) continue;
+    between += sum * sum / n;
+    within += sum2 - sum * sum / n;
+    block_count += 1;
+    freedom += n - 1;
+  }
+  if (freedom < 1 || within <= 0) return 1.0;
+  return std::max(1.0, (between / block_count) / (within / freedom));
+}
 
 Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, double reach_mm,
                   double min_sigma_mm) {
@@ -178,10 +205,10 @@ Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, dou
   std::vector<double> magnitudes;
   struct Held {
     Eigen::Vector3d point;
-    double distance;
     std::size_t segment;
   };
   std::vector<Held> held;
+  std::vector<std::size_t> block_of;
   for (const PointBlock& block : blocks) {
     result.total += block.points.size();
     CandidateSegments(block, segments, tube.pipe_radius_mm + reach_mm, candidates);
@@ -190,18 +217,21 @@ Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, dou
       const NearSegment near = NearestSegment(point, segments, candidates);
       const double d = near.distance_mm - tube.pipe_radius_mm;
       if (std::abs(d) >= reach_mm) continue;
-      held.push_back({point, d, static_cast<std::size_t>(near.segment)});
+      held.push_back({point, static_cast<std::size_t>(near.segment)});
+      block_of.push_back(static_cast<std::size_t>(&block - blocks.data()));
       result.distances_mm.push_back(d);
       magnitudes.push_back(std::abs(d));
     }
   }
   result.sigma_mm = std::max(min_sigma_mm, 1.4826 * Median(std::move(magnitudes)));
+  result.design_effect = DesignEffect(result.distances_mm, block_of, kNoWeight * result.sigma_mm);
   result.cost_mm2 = static_cast<double>(result.total - held.size()) * reach_mm * reach_mm;
-  for (const Held& h : held) {
-    result.cost_mm2 += h.distance * h.distance;
-    const double weight = WeightOf(h.distance, result.sigma_mm);
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    const double d = result.distances_mm[i];
+    result.cost_mm2 += d * d;
+    const double weight = WeightOf(d, result.sigma_mm);
     if (weight <= 0) continue;
-    result.points[h.segment].push_back({h.point, weight});
+    result.points[held[i].segment].push_back({held[i].point, weight});
     ++result.used;
   }
   return result;
@@ -219,7 +249,7 @@ void SetBounds(const TubeParameters& parameters, double pipe_radius_mm, double* 
   for (std::size_t i = 0; i < parameters.bends(); ++i) {
     bound(parameters.length(i), 0.0, 1e6);
     bound(parameters.angle(i), kMinAngleRad, 2.0 * std::numbers::pi);
-    bound(parameters.bend_radius(i), 0.8 * pipe_radius_mm, 1e4 * pipe_radius_mm);
+    bound(parameters.bend_radius(i), pipe_radius_mm, 1e4 * pipe_radius_mm);
   }
   if (parameters.pipe_radius() >= 0) {
     bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
@@ -243,7 +273,7 @@ Eigen::VectorXd StandardErrors(const TubeParameters& parameters, const Eigen::Ve
     for (const auto& p : assignment.points[k]) sum_weight += p.weight;
   }
   const double freedom = std::max(1.0, sum_weight - parameters.size());
-  const double variance = sum_d2 / freedom;
+  const double variance = assignment.design_effect * sum_d2 / freedom;
   Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
   for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
@@ -293,6 +323,7 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
 
   const Assignment assignment = Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm);
   fit.sigma_mm = assignment.sigma_mm;
+  fit.design_effect = assignment.design_effect;
   fit.cost_mm2 = assignment.cost_mm2;
   fit.used = assignment.used;
   fit.points = assignment.total;

@@ -24,7 +24,9 @@ struct SurfaceFit {
   hal::Tube tube;
   hal::BendProgram sigma;  // 1 sigma, from the covariance; first and last length: fit part only
   double pipe_radius_sigma_mm = 0;
-  double sigma_mm = 0;     // robust standard deviation of the distances
+  double sigma_mm = 0;  // robust standard deviation of the distances
+  // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
+  double design_effect = 1;
   double cost_mm2 = 0;     // sum over all points of min(d^2, reach^2)
   std::size_t used = 0;    // points with weight
   std::size_t points = 0;  // all points looked at

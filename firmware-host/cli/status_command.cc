@@ -7,7 +7,6 @@
 #include "firmware-host/cell/cell_status.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/daemon/status_server.h"
-#include "firmware-host/daemon/status_server.h"
 
 namespace bendloop::host {
 namespace {
