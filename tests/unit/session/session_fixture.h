@@ -51,7 +51,7 @@ inline hal::LaserProfile RandomProfile(std::mt19937_64& engine, std::uint64_t se
   std::uniform_real_distribution<double> number(-500, 500);
   hal::LaserProfile profile(points);
   profile.sequence = sequence;
-  profile.t_ns = static_cast<std::int64_t>(sequence) * 1'000'000 + 7;
+  profile.t_ns = static_cast<std::int64_t>(sequence * 1'000'000U) + 7;
   profile.X_WS.position_mm = {number(engine), number(engine), number(engine)};
   profile.X_WS.orientation =
       Eigen::Quaterniond(number(engine), number(engine), number(engine), number(engine))
