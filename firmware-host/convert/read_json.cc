@@ -108,6 +108,10 @@ hal::Result<RawTable> ReadJsonTableRows(std::string_view text, std::string_view 
     return hal::Fail(hal::ErrorKind::kBadInput, std::string(name) + ":" + std::to_string(line) +
                                                     ": byte " + std::to_string(byte) +
                                                     ": not JSON; expected a table or a result");
+  } catch (const Json::out_of_range&) {
+    return hal::Fail(
+        hal::ErrorKind::kBadInput,
+        std::string(name) + ": a number does not fit 64 bits; expected mm and degrees");
   }
   if (options.units != Units::kMillimetres) {
     return hal::Fail(hal::ErrorKind::kUsage,

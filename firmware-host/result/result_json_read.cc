@@ -63,6 +63,10 @@ hal::Result<RunResult> ReadResultJson(std::string_view text, std::string_view na
     return hal::Fail(hal::ErrorKind::kBadInput,
                      std::string(name) + ": byte " + std::to_string(error.byte) +
                          ": not JSON; expected a bendloop.result/1 document");
+  } catch (const Json::out_of_range&) {
+    return hal::Fail(
+        hal::ErrorKind::kBadInput,
+        std::string(name) + ": a number does not fit 64 bits, expected mm and degrees");
   }
   std::optional<hal::Error> error;
   const JsonReader json(root, name, error);

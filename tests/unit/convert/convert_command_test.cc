@@ -230,6 +230,7 @@ TEST(Convert, SaysWhatIsWrongAndWhere) {
       {{"--to", "lra"}, "{\n\"rows\": [,]}", 3, "standard input:2: byte 12: not JSON"},
       {{"--to", "lra"}, "{\"rows\": [{\"length_mm\": \"a\"}]}", 3, "/rows/0/length_mm"},
       {{"--to", "lra"}, "[1, 2]", 3, "standard input"},
+      {{"--to", "lra"}, "{\"rows\": [{\"length_mm\": 1e999}]}", 3, "a number does not fit 64 bits"},
       {{"--to", "lra", "--from", "xyz"},
        "{\"rows\": [{\"length_mm\": 1}]}",
        3,

@@ -184,6 +184,12 @@ void Spoil(const Json& whole, const Json::json_pointer& at, const Json& value) {
   }
 }
 
+TEST(ReadResultJson, ANumberBeyondTheRangeIsAnErrorAndNoCrash) {
+  const auto result = ReadResultJson(R"({"schema": 1e999})", "result.json");
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().kind, hal::ErrorKind::kBadInput);
+}
+
 TEST(ReadResultJson, AnyValueMayBeOfAnyType) {
   const Json whole = ResultJson(SampleRun());
   for (const auto& item : whole.items()) {
