@@ -219,7 +219,8 @@ class Walker {
     if (count_size > left()) return false;
     const double count = ReadScalar(here(), *property.list_count, big_endian_);
     offset_ += count_size;
-    if (count < 0 || count > static_cast<double>(left() / SizeOf(property.type))) return false;
+    const std::size_t most = left() / SizeOf(property.type);
+    if (count < 0 || count > static_cast<double>(most)) return false;
     return Skip(static_cast<std::size_t>(count) * SizeOf(property.type));
   }
 

@@ -189,7 +189,7 @@ class Reader {
         return ReadHeader(line, cells);
     }
     if (!have_numbers_) {
-      const auto started = Start(line, delimiter, cells.size());
+      auto started = Start(line, delimiter, cells.size());
       if (!started) return started;
     }
     return ReadRow(cells);
