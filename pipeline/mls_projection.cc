@@ -26,10 +26,46 @@ constexpr double kInlier = 0.25;  // of r_P, Tukey's cut-off
 constexpr double kMinCoverage =
     0.25;  // of the circumference; a cylinder laid on from outside has less
 // A node far rougher than the common one is a fit across two things.
-constexpr double kMaxRoughness = 2.2;    // of the median
-constexpr double kAlwaysSmooth = 0.04;   // of r_P
+constexpr double kMaxRoughness = 2.2;   // of the median
+constexpr double kAlwaysSmooth = 0.04;  // of r_P
+constexpr double kMirrorNear = 1.6;     // of r_P, around the two radii between mirrored axes
+constexpr double kMirrorFar = 2.3;
+constexpr double kMirrorSamples = 1.6;
 constexpr double kMinAxialSpread = 0.2;  // of r_P; less is a stripe, which has no direction
 constexpr double kMaxMove = 0.5;         // of r_P from start to node (section 7's last rule)
+
+// Samples of a tube also fit, worse, to a cylinder laid against it from outside: its axis runs
+// parallel to the true one at twice the radius. Of such a pair the node with far fewer samples
+// goes; two real tubes that touch have about as many each.
+std::vector<SpineNode> WithoutMirrored(const std::vector<SpineNode>& nodes, double radius_mm) {
+  std::vector<std::size_t> by_x(nodes.size());
+  for (std::size_t i = 0; i < by_x.size(); ++i) by_x[i] = i;
+  std::sort(by_x.begin(), by_x.end(), [&nodes](std::size_t a, std::size_t b) {
+    return std::pair(nodes[a].position_mm.x(), a) < std::pair(nodes[b].position_mm.x(), b);
+  });
+  const double near_mm = kMirrorNear * radius_mm;
+  const double far_mm = kMirrorFar * radius_mm;
+  std::vector<bool> mirrored(nodes.size(), false);
+  for (std::size_t i = 0; i < by_x.size(); ++i) {
+    for (std::size_t j = i + 1; j < by_x.size(); ++j) {
+      const SpineNode& a = nodes[by_x[i]];
+      const SpineNode& b = nodes[by_x[j]];
+      if (b.position_mm.x() - a.position_mm.x() > far_mm) break;
+      const Eigen::Vector3d between = b.position_mm - a.position_mm;
+      const double distance = between.norm();
+      if (distance < near_mm || distance > far_mm) continue;
+      if (std::abs(a.tangent.dot(b.tangent)) < 0.85) continue;
+      if (std::abs(between.dot(a.tangent)) > 0.5 * distance) continue;
+      if (a.samples > kMirrorSamples * static_cast<double>(b.samples)) mirrored[by_x[j]] = true;
+      if (b.samples > kMirrorSamples * static_cast<double>(a.samples)) mirrored[by_x[i]] = true;
+    }
+  }
+  std::vector<SpineNode> kept;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (!mirrored[i]) kept.push_back(nodes[i]);
+  }
+  return kept;
+}
 
 }  // namespace
 
@@ -159,7 +195,7 @@ std::vector<SpineNode> MlsProjection::Nodes() const {
   for (const auto& [key, node] : found) {
     if (node->rms_mm <= limit) nodes.push_back(*node);
   }
-  return nodes;
+  return WithoutMirrored(nodes, radius_mm_);
 }
 
 }  // namespace bendloop::pipeline

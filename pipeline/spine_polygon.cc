@@ -15,7 +15,7 @@ constexpr double kSpacing = 0.3;  // nodes closer than this say the same
 constexpr double kMaxEdge = 1.5;  // longer is a gap
 constexpr double kMaxGap = 8.0;   // a clamp hides up to 3, and the ends beside it are weak
 constexpr double kMinLength = 2.0;
-constexpr double kMinEdgeCosine = 0.5;  // an edge runs along the tangents of its nodes
+constexpr double kMinEdgeCosine = 0.8;  // an edge runs along the tangents of its nodes
 constexpr double kMinGapCosine = 0.2;
 
 // Nodes with many samples first; the weaker ones within the spacing go.

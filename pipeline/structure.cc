@@ -10,6 +10,7 @@
 
 #include "pipeline/arc_line_spline.h"
 #include "pipeline/simplify.h"
+#include "pipeline/statistics.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -23,6 +24,9 @@ constexpr double kReach = 0.35;  // of r_P: how far a sample may be from a wrong
 // reach further than the blocks in which they are estimated.
 constexpr double kPrice = 3.0;
 constexpr double kDropAngleDeg = 3.0;
+constexpr double kSplitRadius = 0.4;  // of the old arc's
+constexpr double kSuspicious = 1.5;   // mean square of an arc's distances over the median segment's
+constexpr std::size_t kMaxSplits = 4;
 // A bend with less than this beyond it (arc and straight, in pipe radii) cannot be told from the
 // cap, burr or fixture at the border of a scan: the tube goes straight on there.
 constexpr double kBorder = 2.0;
@@ -136,6 +140,22 @@ std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {
   return arc;
 }
 
+// Two arcs of half the angle in place of one, with a straight between them that touches the old arc
+// in its middle.
+std::array<SplineArc, 2> SplitArc(const SplineArc& arc) {
+  const double half = 0.5 * arc.angle_rad;
+  const double radius = kSplitRadius * arc.radius_mm;
+  const double tangent_mm = std::tan(0.5 * half);
+  const Eigen::Vector3d middle = Eigen::AngleAxisd(half, arc.normal) * arc.tangent_in;
+  const Eigen::Vector3d corner1 = arc.begin_mm + arc.radius_mm * tangent_mm * arc.tangent_in;
+  const Eigen::Vector3d corner2 = arc.end_mm - arc.radius_mm * tangent_mm * arc.tangent_out;
+  const double reach_mm = radius * tangent_mm;
+  return {SplineArc{corner1 - reach_mm * arc.tangent_in, corner1 + reach_mm * middle,
+                    arc.tangent_in, middle, arc.normal, radius, half},
+          SplineArc{corner2 - reach_mm * middle, corner2 + reach_mm * arc.tangent_out, middle,
+                    arc.tangent_out, arc.normal, radius, half}};
+}
+
 class Search {
  public:
   Search(double pipe_radius_mm, std::span<const PointBlock> blocks)
@@ -153,6 +173,9 @@ class Search {
       last_bends = tube.program.bend_count();
       SurfaceFit fit = Fit(tube);
       if (!best || IsBetter(fit, *best)) best = std::move(fit);
+    }
+    // Splitting first: what was one by mistake is found before what is two by mistake is joined.
+    for (std::size_t i = 0; i < kMaxSplits && Split(*best); ++i) {
     }
     while (Simplified(*best)) {
     }
@@ -196,6 +219,29 @@ class Search {
                                      b.sigma_mm * b.sigma_mm * b.design_effect);
     const double price = kPrice * std::log(static_cast<double>(samples_)) * variance;
     return a.cost_mm2 + a.parameters * price < b.cost_mm2 + b.parameters * price;
+  }
+
+  // Splits the arc that explains its samples worst, if two arcs do so better. False: none does.
+  bool Split(SurfaceFit& fit) const {
+    const ArcLineSpline spline = SplineFromTube(fit.tube);
+    const double suspicious = kSuspicious * Median(fit.segment_mean_square_mm2);
+    std::vector<std::pair<double, std::size_t>> worst;
+    for (std::size_t i = 0; i < spline.arcs.size(); ++i) {
+      const double mean_square = fit.segment_mean_square_mm2[2 * i + 1];
+      if (mean_square > suspicious) worst.emplace_back(-mean_square, i);
+    }
+    std::sort(worst.begin(), worst.end());
+    for (const auto& [mean_square, i] : worst) {
+      ArcLineSpline finer = spline;
+      const auto arcs = SplitArc(spline.arcs[i]);
+      finer.arcs[i] = arcs[0];
+      finer.arcs.insert(finer.arcs.begin() + static_cast<std::ptrdiff_t>(i) + 1, arcs[1]);
+      SurfaceFit candidate = Fit(TubeFromSpline(finer, fit.tube.pipe_radius_mm));
+      if (!IsBetter(candidate, fit)) continue;
+      fit = std::move(candidate);
+      return true;
+    }
+    return false;
   }
 
   // One step: the cheapest merge or drop that is no worse. False: none is.

@@ -164,6 +164,7 @@ struct Assignment {
   std::vector<SegmentPoints> points;
   std::vector<double> distances_mm;  // of points within reach
   double cost_mm2 = 0;
+  std::vector<double> segment_mean_square_mm2;
   std::size_t used = 0;
   std::size_t total = 0;
   double sigma_mm = 0;
@@ -209,6 +210,8 @@ Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, dou
   };
   std::vector<Held> held;
   std::vector<std::size_t> block_of;
+  std::vector<double> segment_count(segments.size(), 0.0);
+  result.segment_mean_square_mm2.assign(segments.size(), 0.0);
   for (const PointBlock& block : blocks) {
     result.total += block.points.size();
     CandidateSegments(block, segments, tube.pipe_radius_mm + reach_mm, candidates);
@@ -216,12 +219,18 @@ Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, dou
     for (const Eigen::Vector3d& point : block.points) {
       const NearSegment near = NearestSegment(point, segments, candidates);
       const double d = near.distance_mm - tube.pipe_radius_mm;
+      const auto k = static_cast<std::size_t>(near.segment);
+      segment_count[k] += 1.0;
+      result.segment_mean_square_mm2[k] += std::min(d * d, reach_mm * reach_mm);
       if (std::abs(d) >= reach_mm) continue;
-      held.push_back({point, static_cast<std::size_t>(near.segment)});
+      held.push_back({point, k});
       block_of.push_back(static_cast<std::size_t>(&block - blocks.data()));
       result.distances_mm.push_back(d);
       magnitudes.push_back(std::abs(d));
     }
+  }
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    result.segment_mean_square_mm2[k] /= std::max(1.0, segment_count[k]);
   }
   result.sigma_mm = std::max(min_sigma_mm, 1.4826 * Median(std::move(magnitudes)));
   result.design_effect = DesignEffect(result.distances_mm, block_of, kNoWeight * result.sigma_mm);
@@ -325,6 +334,7 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
   fit.sigma_mm = assignment.sigma_mm;
   fit.design_effect = assignment.design_effect;
   fit.cost_mm2 = assignment.cost_mm2;
+  fit.segment_mean_square_mm2 = assignment.segment_mean_square_mm2;
   fit.used = assignment.used;
   fit.points = assignment.total;
   const TubeParameters parameters(fit.tube, options.free_pipe_radius);
