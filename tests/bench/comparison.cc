@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/bench/comparison.h"
+
+#include <cmath>
+
+#include "pipeline/representations.h"
+
+namespace bendloop::bench {
+namespace {
+
+// The sigmas of the same tube from its other end. They are no program: a last row has a sigma of
+// length only, as a program's has, and the rest moves as the values do.
+hal::BendProgram ReverseSigma(const hal::BendProgram& sigma) {
+  hal::BendProgram reversed = sigma;
+  const std::size_t n = sigma.bend_count();
+  for (std::size_t i = 0; i <= n; ++i) reversed.rows[i].length_mm = sigma.rows[n - i].length_mm;
+  for (std::size_t i = 0; i < n; ++i) {
+    reversed.rows[i].angle_deg = sigma.rows[n - 1 - i].angle_deg;
+    reversed.rows[i].rotation_deg = i == 0 ? 0.0 : sigma.rows[n - i].rotation_deg;
+  }
+  return reversed;
+}
+
+double Misfit(const hal::BendProgram& a, const hal::BendProgram& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.rows.size(); ++i) {
+    sum += std::pow(a.rows[i].length_mm - b.rows[i].length_mm, 2) +
+           std::pow(a.rows[i].angle_deg - b.rows[i].angle_deg, 2) +
+           std::pow(hal::WrapRotationDeg(a.rows[i].rotation_deg - b.rows[i].rotation_deg), 2);
+  }
+  return sum;
+}
+
+}  // namespace
+
+double Ratio::Rms() const { return count > 0 ? std::sqrt(sum2 / count) : 0.0; }
+
+void LraRatios::Add(const LraRatios& other) {
+  length.Add(other.length);
+  rotation.Add(other.rotation);
+  angle.Add(other.angle);
+}
+
+Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured,
+                   const hal::BendProgram& bound, double spacing_mm) {
+  Comparison result;
+  const hal::BendProgram& wanted = truth.program;
+  result.bends_right = measured.tube.program.bend_count() == wanted.bend_count();
+  if (!result.bends_right) return result;
+  hal::BendProgram found = measured.tube.program;
+  hal::BendProgram sigma = measured.sigma;
+  const hal::BendProgram reversed = pipeline::ReverseTube(measured.tube).program;
+  if (Misfit(reversed, wanted) < Misfit(found, wanted)) {
+    found = reversed;
+    sigma = ReverseSigma(sigma);
+  }
+  const auto add = [&](Ratio LraRatios::*kind, double error, double one_sigma, double least) {
+    (result.plain.*kind).Add(error);
+    if (one_sigma > 0) (result.over_sigma.*kind).Add(error / one_sigma);
+    if (least > 0) (result.over_bound.*kind).Add(error / least);
+  };
+  const std::size_t bends = wanted.bend_count();
+  for (std::size_t i = 0; i < bends; ++i) {
+    const hal::BendRow& f = found.rows[i];
+    const hal::BendRow& w = wanted.rows[i];
+    add(&LraRatios::angle, f.angle_deg - w.angle_deg, sigma.rows[i].angle_deg,
+        bound.rows[i].angle_deg);
+    if (i == 0) continue;
+    add(&LraRatios::length, f.length_mm - w.length_mm, sigma.rows[i].length_mm,
+        bound.rows[i].length_mm);
+    add(&LraRatios::rotation, hal::WrapRotationDeg(f.rotation_deg - w.rotation_deg),
+        sigma.rows[i].rotation_deg, bound.rows[i].rotation_deg);
+  }
+  for (const std::size_t i : {std::size_t{0}, bends}) {
+    result.ends_over_spacing.Add((found.rows[i].length_mm - wanted.rows[i].length_mm) / spacing_mm);
+  }
+  return result;
+}
+
+}  // namespace bendloop::bench
