@@ -62,7 +62,8 @@ Json StatusJson(const CellSnapshot& s) {
                     {"points", s.live.points},
                     {"covered_mm", Number(s.live.covered_mm, 3)},
                     {"pipe_radius_mm", Number(s.live.pipe_radius_mm, 3)},
-                    {"rows", RowsJson(s.live.program)}};
+                    {"rows", RowsJson(s.live.program)},
+                    {"sigma_rows", SigmaRowsJson(s.live.sigma, s.live.program)}};
   }
   if (s.last) {
     json["last_part"] = {{"session", s.last->session},

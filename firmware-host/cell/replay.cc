@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cell/replay.h"
+
+#include <optional>
+#include <utility>
+
+#include "drivers/session/session_source.h"
+#include "firmware-host/acquisition/acquisition.h"
+#include "firmware-host/cell/cell_loop.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/run_context.h"
+
+namespace bendloop::host {
+namespace {
+
+// What the session's meta says beside its points.
+struct Recorded {
+  ScanIdentity identity;
+  std::optional<RunContext> context;
+};
+
+hal::Result<Recorded> ReadRecorded(const drivers::SessionReader& reader, const PartPlan& plan,
+                                   std::vector<std::string>& notes) {
+  Recorded recorded;
+  recorded.identity.session =
+      reader.MetaOr("session", std::filesystem::path(reader.path()).stem().string());
+  recorded.identity.start = reader.MetaOr("start", "");
+  if (const std::string text = reader.MetaOr(kContextKey, ""); !text.empty()) {
+    auto context = ReadRunContext(text, reader.path() + ": meta 'context'");
+    if (!context) return hal::Fail(context.error());
+    recorded.context = std::move(*context);
+  }
+  if (const std::string part = reader.MetaOr("part", plan.part); part != plan.part) {
+    notes.push_back("the session is of part '" + part + "', the cell makes '" + plan.part + "'");
+  }
+  const std::string digest = reader.MetaOr("config_digest", plan.config_digest);
+  if (digest != plan.config_digest) {
+    notes.push_back("the session was recorded with other settings (" + digest +
+                    ", the cell's are " + plan.config_digest + "): the result may differ");
+  }
+  if (reader.MetaOr("recording", "complete") != "complete") {
+    notes.push_back("the recording has gaps that the live run did not have");
+  }
+  return recorded;
+}
+
+hal::Result<std::unique_ptr<BenderDesk>> OpenDesk(const config::CellConfig& cell,
+                                                  const PartPlan& plan, const Recorded& recorded,
+                                                  const ReplayOptions& options, hal::Clock& clock) {
+  BenderDesk::Options desk;
+  desk.journal = cell.bender.link == config::BenderKind::kModbusTcp ? options.journal : ":memory:";
+  desk.pipe_radius_mm = plan.pipe_radius_mm;
+  desk.commit = plan.commit;
+  if (cell.bender.link != config::BenderKind::kSimulated) {
+    return BenderDesk::Open(cell.bender, desk, clock);
+  }
+  // The simulated bender holds what bent the part.
+  if (recorded.context && recorded.context->bent_with) {
+    desk.preload = *recorded.context->bent_with;
+  } else {
+    auto first = pipeline::InitialProgram(plan.nominal, plan.correction.material);
+    if (!first) return hal::Fail(first.error());
+    desk.preload.part_number = plan.part_number;
+    desk.preload.program = std::move(*first);
+  }
+  auto opened = BenderDesk::Open(cell.bender, desk, clock);
+  if (opened && recorded.context) (*opened)->NoteSequence(recorded.context->last_sequence);
+  return opened;
+}
+
+}  // namespace
+
+hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOptions& options,
+                                  hal::Clock& clock) {
+  const auto plan = MakePartPlan(cell);
+  if (!plan) return hal::Fail(plan.error());
+  drivers::SessionSource source(
+      options.session.string(),
+      options.recorded_pace ? drivers::ReplayPace::kRecorded : drivers::ReplayPace::kMax, clock);
+  const auto info = source.Open();
+  if (!info) return hal::Fail(info.error());
+  Replay replay;
+  const auto recorded = ReadRecorded(*source.reader(), *plan, replay.notes);
+  if (!recorded) return hal::Fail(recorded.error());
+  auto desk = OpenDesk(cell, *plan, *recorded, options, clock);
+  if (!desk) return hal::Fail(desk.error());
+
+  StatusBoard board;
+  std::optional<hal::Error> failed;
+  bool decided = false;
+  CellPorts ports;
+  ports.clock = &clock;
+  ports.desk = desk->get();
+  ports.board = &board;
+  ports.identify = [&] { return recorded->identity; };
+  ports.recorded = recorded->context;
+  ports.lot = [&] { return options.lot; };
+  ports.part_done = [&](PartOutcome& outcome) {
+    replay.outcome = std::move(outcome);
+    decided = true;
+  };
+  ports.scan_failed = [&](const FailedScan& scan) { failed = scan.error; };
+  CellLoopOptions loop_options;
+  loop_options.scan.is_live = false;
+  loop_options.scan.max_seconds = cell.scan.max_seconds;
+  loop_options.scan.min_profiles = cell.scan.min_profiles;
+  loop_options.ends_by_coverage = cell.scan.end == config::ScanEnd::kCoverage;
+  loop_options.max_parts = 1;
+  CellLoop loop(*plan, std::move(ports), loop_options);
+
+  ProfileRing ring(cell.scanner.queue_profiles, info->max_points);
+  Acquisition acquisition(source, *info, ring, clock, {});
+  if (auto started = acquisition.Start(); !started) return hal::Fail(started.error());
+  const CellEnd end = loop.Run(acquisition, ring, *info);
+  acquisition.Stop();
+  if (decided) return replay;
+  if (end == CellEnd::kSourceFault) return hal::Fail(acquisition.fault());
+  if (end == CellEnd::kPartsDone && failed && acquisition.fault().message.size() > 0) {
+    return hal::Fail(acquisition.fault());
+  }
+  const std::string where = options.session.string() + ": ";
+  if (failed) return hal::Fail(hal::ErrorKind::kBadInput, where + failed->message);
+  return hal::Fail(hal::ErrorKind::kBadInput,
+                   where + "holds no scan: found no profile, expected at least " +
+                       std::to_string(cell.scan.min_profiles));
+}
+
+}  // namespace bendloop::host

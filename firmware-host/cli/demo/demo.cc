@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cli/demo/demo.h"
+
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "config/load.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cli/demo/child_process.h"
+#include "firmware-host/cli/demo/demo_files.h"
+#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/daemon/status_server.h"
+#include "firmware-host/result/program_json.h"
+#include "firmware-host/result/result_json.h"
+#include "firmware-host/text/progress.h"
+#include "firmware-host/text/result_text.h"
+#include "firmware-host/text/style.h"
+
+namespace bendloop::host {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr auto kStartTimeout = 30s;
+constexpr auto kBendTimeout = 30s;
+constexpr auto kPartTimeout = 180s;
+constexpr auto kPollPeriod = 50ms;
+
+// What the press really does: more springback and stretch than the part file says, and scatter.
+const std::vector<std::string> kPhysics = {"--springback-20",    "1.9",  "--springback-120", "5.2",
+                                           "--elongation",       "2.6",  "--twist",          "0.4",
+                                           "--scatter-angle",    "0.03", "--scatter-length", "0.03",
+                                           "--scatter-rotation", "0.03"};
+
+// Worst deviation of a part on each axis.
+struct Worst {
+  double length_mm = 0;
+  double rotation_deg = 0;
+  double angle_deg = 0;
+  double of_tolerance = 0;  // the largest of all, 1 is the limit
+};
+
+void Take(const pipeline::Deviation& deviation, double& worst, double& of_tolerance) {
+  if (!std::isfinite(deviation.deviation)) return;
+  if (deviation.state == pipeline::ToleranceState::kNotJudged) return;
+  worst = std::max(worst, std::abs(deviation.deviation));
+  if (deviation.tolerance && *deviation.tolerance > 0) {
+    of_tolerance = std::max(of_tolerance, std::abs(deviation.deviation) / *deviation.tolerance);
+  }
+}
+
+Worst WorstOf(const RunResult& result) {
+  Worst worst;
+  if (!result.inspection) return worst;
+  for (const pipeline::RowInspection& row : result.inspection->rows) {
+    Take(row.length_mm, worst.length_mm, worst.of_tolerance);
+    Take(row.rotation_deg, worst.rotation_deg, worst.of_tolerance);
+    Take(row.angle_deg, worst.angle_deg, worst.of_tolerance);
+  }
+  return worst;
+}
+
+std::string NameOf(std::uint32_t part) {
+  char name[32];
+  std::snprintf(name, sizeof name, "part-%04u", part);
+  return name;
+}
+
+fs::path BinDirectory() { return fs::read_symlink("/proc/self/exe").parent_path(); }
+
+class Demo {
+ public:
+  Demo(DemoOptions options, config::CellConfig cell, double nominal_length_mm)
+      : options_(std::move(options)),
+        cell_(std::move(cell)),
+        nominal_length_mm_(nominal_length_mm),
+        progress_(std::cout, isatty(STDOUT_FILENO) != 0, TerminalColumns(STDOUT_FILENO)) {}
+
+  hal::Result<void> Run();
+
+ private:
+  hal::Result<void> StartProcesses();
+  hal::Result<void> AwaitDaemon();
+  hal::Result<RunResult> MakePart(std::uint32_t part);
+  hal::Result<void> AwaitResult(const fs::path& file);
+  void ShowProgress();
+  hal::Result<void> Conclude();
+  fs::path Log(const char* name) const { return options_.out / "logs" / name; }
+
+  const DemoOptions options_;
+  const config::CellConfig cell_;
+  const double nominal_length_mm_;
+  Progress progress_;
+  std::optional<ChildProcess> bender_;
+  std::optional<ChildProcess> scanner_;
+  std::optional<ChildProcess> daemon_;
+  std::vector<RunResult> results_;
+};
+
+hal::Result<void> Demo::StartProcesses() {
+  const fs::path bin = BinDirectory();
+  const std::string radius = std::to_string(cell_.part.pipe_radius_mm);
+  std::vector<std::string> bender = {
+      "--map",         (options_.out / "register-map.toml").string(),
+      "--program",     (options_.out / "first-program.json").string(),
+      "--part-number", std::to_string(cell_.part.part_number),
+      "--pipe-radius", radius,
+      "--tray",        (options_.out / "tray").string(),
+      "--seed",        std::to_string(options_.seed)};
+  bender.insert(bender.end(), kPhysics.begin(), kPhysics.end());
+  auto started = ChildProcess::Start(bin / "bendloop-simbender", bender, Log("simbender.log"));
+  if (!started) return hal::Fail(started.error());
+  bender_.emplace(std::move(*started));
+  const auto bender_port = bender_->Expect("listening", kStartTimeout);
+  if (!bender_port) return hal::Fail(bender_port.error());
+
+  std::vector<std::string> scanner = {"--seed", std::to_string(options_.seed), "--clutter",
+                                      "table,clamps"};
+  if (options_.quick) scanner.insert(scanner.end(), {"--pace", "max"});
+  started = ChildProcess::Start(bin / "bendloop-simscanner", scanner, Log("simscanner.log"));
+  if (!started) return hal::Fail(started.error());
+  scanner_.emplace(std::move(*started));
+  const auto scanner_port = scanner_->Expect("listening", kStartTimeout);
+  if (!scanner_port) return hal::Fail(scanner_port.error());
+
+  started = ChildProcess::Start(
+      bin / "bendloopd",
+      {"--config", (options_.out / "cell.toml").string(), "--bender", "127.0.0.1:" + *bender_port,
+       "--scanner", "127.0.0.1:" + *scanner_port, "--parts", std::to_string(options_.parts)},
+      Log("bendloopd.log"));
+  if (!started) return hal::Fail(started.error());
+  daemon_.emplace(std::move(*started));
+  std::cout << "bender   Modbus TCP, 127.0.0.1:" << *bender_port << "\n"
+            << "scanner  laser profiles, 127.0.0.1:" << *scanner_port << "\n";
+  return AwaitDaemon();
+}
+
+hal::Result<void> Demo::AwaitDaemon() {
+  const auto deadline = Clock::now() + kStartTimeout;
+  while (Clock::now() < deadline) {
+    if (const auto code = daemon_->Exited()) {
+      return hal::Fail(hal::ErrorKind::kDevice, "bendloopd ended with exit code " +
+                                                    std::to_string(*code) + "; see " +
+                                                    Log("bendloopd.log").string());
+    }
+    const auto status = FetchStatus(options_.out / "status.json");
+    if (status && status->value("state", "") == "waiting for a scan") {
+      std::cout << "daemon   bendloopd, ready\n" << std::flush;
+      return {};
+    }
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+  return hal::Fail(hal::ErrorKind::kDevice,
+                   "bendloopd was not ready in time; see " + Log("bendloopd.log").string());
+}
+
+void Demo::ShowProgress() {
+  const auto status = FetchStatus(options_.out / "status.json");
+  if (!status || !status->contains("scan")) return;
+  const Json& scan = status->at("scan");
+  std::optional<hal::Error> error;
+  const JsonReader reader(scan, "status", error);
+  pipeline::LiveView view;
+  view.profiles = reader.At("profiles").Count();
+  view.points = reader.At("points").Count();
+  view.covered_mm = reader.At("covered_mm").Number();
+  view.pipe_radius_mm = reader.At("pipe_radius_mm").Number();
+  view.program = ReadRows(reader.At("rows"));
+  view.sigma = ReadRows(reader.At("sigma_rows"));
+  if (!error) progress_.Show(view, nominal_length_mm_);
+}
+
+hal::Result<void> Demo::AwaitResult(const fs::path& file) {
+  const auto deadline = Clock::now() + kPartTimeout;
+  std::error_code error;
+  while (Clock::now() < deadline) {
+    if (fs::exists(file, error)) return {};
+    if (daemon_->Exited() && !fs::exists(file, error)) break;
+    ShowProgress();
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+  return hal::Fail(hal::ErrorKind::kDevice, "no result for " + file.stem().string() + "; see " +
+                                                Log("bendloopd.log").string());
+}
+
+hal::Result<RunResult> Demo::MakePart(std::uint32_t part) {
+  std::cout << "\n"
+            << Paint("Part " + std::to_string(part), Style::kStrong, options_.colour) << "\n"
+            << std::flush;
+  if (auto asked = bender_->WriteLine("bend"); !asked) return hal::Fail(asked.error());
+  const auto bent = bender_->Expect("bent", kBendTimeout);
+  if (!bent) return hal::Fail(bent.error());
+  const fs::path tray = options_.out / "tray" / fs::path(*bent).filename();
+  std::cout << "bent, scanning ...\n" << std::flush;
+  if (auto asked = scanner_->WriteLine("scan " + fs::absolute(tray).string()); !asked) {
+    return hal::Fail(asked.error());
+  }
+  const fs::path file = options_.out / "results" / (NameOf(part) + ".json");
+  auto arrived = AwaitResult(file);
+  progress_.End();
+  if (!arrived) return hal::Fail(arrived.error());
+  const auto text = ReadWholeFile(file);
+  if (!text) return hal::Fail(text.error());
+  auto result = ReadResultJson(*text, file.string());
+  if (result) std::cout << RunText(*result, options_.colour) << std::flush;
+  return result;
+}
+
+hal::Result<void> Demo::Conclude() {
+  std::cout << "\n"
+            << Paint("Largest deviations from the nominal", Style::kStrong, options_.colour)
+            << "\n";
+  std::vector<Worst> worst;
+  for (const RunResult& result : results_) {
+    worst.push_back(WorstOf(result));
+    char line[160];
+    std::snprintf(line, sizeof line,
+                  "  part %zu   length %7.3f mm   rotation %7.3f deg   angle %7.3f deg   %5.2f of "
+                  "the tolerance\n",
+                  worst.size(), worst.back().length_mm, worst.back().rotation_deg,
+                  worst.back().angle_deg, worst.back().of_tolerance);
+    std::cout << line;
+  }
+  const std::string last = NameOf(static_cast<std::uint32_t>(results_.size()));
+  const auto show = [&](const char* what, const fs::path& path) {
+    std::cout << what << path.string() << "\n";
+  };
+  std::cout << "\n";
+  std::error_code error;
+  if (fs::exists(options_.out / "report.html", error)) {
+    show("report    ", options_.out / "report.html");
+  }
+  show("results   ", options_.out / "results");
+  show("sessions  ", options_.out / "sessions");
+  std::cout << "again     bendloop replay "
+            << (options_.out / "sessions" / (last + ".session")).string() << " --config "
+            << (options_.out / "cell.toml").string() << "\n"
+            << std::flush;
+  if (worst.size() >= 2 && !(worst[1].of_tolerance < worst[0].of_tolerance)) {
+    return hal::Fail(hal::ErrorKind::kRefused, "the second part is not better than the first");
+  }
+  return {};
+}
+
+hal::Result<void> Demo::Run() {
+  if (auto started = StartProcesses(); !started) return started;
+  for (std::uint32_t part = 1; part <= options_.parts; ++part) {
+    auto result = MakePart(part);
+    if (!result) return hal::Fail(result.error());
+    results_.push_back(std::move(*result));
+  }
+  // The daemon ends by itself after the last part, with everything on the disk.
+  const auto deadline = Clock::now() + kStartTimeout;
+  while (!daemon_->Exited() && Clock::now() < deadline) std::this_thread::sleep_for(kPollPeriod);
+  const int code = daemon_->Stop(5s);
+  if (code != 0) {
+    return hal::Fail(hal::ErrorKind::kDevice, "bendloopd ended with exit code " +
+                                                  std::to_string(code) + "; see " +
+                                                  Log("bendloopd.log").string());
+  }
+  return Conclude();
+}
+
+}  // namespace
+
+hal::Result<void> RunDemo(const DemoOptions& options) {
+  if (auto written = WriteDemoFiles(options.out); !written) return written;
+  auto cell = config::LoadCell(options.out / "cell.toml");
+  if (!cell) return hal::Fail(cell.error());
+  const auto plan = MakePartPlan(*cell);
+  if (!plan) return hal::Fail(plan.error());
+  if (auto written = WriteFirstProgram(options.out, *cell); !written) return written;
+  std::cout << "bendloop demo: '" << plan->part << "', " << plan->nominal.bend_count()
+            << " bends, pipe radius " << plan->pipe_radius_mm << " mm\n";
+  return Demo(options, std::move(*cell), plan->nominal_length_mm).Run();
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cli/demo/demo_files.h"
+
+#include <string>
+#include <system_error>
+
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cli/demo/shipped_texts.h"
+#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/result/program_json.h"
+#include "pipeline/material.h"
+
+namespace bendloop::host {
+namespace {
+
+namespace fs = std::filesystem;
+
+// By this a folder is known to be a demo's own.
+constexpr const char* kMarker = ".bendloop-demo";
+
+constexpr const char* kCell =
+    R"(# Written by `bendloop demo`. The live run reached its scanner and bender by the daemon's options
+# --scanner and --bender; a replay starts the simulated bender itself.
+schema = "bendloop.cell/1"
+name = "Demo cell"
+part = "part.toml"
+state_dir = "."
+
+[scanner]
+kind = "simulated"
+
+[bender]
+link = "simulated"
+register_map = "register-map.toml"
+
+[correction]
+gain_length = 1.0
+gain_rotation = 1.0
+gain_angle = 1.0
+
+[record]
+directory = "sessions"
+)";
+
+hal::Result<void> Clear(const fs::path& out) {
+  std::error_code error;
+  if (!fs::exists(out, error)) return {};
+  if (!fs::is_directory(out, error)) {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     "--out: '" + out.string() + "' is no folder; name another one");
+  }
+  if (!fs::exists(out / kMarker, error) && !fs::is_empty(out, error)) {
+    return hal::Fail(hal::ErrorKind::kUsage, "--out: '" + out.string() +
+                                                 "' holds files that are not of a demo; name an "
+                                                 "empty or a new folder");
+  }
+  // The marker goes last, so that a removal cut short can be taken up again.
+  for (const char* name : {"cell.toml", "part.toml", "register-map.toml", "first-program.json",
+                           "journal.db", "journal.db-wal", "journal.db-shm", "history.db",
+                           "history.db-wal", "history.db-shm", "lot.json", "lock", "status.json",
+                           "report.html", "results", "sessions", "tray", "logs", kMarker}) {
+    fs::remove_all(out / name, error);
+  }
+  return {};
+}
+
+}  // namespace
+
+hal::Result<void> WriteDemoFiles(const fs::path& out) {
+  if (auto cleared = Clear(out); !cleared) return cleared;
+  std::error_code error;
+  fs::create_directories(out / "tray", error);
+  fs::create_directories(out / "logs", error);
+  if (error) {
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     out.string() + ": cannot be created: " + error.message());
+  }
+  const std::pair<const char*, std::string_view> files[] = {
+      {kMarker, ""},
+      {"cell.toml", kCell},
+      {"part.toml", kDemoPart},
+      {"register-map.toml", kDefaultRegisterMap}};
+  for (const auto& [name, text] : files) {
+    if (auto written = WriteFileAtomically(out / name, text); !written) return written;
+  }
+  return {};
+}
+
+hal::Result<void> WriteFirstProgram(const fs::path& out, const config::CellConfig& cell) {
+  const auto nominal = NominalProgram(cell.part);
+  if (!nominal) return hal::Fail(nominal.error());
+  const auto first = pipeline::InitialProgram(*nominal, MaterialOf(cell.part));
+  if (!first) return hal::Fail(first.error());
+  return WriteFileAtomically(out / "first-program.json",
+                             Dump({{"rows", RowsJson(*first)}}, 2) + "\n");
+}
+
+}  // namespace bendloop::host

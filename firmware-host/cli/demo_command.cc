@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
+#include <memory>
+
+#include "firmware-host/cli/command.h"
+#include "firmware-host/cli/demo/demo.h"
+#include "firmware-host/text/style.h"
+
+namespace bendloop::host {
+namespace {
+
+constexpr const char* kFooter = R"(
+Examples:
+  bendloop demo
+  bendloop demo --parts 5 --seed 7 --out /tmp/demo
+
+Three processes beside this one, over loopback: a simulated bender (Modbus TCP) whose steel springs
+back more than the part file says, a simulated scanner, and the daemon. Each part is bent, scanned
+while it is measured, inspected and corrected; the next one is bent with the corrected program.
+The folder --out gets cell.toml, part.toml, results/, sessions/ and report.html; what an earlier
+demo left there is removed. Exit code 1 when the second part is not better than the first.)";
+
+}  // namespace
+
+CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
+  auto options = std::make_shared<DemoOptions>();
+  auto no_color = std::make_shared<bool>(false);
+  CLI::App* command = app.add_subcommand(
+      "demo", "The whole main job on simulated hardware: bend, scan, measure, correct, bend again");
+  command->footer(kFooter);
+  command->add_option("--out", options->out, "Folder for everything it makes")
+      ->type_name("DIR")
+      ->capture_default_str();
+  command->add_option("--parts", options->parts, "How many are bent")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  command->add_option("--seed", options->seed, "Of bender and scanner")->capture_default_str();
+  command->add_flag("--no-color,--no-colour", *no_color, "Plain text");
+  command->add_flag("--quick", options->quick,
+                    "Scan as fast as it goes instead of at a hand's pace");
+  command->callback([options, no_color, &run] {
+    run = [options, no_color] {
+      options->colour = !*no_color && ColourAllowed(STDOUT_FILENO);
+      const auto done = RunDemo(*options);
+      return done ? 0 : Report(done.error());
+    };
+  });
+  return command;
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "config/load.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/replay.h"
+#include "firmware-host/cli/command.h"
+#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/result/result_json.h"
+#include "firmware-host/text/result_text.h"
+#include "firmware-host/text/style.h"
+#include "hal/clock.h"
+
+namespace bendloop::host {
+namespace {
+
+struct ReplayArguments {
+  std::string session;
+  std::string config;
+  std::string pace = "max";
+  std::string json;
+};
+
+constexpr const char* kFooter = R"(
+Examples:
+  bendloop replay demo-out/sessions/part-0002.session --config demo-out/cell.toml
+  bendloop replay part.session --config cell.toml --pace recorded --json result.json
+
+The session takes the daemon's own way, the bender included. With [bender] link = "simulated" it
+starts a simulated bender that holds the program that bent the part; with a real bender it works on
+that one, under the same interlocks as a live scan, and the program it holds must be the one that
+bent the part. The same session and cell file give the same result, timing_ms aside.
+
+Exit code 1 when the part is refused or out of tolerance; the reasons are printed.)";
+
+int Replay(const ReplayArguments& arguments) {
+  const auto cell = config::LoadCell(arguments.config);
+  if (!cell) return Report(cell.error());
+  ReplayOptions options;
+  options.session = arguments.session;
+  options.recorded_pace = arguments.pace == "recorded";
+  // A real bender is this cell's: its journal and lot are taken, and the daemon must not run.
+  std::optional<StateStore> store;
+  std::string lot_key;
+  if (cell->bender.link == config::BenderKind::kModbusTcp) {
+    const auto plan = MakePartPlan(*cell);
+    if (!plan) return Report(plan.error());
+    lot_key = plan->config_digest;
+    auto opened = StateStore::Open(cell->state_dir);
+    if (!opened) return Report(opened.error());
+    store.emplace(std::move(*opened));
+    options.journal = store->journal();
+    auto lot = store->Lot(lot_key);
+    if (!lot) return Report(lot.error());
+    options.lot = std::move(*lot);
+  }
+  hal::SteadyClock clock;
+  const auto replay = ReplaySession(*cell, options, clock);
+  if (!replay) return Report(replay.error());
+  for (const std::string& note : replay->notes) {
+    std::cerr << "bendloop: note: " << arguments.session << ": " << note << "\n";
+  }
+  const PartOutcome& outcome = replay->outcome;
+  if (store && outcome.end == PartEnd::kCorrected && outcome.next) {
+    if (auto kept = store->KeepLot(*outcome.next, lot_key); !kept) return Report(kept.error());
+  }
+  if (arguments.json != "-") {
+    std::cout << RunText(outcome.result, ColourAllowed(STDOUT_FILENO)) << std::flush;
+  }
+  if (!arguments.json.empty()) {
+    const int code = WriteOutput(arguments.json, WriteResultJson(outcome.result));
+    if (code != 0) return code;
+  }
+  for (const std::string& reason : outcome.reasons) std::cerr << "bendloop: " << reason << "\n";
+  return outcome.exit_code();
+}
+
+}  // namespace
+
+CLI::App* AddReplayCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<ReplayArguments>();
+  CLI::App* command =
+      app.add_subcommand("replay", "A recorded session through the daemon's own way, then exit");
+  command->footer(kFooter);
+  command->add_option("session", arguments->session, "Recorded session")
+      ->required()
+      ->type_name("SESSION");
+  command->add_option("--config", arguments->config, "Cell file")
+      ->required()
+      ->type_name("CELL.toml");
+  command->add_option("--pace", arguments->pace, "As fast as it goes, or as it was recorded")
+      ->check(CLI::IsMember({"max", "recorded"}))
+      ->capture_default_str();
+  command->add_option("--json", arguments->json, "Write the result here, - for standard output")
+      ->type_name("OUT");
+  command->callback([arguments, &run] { run = [arguments] { return Replay(*arguments); }; });
+  return command;
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "config/load.h"
+#include "drivers/simulated_bender/bending_physics.h"
+#include "drivers/simulated_scanner/simulate_session.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/version.h"
+#include "firmware-host/cli/command.h"
+#include "firmware-host/result/program_json.h"
+#include "pipeline/material.h"
+
+namespace bendloop::host {
+namespace {
+
+struct SimulateArguments {
+  std::string part;
+  std::string out;
+  drivers::VirtualScanOptions scan;
+  int views = 3;
+  bool all_around = false;
+  std::vector<std::string> clutter;
+  std::optional<double> springback_20_deg;
+  std::optional<double> springback_120_deg;
+  std::optional<double> elongation_percent;
+  double scatter_angle_deg = 0;
+  double scatter_rotation_deg = 0;
+  double scatter_length_mm = 0;
+  std::uint32_t serial = 1;
+};
+
+constexpr const char* kFooter = R"(
+Examples:
+  bendloop simulate --part part.toml --out part.session
+  bendloop simulate --part part.toml --out noisy.session --seed 7 --noise 0.1 --outliers 0.02
+  bendloop simulate --part part.toml --out bad.session --springback-120 6 --clutter table,clamps
+
+The tube is bent from the part's first program: the nominal with its [material] made up for. So it
+comes out at the nominal unless springback, elongation or scatter say otherwise. The true rows stand
+in the session's meta under "true_rows".)";
+
+int Simulate(SimulateArguments& arguments) {
+  const auto part = config::LoadPart(arguments.part);
+  if (!part) return Report(part.error());
+  const auto nominal = NominalProgram(*part);
+  if (!nominal) return Report(nominal.error());
+  const pipeline::Material material = MaterialOf(*part);
+  const auto commanded = pipeline::InitialProgram(*nominal, material);
+  if (!commanded) return Report(commanded.error());
+
+  drivers::BendingPhysics physics;
+  physics.springback_20_deg = arguments.springback_20_deg.value_or(material.springback_at_20_deg);
+  physics.springback_120_deg =
+      arguments.springback_120_deg.value_or(material.springback_at_120_deg);
+  physics.elongation_percent = arguments.elongation_percent.value_or(material.elongation_percent);
+  physics.sigma_angle_deg = arguments.scatter_angle_deg;
+  physics.sigma_rotation_deg = arguments.scatter_rotation_deg;
+  physics.sigma_length_mm = arguments.scatter_length_mm;
+  physics.seed = arguments.scan.seed;
+  if (auto checked = drivers::CheckBendingPhysics(physics); !checked) {
+    return Report({hal::ErrorKind::kUsage, checked.error().message});
+  }
+  hal::Tube tube;
+  tube.pipe_radius_mm = part->pipe_radius_mm;
+  tube.program = drivers::BendTube(*commanded, physics, arguments.serial);
+
+  drivers::SimulateSessionOptions options;
+  options.scan = arguments.scan;
+  options.scan.path.views_deg = drivers::SpreadViewsDeg(arguments.views, arguments.all_around);
+  for (const std::string& what : arguments.clutter) {
+    if (what == "table") options.scan.clutter.table = true;
+    if (what == "clamps") options.scan.clutter.clamps = 2;
+    if (what == "tube") options.scan.clutter.second_tube = true;
+  }
+  options.part = part->name;
+  options.software = kSoftware;
+  options.more_meta["true_rows"] = Dump(RowsJson(tube.program));
+  const auto session = drivers::SimulateSession(tube, options, arguments.out);
+  if (!session) return Report(session.error());
+  std::cout << arguments.out << ": " << session->profiles << " profiles, " << session->points
+            << " points, " << tube.program.bend_count() << " bends\n";
+  return 0;
+}
+
+}  // namespace
+
+CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
+  auto a = std::make_shared<SimulateArguments>();
+  CLI::App* command =
+      app.add_subcommand("simulate", "A recorded session of a virtual scan of a virtual tube");
+  command->footer(kFooter);
+  command->add_option("--part", a->part, "Part file")->required()->type_name("PART.toml");
+  command->add_option("--out", a->out, "Session to write, over one that is there")
+      ->required()
+      ->type_name("SESSION");
+  command->add_option("--seed", a->scan.seed, "Of everything random")->capture_default_str();
+  command->add_option("--noise", a->scan.noise_mm, "1 sigma along the ray [mm]")
+      ->capture_default_str();
+  command->add_option("--outliers", a->scan.outlier_fraction, "Part of the points that are fliers")
+      ->capture_default_str();
+  command->add_option("--dropouts", a->scan.dropout_fraction, "Part of the points that are missing")
+      ->capture_default_str();
+  command
+      ->add_option("--pose-noise", a->scan.pose_noise_mm, "1 sigma of the sensor's position [mm]")
+      ->capture_default_str();
+  command->add_option("--views", a->views, "Passes along the tube, from different sides")
+      ->check(CLI::Range(1, 36))
+      ->capture_default_str();
+  command->add_flag("--all-around", a->all_around, "Views on all sides, not from above only");
+  command->add_option("--spacing", a->scan.path.profile_spacing_mm, "Between profiles [mm]")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command->add_option("--rays", a->scan.rays, "Points of one laser line at most")
+      ->capture_default_str();
+  command->add_flag("--reverse", a->scan.path.reverse, "Scan from the tube's end");
+  command->add_option("--clutter", a->clutter, "In view as well: table, clamps, tube")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"table", "clamps", "tube"}));
+  command->add_option(
+      "--springback-20", a->springback_20_deg,
+      "True springback of a bend of 20 degrees [deg]; default: the part's material");
+  command->add_option("--springback-120", a->springback_120_deg, "The same of 120 degrees [deg]");
+  command->add_option("--elongation", a->elongation_percent, "True elongation [%]");
+  command->add_option("--scatter-angle", a->scatter_angle_deg, "Of the bender, 1 sigma [deg]")
+      ->capture_default_str();
+  command->add_option("--scatter-rotation", a->scatter_rotation_deg, "1 sigma [deg]")
+      ->capture_default_str();
+  command->add_option("--scatter-length", a->scatter_length_mm, "1 sigma [mm]")
+      ->capture_default_str();
+  command->add_option("--serial", a->serial, "Which part of the scatter's sequence")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command->callback([a, &run] { run = [a] { return Simulate(*a); }; });
+  return command;
+}
+
+}  // namespace bendloop::host
