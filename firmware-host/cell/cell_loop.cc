@@ -211,18 +211,20 @@ void CellLoop::FinishScan() {
   PartOutcome outcome =
       DecidePart(plan_, identity_, facts, base, std::move(*measurement), *ports_.desk);
   const double ms = Milliseconds(ports_.clock->Now() - ended);
-  ports_.part_done(outcome);
+  const PartEnd what = outcome.end;
+  const LastPart last{identity_.session, Word(what),
+                      std::string(pipeline::Name(outcome.result.inspection->verdict)),
+                      outcome.reasons.empty() ? "" : outcome.reasons.front()};
+  ports_.part_done(std::move(outcome));
   ports_.board->Update([&](CellSnapshot& s) {
     ++s.parts;
-    if (outcome.end == PartEnd::kCorrected) ++s.corrected;
-    if (outcome.end == PartEnd::kRefused || outcome.end == PartEnd::kLinkDown) ++s.refused;
+    if (what == PartEnd::kCorrected) ++s.corrected;
+    if (what == PartEnd::kRefused || what == PartEnd::kLinkDown) ++s.refused;
     s.phase = CellPhase::kWaiting;
     s.session.clear();
     s.last_decision_ms = ms;
     s.peak_decision_ms = std::max(s.peak_decision_ms, ms);
-    s.last = LastPart{identity_.session, Word(outcome.end),
-                      std::string(pipeline::Name(outcome.result.inspection->verdict)),
-                      outcome.reasons.empty() ? "" : outcome.reasons.front()};
+    s.last = last;
   });
 }
 

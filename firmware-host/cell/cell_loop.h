@@ -39,7 +39,7 @@ struct CellPorts {
   std::optional<RunContext> recorded;
   // What this lot has taught so far.
   std::function<std::optional<pipeline::LotState>()> lot;
-  std::function<void(PartOutcome&)> part_done;
+  std::function<void(PartOutcome)> part_done;
   std::function<void(const FailedScan&)> scan_failed;
   // Between scans, about once a second.
   std::function<void(const BenderReading&)> bender_heard;

@@ -19,11 +19,8 @@ hal::Result<std::unique_ptr<hal::ProfileSource>> MakeSource(const config::Scanne
     case config::ScannerKind::kSession:
       return std::make_unique<drivers::SessionSource>(scanner.session.string(),
                                                       drivers::ReplayPace::kRecorded, clock);
-    case config::ScannerKind::kUsb:
-      break;
   }
-  return hal::Fail(hal::ErrorKind::kUsage,
-                   "[scanner] kind = \"usb\": this build has no USB scanner; use \"stream\"");
+  return hal::Fail(hal::ErrorKind::kInternal, "[scanner] kind: unknown");
 }
 
 }  // namespace bendloop::host

@@ -95,7 +95,7 @@ hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOp
   ports.identify = [&] { return recorded->identity; };
   ports.recorded = recorded->context;
   ports.lot = [&] { return options.lot; };
-  ports.part_done = [&](PartOutcome& outcome) {
+  ports.part_done = [&](PartOutcome outcome) {
     replay.outcome = std::move(outcome);
     decided = true;
   };

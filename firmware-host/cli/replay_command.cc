@@ -37,7 +37,7 @@ bent the part. The same session and cell file give the same result, timing_ms as
 
 Exit code 1 when the part is refused or out of tolerance; the reasons are printed.)";
 
-int Replay(const ReplayArguments& arguments) {
+int ReplayOne(const ReplayArguments& arguments) {
   const auto cell = config::LoadCell(arguments.config);
   if (!cell) return Report(cell.error());
   ReplayOptions options;
@@ -97,7 +97,7 @@ CLI::App* AddReplayCommand(CLI::App& app, Run& run) {
       ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the result here, - for standard output")
       ->type_name("OUT");
-  command->callback([arguments, &run] { run = [arguments] { return Replay(*arguments); }; });
+  command->callback([arguments, &run] { run = [arguments] { return ReplayOne(*arguments); }; });
   return command;
 }
 

@@ -155,7 +155,7 @@ CellPorts Daemon::Impl::Ports() {
     return identity;
   };
   ports.lot = [this] { return keeper_.Lot(); };
-  ports.part_done = [this](PartOutcome& outcome) { keeper_.Keep(outcome); };
+  ports.part_done = [this](PartOutcome outcome) { keeper_.Keep(std::move(outcome)); };
   ports.scan_failed = [this](const FailedScan& failed) { keeper_.KeepFailure(failed); };
   ports.bender_heard = [this](const BenderReading& heard) { BenderHeard(heard); };
   ports.alive = [this] { notify_.Alive(); };
@@ -185,6 +185,7 @@ int Daemon::Impl::Run() {
   spdlog::info("stopping after {} scans", loop.parts());
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
   recorder_->Flush();
+  keeper_.Flush();
   ::unlink(store_.status().c_str());
   return exit_code_;
 }

@@ -7,11 +7,19 @@
 #include <cstdio>
 #include <ctime>
 #include <utility>
+#include <vector>
 
+#include "firmware-host/report/report.h"
 #include "firmware-host/result/result_json.h"
 #include "firmware-host/text/result_text.h"
 
 namespace bendloop::host {
+namespace {
+
+// Parts that the report shows beside each other.
+constexpr std::size_t kReportParts = 20;
+
+}  // namespace
 
 std::string UtcNow() {
   const auto now = std::chrono::system_clock::now();
@@ -39,7 +47,7 @@ hal::Result<void> PartKeeper::LoadLot() {
 
 ScanIdentity PartKeeper::Identify() const { return {store_.NextName(sessions_), UtcNow()}; }
 
-void PartKeeper::Keep(PartOutcome& outcome) {
+void PartKeeper::Keep(PartOutcome outcome) {
   const RunResult& result = outcome.result;
   if (outcome.next) {
     lot_ = outcome.next;
@@ -58,6 +66,33 @@ void PartKeeper::Keep(PartOutcome& outcome) {
   if (result.bender && result.bender->outcome == CommitOutcome::kCommitted) {
     spdlog::info("{}: bender confirmed program {}", result.session, result.bender->sequence);
   }
+  recent_.push_back(std::move(outcome.result));
+  if (recent_.size() > kReportParts) recent_.pop_front();
+  WriteReport();
+}
+
+void PartKeeper::WriteReport() {
+  // Beside the loop: the next scan may begin while the page is made. One at a time; a part that
+  // comes meanwhile is in the next page, and Flush writes the last one.
+  if (report_.valid() && report_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) {
+    report_late_ = true;
+    return;
+  }
+  report_late_ = false;
+  report_ = std::async(
+      std::launch::async,
+      [path = store_.report(), runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
+        if (auto written = WriteFileAtomically(path, ReportHtml(runs)); !written) {
+          spdlog::error("report not written: {}", written.error().message);
+        }
+      });
+}
+
+void PartKeeper::Flush() {
+  if (report_.valid()) report_.wait();
+  if (!report_late_) return;
+  WriteReport();
+  report_.wait();
 }
 
 void PartKeeper::KeepFailure(const FailedScan& failed) {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
 #include <filesystem>
+#include <future>
 #include <string>
 
 #include "firmware-host/cell/cell_loop.h"
@@ -20,14 +22,21 @@ class PartKeeper {
   std::optional<pipeline::LotState> Lot() const { return lot_; }
   // kBadInput when the kept lot is damaged.
   hal::Result<void> LoadLot();
-  void Keep(PartOutcome& outcome);
+  void Keep(PartOutcome outcome);
   void KeepFailure(const FailedScan& failed);
+  // Waits for the report that is being written.
+  void Flush();
 
  private:
+  void WriteReport();
+
   StateStore& store_;
   std::filesystem::path sessions_;
   std::string lot_key_;
   std::optional<pipeline::LotState> lot_;
+  std::deque<RunResult> recent_;  // for the report
+  std::future<void> report_;
+  bool report_late_ = false;
 };
 
 // Now, in UTC: "2026-11-21T03:07:34.123Z".

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "firmware-host/result/result_json.h"
+#include "program.h"
+
+namespace bendloop::testing {
+namespace {
+
+using ::testing::HasSubstr;
+
+// A cell with the shipped demo part and a simulated bender.
+std::string WriteCell(const Scratch& scratch, const std::string& more = "") {
+  const std::string path = (scratch / "cell.toml").string();
+  std::ofstream(path) << "schema = \"bendloop.cell/1\"\nname = \"test\"\n"
+                      << "part = \"" BENDLOOP_SOURCE_DIR "/config/parts/demo.toml\"\n"
+                      << "state_dir = \"state\"\n[scanner]\nkind = \"simulated\"\n"
+                      << "[bender]\nlink = \"simulated\"\n"
+                      << "register_map = \"" BENDLOOP_SOURCE_DIR
+                         "/config/register-maps/default.toml\"\n"
+                      << more;
+  return path;
+}
+
+// The result without the one section that may differ.
+std::string WithoutTiming(const std::string& json) {
+  const std::size_t at = json.find("\"timing_ms\"");
+  EXPECT_NE(at, std::string::npos);
+  return json.substr(0, at);
+}
+
+std::string Simulate(const Scratch& scratch, const std::string& options) {
+  const std::string session = (scratch / "scan.session").string();
+  const Ran ran =
+      scratch.Bendloop("simulate --part " BENDLOOP_SOURCE_DIR "/config/parts/demo.toml --out " +
+                       session + " --spacing 2 --rays 320 " + options);
+  EXPECT_EQ(ran.code, 0) << ran.err;
+  return session;
+}
+
+TEST(Replay, TheSameBytesEveryTimeAtEveryPace) {
+  const Scratch scratch;
+  const std::string cell = WriteCell(scratch);
+  const std::string session = Simulate(scratch, "--seed 3 --springback-120 4.6 --views 2");
+  std::string first;
+  for (const char* pace : {"max", "max", "recorded"}) {
+    const std::string json = (scratch / "result.json").string();
+    const Ran ran = scratch.Bendloop("replay " + session + " --config " + cell + " --pace " + pace +
+                                     " --json " + json);
+    EXPECT_THAT(ran.code, ::testing::AnyOf(0, 1)) << ran.err;
+    const std::string text = WithoutTiming(Slurp(json));
+    EXPECT_THAT(text, HasSubstr("\"correction\""));
+    EXPECT_THAT(text, HasSubstr("\"committed\""));
+    if (first.empty()) first = text;
+    EXPECT_EQ(text, first) << pace;
+  }
+}
+
+TEST(Replay, ARefusedPartIsOneWithItsReasonAndNothingIsSent) {
+  const Scratch scratch;
+  const std::string cell =
+      WriteCell(scratch, "[interlocks]\nmin_coverage = 0.999\nmax_fit_rms_mm = 0.001\n");
+  const std::string session = Simulate(scratch, "--seed 4");
+  const std::string json = (scratch / "result.json").string();
+  const Ran ran = scratch.Bendloop("replay " + session + " --config " + cell + " --json " + json);
+  EXPECT_EQ(ran.code, 1) << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("bendloop: "));
+  const std::string text = Slurp(json);
+  EXPECT_THAT(text, HasSubstr("\"interlocks\""));
+  EXPECT_THAT(text, ::testing::Not(HasSubstr("\"committed\"")));
+}
+
+TEST(Replay, AJsonOnStandardOutputIsAlone) {
+  const Scratch scratch;
+  const std::string cell = WriteCell(scratch);
+  const Ran ran = scratch.Bendloop("replay " + Simulate(scratch, "--seed 5") + " --config " + cell +
+                                   " --json -");
+  EXPECT_TRUE(host::ReadResultJson(ran.out, "stdout").has_value()) << ran.out.substr(0, 200);
+}
+
+TEST(Replay, ASessionWithoutAScanIsBadInput) {
+  const Scratch scratch;
+  const std::string cell = WriteCell(scratch, "[scan]\nmin_profiles = 100000\n");
+  const Ran ran = scratch.Bendloop("replay " + Simulate(scratch, "") + " --config " + cell);
+  EXPECT_EQ(ran.code, 3) << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("expected at least 100000"));
+}
+
+TEST(Replay, ABenderThatIsNotThereIsFour) {
+  const Scratch scratch;
+  const std::string cell = (scratch / "cell2.toml").string();
+  std::ofstream(cell) << "schema = \"bendloop.cell/1\"\nname = \"test\"\n"
+                      << "part = \"" BENDLOOP_SOURCE_DIR "/config/parts/demo.toml\"\n"
+                      << "state_dir = \"state\"\n[scanner]\nkind = \"simulated\"\n"
+                      << "[bender]\nlink = \"modbus_tcp\"\nport = 1\nregister_map = \""
+                      << BENDLOOP_SOURCE_DIR "/config/register-maps/default.toml\"\n";
+  const std::string json = (scratch / "result.json").string();
+  const Ran ran =
+      scratch.Bendloop("replay " + Simulate(scratch, "") + " --config " + cell + " --json " + json);
+  EXPECT_EQ(ran.code, 4) << ran.err;
+  EXPECT_THAT(Slurp(json), HasSubstr("\"tube\""));  // the measurement is kept all the same
+}
+
+}  // namespace
+}  // namespace bendloop::testing

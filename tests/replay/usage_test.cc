@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "program.h"
+
+namespace bendloop::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+TEST(Usage, HelpAndVersionAreNoErrors) {
+  const Scratch scratch;
+  EXPECT_EQ(scratch.Bendloop("--help").code, 0);
+  EXPECT_THAT(scratch.Bendloop("--version").out, StartsWith("bendloop "));
+  for (const char* command :
+       {"demo", "reconstruct", "replay", "simulate", "convert", "check", "doctor", "status"}) {
+    const Ran help = scratch.Bendloop(std::string(command) + " --help");
+    EXPECT_EQ(help.code, 0) << command;
+    EXPECT_THAT(help.out, HasSubstr("xample")) << command;
+  }
+}
+
+TEST(Usage, AWrongCommandLineIsTwoAndOneLine) {
+  const Scratch scratch;
+  for (const char* arguments :
+       {"", "frobnicate", "reconstruct", "replay x.session", "reconstruct a.ply --units parsecs",
+        "reconstruct a.ply --pipe-radius -3", "demo --parts zero", "simulate --out x.session"}) {
+    const Ran ran = scratch.Bendloop(arguments);
+    EXPECT_EQ(ran.code, 2) << arguments << "\n" << ran.err;
+    EXPECT_THAT(ran.err, StartsWith("bendloop: ")) << arguments;
+    EXPECT_EQ(ran.out, "") << arguments;
+  }
+}
+
+TEST(Usage, BadInputIsThreeAndNamesTheFile) {
+  const Scratch scratch;
+  const std::string text = (scratch / "not.ply").string();
+  std::ofstream(text) << "ply\nformat ascii 1.0\nelement vertex 5\n";
+  const std::string cell = (scratch / "cell.toml").string();
+  std::ofstream(cell) << "schema = \"bendloop.cell/1\"\nnaem = \"x\"\n";
+  for (const std::string& arguments :
+       {"reconstruct " + text, "reconstruct /does/not/exist.ply", "check " + cell,
+        "replay " + text + " --config " + cell, "simulate --part " + cell + " --out /dev/null"}) {
+    const Ran ran = scratch.Bendloop(arguments);
+    EXPECT_EQ(ran.code, 3) << arguments << "\n" << ran.err;
+    EXPECT_THAT(ran.err, StartsWith("bendloop: ")) << arguments;
+  }
+  EXPECT_THAT(scratch.Bendloop("check " + cell).err, HasSubstr(cell + ":"));
+}
+
+TEST(Usage, NoDaemonIsFour) {
+  const Scratch scratch;
+  const Ran ran = scratch.Bendloop("status --state-dir " + (scratch / "nowhere").string());
+  EXPECT_EQ(ran.code, 4);
+  EXPECT_THAT(ran.err, HasSubstr("no daemon"));
+}
+
+TEST(Usage, DoctorNamesEverything) {
+  const Scratch scratch;
+  const Ran ran = scratch.Bendloop("doctor --json");
+  EXPECT_EQ(ran.code, 0);
+  for (const char* what :
+       {"kernel", "real-time priority", "locked memory", "clock source", "disk"}) {
+    EXPECT_THAT(ran.out, HasSubstr(what));
+  }
+  EXPECT_EQ(scratch.Bendloop("doctor").code, 0);
+}
+
+}  // namespace
+}  // namespace bendloop::testing
