@@ -97,7 +97,7 @@ class Daemon::Impl {
 };
 
 hal::Result<void> Daemon::Impl::Prepare() {
-  if (auto loaded = keeper_.LoadLot(); !loaded) return hal::Fail(loaded.error());
+  if (auto loaded = keeper_.Load(); !loaded) return hal::Fail(loaded.error());
   BenderDesk::Options desk;
   desk.journal = store_.journal();
   desk.pipe_radius_mm = plan_.pipe_radius_mm;

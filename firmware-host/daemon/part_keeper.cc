@@ -37,7 +37,10 @@ std::string UtcNow() {
 PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key)
     : store_(store), sessions_(std::move(sessions)), lot_key_(std::move(lot_key)) {}
 
-hal::Result<void> PartKeeper::LoadLot() {
+hal::Result<void> PartKeeper::Load() {
+  auto history = History::Open(store_.history());
+  if (!history) return hal::Fail(history.error());
+  history_.emplace(std::move(*history));
   auto lot = store_.Lot(lot_key_);
   if (!lot) return hal::Fail(lot.error());
   lot_ = std::move(*lot);
@@ -58,6 +61,9 @@ void PartKeeper::Keep(PartOutcome outcome) {
   const auto path = store_.results() / (result.session + ".json");
   if (auto written = WriteFileAtomically(path, WriteResultJson(result)); !written) {
     spdlog::error("result not kept: {}", written.error().message);
+  }
+  if (auto added = history_->Add(result); !added) {
+    spdlog::error("history not kept: {}", added.error().message);
   }
   spdlog::info("{}: {}", result.session, VerdictLine(result, false));
   for (const std::string& reason : outcome.reasons) {

@@ -9,6 +9,7 @@
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/part_run.h"
 #include "firmware-host/daemon/state_store.h"
+#include "firmware-host/history/history.h"
 
 namespace bendloop::host {
 
@@ -20,8 +21,8 @@ class PartKeeper {
 
   ScanIdentity Identify() const;
   std::optional<pipeline::LotState> Lot() const { return lot_; }
-  // kBadInput when the kept lot is damaged.
-  hal::Result<void> LoadLot();
+  // Takes up the lot and the history where they were left; kBadInput when one is damaged.
+  hal::Result<void> Load();
   void Keep(PartOutcome outcome);
   void KeepFailure(const FailedScan& failed);
   // Waits for the report that is being written.
@@ -34,6 +35,7 @@ class PartKeeper {
   std::filesystem::path sessions_;
   std::string lot_key_;
   std::optional<pipeline::LotState> lot_;
+  std::optional<History> history_;
   std::deque<RunResult> recent_;  // for the report
   std::future<void> report_;
   bool report_late_ = false;

@@ -89,6 +89,8 @@ class Demo {
   hal::Result<void> Run();
 
  private:
+  hal::Result<void> Launch(std::optional<ChildProcess>& child, const std::string& program,
+                           const std::vector<std::string>& arguments);
   hal::Result<void> StartProcesses();
   hal::Result<void> AwaitDaemon();
   hal::Result<RunResult> MakePart(std::uint32_t part);
@@ -107,8 +109,16 @@ class Demo {
   std::vector<RunResult> results_;
 };
 
+hal::Result<void> Demo::Launch(std::optional<ChildProcess>& child, const std::string& program,
+                               const std::vector<std::string>& arguments) {
+  auto started = ChildProcess::Start(BinDirectory() / program, arguments,
+                                     options_.out / "logs" / (program + ".log"));
+  if (!started) return hal::Fail(started.error());
+  child.emplace(std::move(*started));
+  return {};
+}
+
 hal::Result<void> Demo::StartProcesses() {
-  const fs::path bin = BinDirectory();
   const std::string radius = std::to_string(cell_.part.pipe_radius_mm);
   std::vector<std::string> bender = {
       "--map",         (options_.out / "register-map.toml").string(),
@@ -118,28 +128,22 @@ hal::Result<void> Demo::StartProcesses() {
       "--tray",        (options_.out / "tray").string(),
       "--seed",        std::to_string(options_.seed)};
   bender.insert(bender.end(), kPhysics.begin(), kPhysics.end());
-  auto started = ChildProcess::Start(bin / "bendloop-simbender", bender, Log("simbender.log"));
-  if (!started) return hal::Fail(started.error());
-  bender_.emplace(std::move(*started));
+  if (auto started = Launch(bender_, "bendloop-simbender", bender); !started) return started;
   const auto bender_port = bender_->Expect("listening", kStartTimeout);
   if (!bender_port) return hal::Fail(bender_port.error());
 
   std::vector<std::string> scanner = {"--seed", std::to_string(options_.seed), "--clutter",
                                       "table,clamps"};
-  if (options_.quick) scanner.insert(scanner.end(), {"--pace", "max"});
-  started = ChildProcess::Start(bin / "bendloop-simscanner", scanner, Log("simscanner.log"));
-  if (!started) return hal::Fail(started.error());
-  scanner_.emplace(std::move(*started));
+  if (options_.quick) scanner.insert(scanner.end(), {"--pace", "max", "--spacing", "2"});
+  if (auto started = Launch(scanner_, "bendloop-simscanner", scanner); !started) return started;
   const auto scanner_port = scanner_->Expect("listening", kStartTimeout);
   if (!scanner_port) return hal::Fail(scanner_port.error());
 
-  started = ChildProcess::Start(
-      bin / "bendloopd",
+  auto started = Launch(
+      daemon_, "bendloopd",
       {"--config", (options_.out / "cell.toml").string(), "--bender", "127.0.0.1:" + *bender_port,
-       "--scanner", "127.0.0.1:" + *scanner_port, "--parts", std::to_string(options_.parts)},
-      Log("bendloopd.log"));
-  if (!started) return hal::Fail(started.error());
-  daemon_.emplace(std::move(*started));
+       "--scanner", "127.0.0.1:" + *scanner_port, "--parts", std::to_string(options_.parts)});
+  if (!started) return started;
   std::cout << "bender   Modbus TCP, 127.0.0.1:" << *bender_port << "\n"
             << "scanner  laser profiles, 127.0.0.1:" << *scanner_port << "\n";
   return AwaitDaemon();
