@@ -43,7 +43,7 @@ TEST(Usage, BadInputIsThreeAndNamesTheFile) {
   const std::string cell = (scratch / "cell.toml").string();
   std::ofstream(cell) << "schema = \"bendloop.cell/1\"\nnaem = \"x\"\n";
   for (const std::string& arguments :
-       {"reconstruct " + text, "reconstruct /does/not/exist.ply", "check " + cell,
+       {"reconstruct " + text, std::string("reconstruct /does/not/exist.ply"), "check " + cell,
         "replay " + text + " --config " + cell, "simulate --part " + cell + " --out /dev/null"}) {
     const Ran ran = scratch.Bendloop(arguments);
     EXPECT_EQ(ran.code, 3) << arguments << "\n" << ran.err;
