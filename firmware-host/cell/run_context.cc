@@ -35,12 +35,18 @@ hal::BendProgram ReadExactRows(const JsonReader& json) {
   return program;
 }
 
+// A replay needs every member: whoever adds one adds it here, to both functions below.
+static_assert(sizeof(pipeline::OffsetEstimate) == 3 * sizeof(double));
+
 Json EstimateJson(const pipeline::OffsetEstimate& estimate) {
-  return {{"offset", estimate.offset}, {"variance", estimate.variance}};
+  return {{"offset", estimate.offset},
+          {"variance", estimate.variance},
+          {"noise_variance", estimate.noise_variance}};
 }
 
 pipeline::OffsetEstimate ReadEstimate(const JsonReader& json) {
-  return {json.At("offset").Number(), json.At("variance").Number()};
+  return {json.At("offset").Number(), json.At("variance").Number(),
+          json.At("noise_variance").Number()};
 }
 
 Json LotJson(const pipeline::LotState& lot) {

@@ -25,6 +25,11 @@ std::string WriteCell(const Scratch& scratch, const std::string& more = "") {
   return path;
 }
 
+// Results are long: a failed matcher would print them whole.
+bool Has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
 // The result without the one section that may differ.
 std::string WithoutTiming(const std::string& json) {
   const std::size_t at = json.find("\"timing_ms\"");
@@ -36,7 +41,7 @@ std::string Simulate(const Scratch& scratch, const std::string& options) {
   const std::string session = (scratch / "scan.session").string();
   const Ran ran =
       scratch.Bendloop("simulate --part " BENDLOOP_SOURCE_DIR "/config/parts/demo.toml --out " +
-                       session + " --spacing 2 --rays 320 " + options);
+                       session + " --spacing 0.5 --rays 320 --views 2 " + options);
   EXPECT_EQ(ran.code, 0) << ran.err;
   return session;
 }
@@ -44,7 +49,7 @@ std::string Simulate(const Scratch& scratch, const std::string& options) {
 TEST(Replay, TheSameBytesEveryTimeAtEveryPace) {
   const Scratch scratch;
   const std::string cell = WriteCell(scratch);
-  const std::string session = Simulate(scratch, "--seed 3 --springback-120 4.6 --views 2");
+  const std::string session = Simulate(scratch, "--seed 3 --springback-120 4.6");
   std::string first;
   for (const char* pace : {"max", "max", "recorded"}) {
     const std::string json = (scratch / "result.json").string();
@@ -52,10 +57,10 @@ TEST(Replay, TheSameBytesEveryTimeAtEveryPace) {
                                      " --json " + json);
     EXPECT_THAT(ran.code, ::testing::AnyOf(0, 1)) << ran.err;
     const std::string text = WithoutTiming(Slurp(json));
-    EXPECT_THAT(text, HasSubstr("\"correction\""));
-    EXPECT_THAT(text, HasSubstr("\"committed\""));
+    EXPECT_TRUE(Has(text, "\"correction\""));
+    EXPECT_TRUE(Has(text, "\"committed\""));
     if (first.empty()) first = text;
-    EXPECT_EQ(text, first) << pace;
+    EXPECT_TRUE(text == first) << pace;
   }
 }
 
@@ -69,8 +74,8 @@ TEST(Replay, ARefusedPartIsOneWithItsReasonAndNothingIsSent) {
   EXPECT_EQ(ran.code, 1) << ran.err;
   EXPECT_THAT(ran.err, HasSubstr("bendloop: "));
   const std::string text = Slurp(json);
-  EXPECT_THAT(text, HasSubstr("\"interlocks\""));
-  EXPECT_THAT(text, ::testing::Not(HasSubstr("\"committed\"")));
+  EXPECT_TRUE(Has(text, "\"interlocks\""));
+  EXPECT_FALSE(Has(text, "\"committed\""));
 }
 
 TEST(Replay, AJsonOnStandardOutputIsAlone) {
@@ -95,13 +100,13 @@ TEST(Replay, ABenderThatIsNotThereIsFour) {
   std::ofstream(cell) << "schema = \"bendloop.cell/1\"\nname = \"test\"\n"
                       << "part = \"" BENDLOOP_SOURCE_DIR "/config/parts/demo.toml\"\n"
                       << "state_dir = \"state\"\n[scanner]\nkind = \"simulated\"\n"
-                      << "[bender]\nlink = \"modbus_tcp\"\nport = 1\nregister_map = \""
+                      << "[bender]\nlink = \"modbus-tcp\"\nport = 1\nregister_map = \""
                       << BENDLOOP_SOURCE_DIR "/config/register-maps/default.toml\"\n";
   const std::string json = (scratch / "result.json").string();
   const Ran ran =
       scratch.Bendloop("replay " + Simulate(scratch, "") + " --config " + cell + " --json " + json);
   EXPECT_EQ(ran.code, 4) << ran.err;
-  EXPECT_THAT(Slurp(json), HasSubstr("\"tube\""));  // the measurement is kept all the same
+  EXPECT_TRUE(Has(Slurp(json), "\"tube\""));  // the measurement is kept all the same
 }
 
 }  // namespace

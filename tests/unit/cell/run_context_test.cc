@@ -18,7 +18,7 @@ RunContext Sample() {
   pipeline::LotState lot;
   lot.parts = 3;
   lot.base = context.bent_with->program;
-  lot.rows.push_back({{1.0 / 3, 2e-300}, {-0.5, 1e300}, {3, 4}});
+  lot.rows.push_back({{1.0 / 3, 2e-300, 0.7}, {-0.5, 1e300, 1.0 / 7}, {3, 4, 5}});
   context.lot = lot;
   return context;
 }
