@@ -29,6 +29,7 @@ namespace {
 constexpr std::uint64_t kQuietProfiles = 12;
 constexpr double kFinalReach = 0.2;  // of r_P: what the final fit looks at
 constexpr double kSecondTube = 0.3;  // of the first one's length: no scrap any more
+constexpr double kSettledDeg = 2.0;  // 1 sigma of an angle in the live view
 constexpr std::size_t kMinPoints = 30;
 constexpr double kMinRadiusMm = 0.2;    // thinner and thicker pipes are not bent by machines: the
 constexpr double kMaxRadiusMm = 300.0;  // units are wrong
@@ -265,6 +266,15 @@ LiveView Reconstruction::Impl::View() const {
       FindStructure(polygons.front(), radius_mm_, BlocksNear(polygons.front(), false));
   view.program = fit.tube.program;
   view.sigma = fit.sigma;
+  // Of a tube still half seen only what is already settled is worth showing.
+  for (std::size_t i = 0; i < view.program.bend_count(); ++i) {
+    if (view.sigma.rows[i].angle_deg < kSettledDeg) continue;
+    view.program.rows.resize(i + 1);
+    view.program.rows.back() = {view.program.rows.back().length_mm, 0.0, 0.0, std::nullopt};
+    view.sigma.rows.resize(i + 1);
+    view.sigma.rows.back() = {view.sigma.rows.back().length_mm, 0.0, 0.0, std::nullopt};
+    break;
+  }
   return view;
 }
 

@@ -7,47 +7,80 @@
 #include <vector>
 
 #include "hal/spine.h"
+#include "pipeline/statistics.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 constexpr double kOnSurface = 4.0;  // sigma
-constexpr double kWindow = 1.0;     // of r_P: how far inward the local spacing is looked at
-constexpr double kCrowd = 0.2;      // of the inner density; less is a few fliers
+constexpr double kWindow = 3.0;     // of r_P: how far inward the local spacing is looked at
+constexpr double kCrowd = 0.15;     // of the points that usually stand together; less are fliers
+constexpr double kEven = 0.3;       // scatter of the gaps between laser lines, of their mean
 
 struct Border {
   double at_mm = 0;
   double sigma_mm = 0;
 };
 
+// How the points of a straight follow each other along it.
+struct Spacing {
+  // Length-weighted mean gap: the distance between laser lines however dense they are along
+  // themselves, and twice the mean gap of scattered points.
+  double gap_mm = 0;
+  double usual_crowd = 0;  // points within a third of a gap after a point, median
+  bool even = false;       // the gaps that matter are alike, as between laser lines
+};
+
+double CrowdAt(const std::vector<double>& inward, std::size_t i, double reach_mm) {
+  return static_cast<double>(std::upper_bound(inward.begin() + static_cast<std::ptrdiff_t>(i),
+                                              inward.end(), inward[i] + reach_mm) -
+                             (inward.begin() + static_cast<std::ptrdiff_t>(i)));
+}
+
+Spacing SpacingWithin(const std::vector<double>& inward, std::size_t begin, std::size_t end) {
+  Spacing spacing;
+  double sum = 0, sum2 = 0;
+  for (std::size_t k = begin; k + 1 < end; ++k) {
+    const double gap = inward[k + 1] - inward[k];
+    sum += gap;
+    sum2 += gap * gap;
+  }
+  if (sum <= 0) return spacing;
+  spacing.gap_mm = sum2 / sum;
+  double count = 0;
+  sum = sum2 = 0;
+  std::vector<double> crowds;
+  for (std::size_t k = begin; k + 1 < end; ++k) {
+    crowds.push_back(CrowdAt(inward, k, spacing.gap_mm / 3.0));
+    const double gap = inward[k + 1] - inward[k];
+    if (gap < 0.3 * spacing.gap_mm) continue;
+    count += 1;
+    sum += gap;
+    sum2 += gap * gap;
+  }
+  spacing.usual_crowd = Median(std::move(crowds));
+  const double mean = sum / std::max(1.0, count);
+  spacing.even = count > 0 && sum2 / count - mean * mean < kEven * kEven * mean * mean;
+  return spacing;
+}
+
 // `inward`: distances along the straight, growing into the tube, sorted.
 std::optional<Border> FindBorder(const std::vector<double>& inward, double pipe_radius_mm) {
   if (inward.size() < 5) return std::nullopt;
-  const double window = kWindow * pipe_radius_mm;
-  const auto count_within = [&inward](double low, double high) {
-    return std::lower_bound(inward.begin(), inward.end(), high) -
-           std::lower_bound(inward.begin(), inward.end(), low);
-  };
-  for (std::size_t i = 0; i + 1 < inward.size(); ++i) {
-    const double at = inward[i];
-    const auto here = count_within(at, at + window);
-    const auto further = count_within(at + window, at + 2.0 * window);
-    if (static_cast<double>(here) < kCrowd * static_cast<double>(further)) continue;
-    // A flier is followed by nothing for a while; a border by the next line or point.
-    std::size_t end = i;
-    while (end + 1 < inward.size() && inward[end + 1] < at + window) ++end;
-    if (end - i < 3) continue;
-    double sum = 0, sum2 = 0;
-    for (std::size_t k = i; k < end; ++k) {
-      const double gap = inward[k + 1] - inward[k];
-      sum += gap;
-      sum2 += gap * gap;
-    }
-    // Length-weighted mean gap: the distance between laser lines however dense they are along
-    // themselves, and twice the mean gap of scattered points. The border is half of it further out.
-    const double spacing = sum > 0 ? sum2 / sum : 0.0;
-    if (i + 1 < inward.size() && inward[i + 1] - at > 4.0 * spacing) continue;
-    return Border{at - 0.5 * spacing, 0.4 * spacing};
+  // Where the straight certainly has begun.
+  const std::size_t begin = inward.size() / 20;
+  std::size_t end = begin;
+  while (end < inward.size() && inward[end] < inward[begin] + kWindow * pipe_radius_mm) ++end;
+  if (end - begin < 4) return std::nullopt;
+  const Spacing spacing = SpacingWithin(inward, begin, end);
+  if (spacing.gap_mm <= 0) return std::nullopt;
+  for (std::size_t i = 0; i < end; ++i) {
+    // Lone points beyond the tube are fliers; the border has as many neighbours as the rest.
+    if (CrowdAt(inward, i, spacing.gap_mm / 3.0) < kCrowd * spacing.usual_crowd) continue;
+    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > 4.0 * spacing.gap_mm) continue;
+    // The tube ends anywhere before the next line would have come, or one mean gap on.
+    return Border{inward[i] - 0.5 * spacing.gap_mm,
+                  spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : 2.0)};
   }
   return std::nullopt;
 }
