@@ -80,7 +80,7 @@ std::optional<Border> FindBorder(const std::vector<double>& inward, double pipe_
     if (i + 1 < inward.size() && inward[i + 1] - inward[i] > 4.0 * spacing.gap_mm) continue;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
     return Border{inward[i] - 0.5 * spacing.gap_mm,
-                  spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : 2.0)};
+                  spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : 1.0)};
   }
   return std::nullopt;
 }
