@@ -95,10 +95,13 @@ RadiusRange ApolloniusRange(const TangentCircles& circles, const Eigen::Vector2d
 
   // The roots are the only radii where the distance passes epsilon; the ranges between them are
   // tried from the outside in, because of two valid ones the farther from the corner is meant.
+  // Beyond the last root every radius is valid or none; for turns beyond a half, often all are.
   RadiusRange range{1.0, 0.0};
   const auto valid = [&](double radius) {
     return circles.Distance(point, radius) <= epsilon * (1.0 + 1e-9);
   };
+  const double last = count == 0 ? 0.0 : roots[count - 1];
+  if (valid(count == 0 ? q.norm() + epsilon : 2.0 * last)) range = {last, 1e9};
   for (std::size_t i = count; i-- > 0;) {
     const double low = i == 0 ? 0.0 : roots[i - 1];
     if (!valid(0.5 * (low + roots[i]))) {
@@ -107,11 +110,6 @@ RadiusRange ApolloniusRange(const TangentCircles& circles, const Eigen::Vector2d
     }
     if (range.empty()) range.high = roots[i];
     range.low = low;
-  }
-  if (count == 0 || (range.empty() && valid(roots[count - 1] * 1.001))) {
-    // No circle of the family comes that near: either every radius is valid or none.
-    const double any = count == 0 ? q.norm() + epsilon : roots[count - 1] * 2.0;
-    if (valid(any)) range = {count == 0 ? 0.0 : roots[count - 1], 1e9};
   }
   return range;
 }

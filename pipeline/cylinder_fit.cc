@@ -84,7 +84,11 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
     const SmallMatrix lower =
         normal_matrix.topLeftCorner(unknowns, unknowns).selfadjointView<Eigen::Lower>();
     const Eigen::LDLT<SmallMatrix> ldlt(lower);
-    if (ldlt.info() != Eigen::Success || !(ldlt.rcond() > 1e-8)) return std::nullopt;
+    // Pivots of exactly nothing pass the condition's estimate: it skips them.
+    if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0) ||
+        !(ldlt.rcond() > 1e-8)) {
+      return std::nullopt;
+    }
     step.head(unknowns) = ldlt.solve(right.head(unknowns));
     if (!step.allFinite()) return std::nullopt;
     // A step of more than half a radius or half a right angle is the model breaking down.

@@ -129,6 +129,9 @@ Candidate BestTrial(std::span<const Eigen::Vector3d> working,
 }  // namespace
 
 hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> points) {
+  if (points.empty()) {
+    return hal::Fail(hal::ErrorKind::kBadInput, "no points; expected a scan of a tube");
+  }
   const std::vector<Eigen::Vector3d> working = Pick(points, kWorkingPoints);
   const std::vector<Eigen::Vector3d> seeds = Pick(working, kSeeds);
   Eigen::Vector3d low = working.front();

@@ -120,7 +120,9 @@ std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
     for (const Eigen::Vector2d& p : points) sum += std::pow(circles->Distance(p, radius), 2);
     return sum;
   };
-  const double top = std::min(valid.high, valid.low + 1e4 * (1.0 + reach1 + reach2));
+  // The corner of a turn beyond a half lies behind: its reaches may be negative.
+  const double top =
+      std::min(valid.high, valid.low + 1e4 * (1.0 + std::abs(reach1) + std::abs(reach2)));
   double best_radius = 0.5 * (valid.low + top);
   double best = error_of(best_radius);
   double span = top - valid.low;

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/spine_polygon.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/pipeline/shapes.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using tests::Random;
+using tests::Uniform;
+
+constexpr double kRadius = 4;
+
+// Nodes as the projection gives them: in no order, at uneven steps, tangents of either sign.
+std::vector<SpineNode> NodesOf(const hal::Tube& tube, Random& random, double gap_from = 0,
+                               double gap_to = 0) {
+  std::vector<SpineNode> nodes;
+  double next = 0;
+  for (const auto& s : hal::SpineSegments(tube.program, tube.X_WT)) {
+    while (next < s.from_start_mm + s.length_mm) {
+      const double along = next - s.from_start_mm;
+      const double sign = Uniform(random, -1, 1) > 0 ? 1 : -1;
+      if (next < gap_from || next >= gap_to) {
+        nodes.push_back(
+            {s.PointAt(along) + 0.01 * kRadius * tests::RandomUnit(random),
+             (sign * s.TangentAt(along) + 0.02 * tests::RandomUnit(random)).normalized(), 0.05,
+             20 + static_cast<std::size_t>(Uniform(random, 0, 30))});
+      }
+      next += kRadius * Uniform(random, 0.15, 0.4);
+    }
+  }
+  std::shuffle(nodes.begin(), nodes.end(), random);
+  return nodes;
+}
+
+// Arc length of the spine at the point of it that is nearest to `point`.
+double AlongOf(const Eigen::Vector3d& point, const hal::Tube& tube) {
+  double best = 1e30, along = 0;
+  for (const auto& s : hal::SpineSegments(tube.program, tube.X_WT)) {
+    for (double a = 0; a <= s.length_mm; a += 0.1) {
+      const double d = (s.PointAt(a) - point).norm();
+      if (d < best) {
+        best = d;
+        along = s.from_start_mm + a;
+      }
+    }
+  }
+  return along;
+}
+
+// One way along the tube without going back, tangents forward, close together but at gaps.
+void ExpectOrdered(const SpinePolygon& polygon, const hal::Tube& tube) {
+  ASSERT_GE(polygon.size(), 2U);
+  std::vector<double> along;
+  for (const SpineNode& node : polygon) along.push_back(AlongOf(node.position_mm, tube));
+  if (along.front() > along.back()) std::reverse(along.begin(), along.end());
+  EXPECT_TRUE(std::is_sorted(along.begin(), along.end()));
+  for (std::size_t i = 0; i + 1 < polygon.size(); ++i) {
+    const Eigen::Vector3d edge = polygon[i + 1].position_mm - polygon[i].position_mm;
+    EXPECT_GT(edge.dot(polygon[i].tangent), 0);
+    EXPECT_GT(edge.dot(polygon[i + 1].tangent), 0);
+  }
+}
+
+TEST(SpinePolygons, RecoverTheOrder) {
+  Random random(1);
+  for (int run = 0; run < 15; ++run) {
+    const hal::Tube tube = tests::RandomTube(
+        {.pipe_radius_mm = kRadius, .bends = run % 7, .max_angle_deg = 200}, random);
+    const auto polygons = SpinePolygons(NodesOf(tube, random), kRadius);
+    ASSERT_EQ(polygons.size(), 1U) << run;
+    ExpectOrdered(polygons[0], tube);
+    const double length = hal::SpineLength(tube.program);
+    EXPECT_NEAR(LengthOf(polygons[0]), length, 0.02 * length + kRadius) << run;
+  }
+}
+
+TEST(SpinePolygons, BridgeAClampOnStraightsAndInBends) {
+  Random random(2);
+  for (int run = 0; run < 40; ++run) {
+    const hal::Tube tube =
+        tests::RandomTube({.pipe_radius_mm = kRadius, .bends = 1 + run % 5}, random);
+    const double length = hal::SpineLength(tube.program);
+    // A clamp of three radii anywhere, with enough of the tube on both sides to show.
+    const double from = Uniform(random, 3 * kRadius, length - 6 * kRadius);
+    const auto polygons = SpinePolygons(NodesOf(tube, random, from, from + 3 * kRadius), kRadius);
+    ASSERT_EQ(polygons.size(), 1U) << run << " gap at " << from << " of " << length;
+    ExpectOrdered(polygons[0], tube);
+  }
+}
+
+TEST(SpinePolygons, DoNotBridgeALongGap) {
+  Random random(3);
+  hal::Tube tube;
+  tube.pipe_radius_mm = kRadius;
+  tube.program.rows = {{200, 0, 0, std::nullopt}};
+  const auto polygons = SpinePolygons(NodesOf(tube, random, 60, 60 + 12 * kRadius), kRadius);
+  ASSERT_EQ(polygons.size(), 2U);
+  EXPECT_GT(LengthOf(polygons[0]), LengthOf(polygons[1]));  // longest first
+}
+
+TEST(SpinePolygons, TwoTubesStayTwo) {
+  Random random(4);
+  for (int run = 0; run < 10; ++run) {
+    hal::Tube a = tests::RandomTube({.pipe_radius_mm = kRadius, .bends = 2}, random);
+    hal::Tube b = a;  // beside it, touching nearly
+    const auto segments = hal::SpineSegments(a.program, a.X_WT);
+    b.X_WT.position_mm += 60 * kRadius * segments.front().normal;
+    auto nodes = NodesOf(a, random);
+    const auto more = NodesOf(b, random);
+    nodes.insert(nodes.end(), more.begin(), more.end());
+    EXPECT_EQ(SpinePolygons(nodes, kRadius).size(), 2U) << run;
+  }
+  hal::Tube straight;
+  straight.pipe_radius_mm = kRadius;
+  straight.program.rows = {{100, 0, 0, std::nullopt}};
+  auto nodes = NodesOf(straight, random);
+  straight.X_WT.position_mm.y() = 2.1 * kRadius;  // touching nearly, side by side
+  const auto more = NodesOf(straight, random);
+  nodes.insert(nodes.end(), more.begin(), more.end());
+  const auto polygons = SpinePolygons(nodes, kRadius);
+  ASSERT_EQ(polygons.size(), 2U);
+  for (const auto& polygon : polygons) {
+    const double y = polygon.front().position_mm.y();
+    for (const auto& node : polygon) EXPECT_NEAR(node.position_mm.y(), y, kRadius);
+  }
+}
+
+TEST(SpinePolygons, ScrapsAreDropped) {
+  Random random(5);
+  const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = kRadius, .bends = 3}, random);
+  auto nodes = NodesOf(tube, random);
+  // Far off: single nodes, and a piece of one radius.
+  for (int i = 0; i < 4; ++i) {
+    nodes.push_back({Eigen::Vector3d(5000 + 0.3 * kRadius * i, 0, 0), {1, 0, 0}, 0.05, 20});
+    nodes.push_back({Eigen::Vector3d(-5000, 100.0 * i, 0), {1, 0, 0}, 0.05, 20});
+  }
+  const auto polygons = SpinePolygons(nodes, kRadius);
+  ASSERT_EQ(polygons.size(), 1U);
+  ExpectOrdered(polygons[0], tube);
+}
+
+TEST(SpinePolygons, TakeNothing) {
+  EXPECT_TRUE(SpinePolygons({}, kRadius).empty());
+  const std::vector<SpineNode> same(20, {{1, 2, 3}, {1, 0, 0}, 0.05, 20});
+  EXPECT_TRUE(SpinePolygons(same, kRadius).empty());
+  EXPECT_EQ(LengthOf({}), 0);
+}
+
+TEST(SpinePolygons, DoNotDependOnTheOrderOfTheNodes) {
+  Random random(6);
+  const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = kRadius, .bends = 4}, random);
+  auto nodes = NodesOf(tube, random);
+  for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i].samples = 20 + i;  // no ties
+  const double length = LengthOf(SpinePolygons(nodes, kRadius).at(0));
+  std::reverse(nodes.begin(), nodes.end());
+  EXPECT_NEAR(LengthOf(SpinePolygons(nodes, kRadius).at(0)), length, 1e-9);
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
