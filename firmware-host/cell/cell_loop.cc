@@ -14,6 +14,7 @@ using namespace std::chrono_literals;
 constexpr auto kReadTimeout = 20ms;
 constexpr auto kPublishPeriod = 100ms;
 constexpr auto kAskPeriod = 1s;
+constexpr auto kViewPeriod = 200ms;
 // Coverage is looked at every so many profiles, never by time: a replay must end where the live
 // scan ended.
 constexpr std::uint64_t kCoveragePeriod = 64;
@@ -141,6 +142,8 @@ void CellLoop::BeginScan() {
   if (base_.valid()) base_.wait();  // of a scan that was begun again
   if (ports_.recorder && reconstruction_) ports_.recorder->Discard();
   identity_ = ports_.identify();
+  live_ = {};
+  view_due_ = ports_.clock->Now() + kViewPeriod;
   reconstruction_.emplace(plan_.reconstruction, *ports_.clock);
   // The program that the bender holds now is the one that bent this part. It is asked beside the
   // scan: a slow bender must not cost profiles.
@@ -254,6 +257,13 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
   const auto now = ports_.clock->Now();
   if (published_.count() != 0 && now - published_ < kPublishPeriod) return;
   published_ = now;
+  if (reconstruction_ && now >= view_due_ && 4 * ring.Filled() < ring.capacity()) {
+    // Outside of the board's lock, and never more than a tenth of the loop's time: looking at the
+    // scan must not make it late.
+    live_ = reconstruction_->View();
+    const auto taken = ports_.clock->Now() - now;
+    view_due_ = now + taken + std::max<std::chrono::nanoseconds>(kViewPeriod, 9 * taken);
+  }
   const AcquisitionCounters& counters = acquisition.counters();
   ports_.board->Update([&](CellSnapshot& s) {
     s.profiles = counters.profiles;
@@ -265,7 +275,11 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
     s.queue_capacity = ring.capacity();
     s.lateness_last_ms = static_cast<double>(counters.lateness_last_ns) * 1e-6;
     s.lateness_peak_ms = static_cast<double>(counters.lateness_peak_ns) * 1e-6;
-    if (reconstruction_) s.live = reconstruction_->View();
+    if (reconstruction_) {
+      s.live = live_;
+      s.live.profiles = scan_.profiles();
+      s.live.points = scan_.points();
+    }
     if (ports_.recorder) {
       const RecorderCounters recorder = ports_.recorder->counters();
       s.recorded_sessions = recorder.sessions;

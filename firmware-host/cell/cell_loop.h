@@ -108,6 +108,8 @@ class CellLoop {
   ScanIdentity identity_;
   std::optional<pipeline::Reconstruction> reconstruction_;
   std::future<RunContext> base_;
+  pipeline::LiveView live_;
+  std::chrono::nanoseconds view_due_{0};
 };
 
 }  // namespace bendloop::host

@@ -65,7 +65,9 @@ void PartKeeper::Keep(PartOutcome outcome) {
   if (auto added = history_->Add(result); !added) {
     spdlog::error("history not kept: {}", added.error().message);
   }
-  spdlog::info("{}: {}", result.session, VerdictLine(result, false));
+  std::string verdict = VerdictLine(result, false);
+  while (!verdict.empty() && verdict.back() == '\n') verdict.pop_back();
+  spdlog::info("{}: {}", result.session, verdict);
   for (const std::string& reason : outcome.reasons) {
     spdlog::warn("{}: {}", result.session, reason);
   }
