@@ -27,6 +27,7 @@ struct Options {
   bool quick = false;
   bool only_tubes = false;
   bool only_times = false;
+  bool no_rivals = false;
   std::uint64_t sets = 1;
   std::string json_path;
 };
@@ -81,7 +82,12 @@ Series Time(const Case& scan, int runs) {
 
 std::string Bends(const Series& series) { return std::to_string(series.bends) + " bends found"; }
 
-std::vector<Row> PaperRows(int runs) {
+std::vector<Rival> Rivals(const Case& scan, const Options& options) {
+  if (options.no_rivals) return {};
+  return RunRivals(scan.points_W, scan.truth.pipe_radius_mm, scan.noise_mm);
+}
+
+std::vector<Row> PaperRows(int runs, const Options& options) {
   using pipeline::Median, pipeline::Quantile;
   const Case scan = PaperCase(6005, 1);
   const Series series = Time(scan, runs);
@@ -107,7 +113,7 @@ std::vector<Row> PaperRows(int runs) {
                     .value = Median(series.stage_ms.at(stage)),
                     .unit = "ms"});
   }
-  for (const Rival& rival : RunRivals(scan.points_W, scan.truth.pipe_radius_mm, scan.noise_mm)) {
+  for (const Rival& rival : Rivals(scan, options)) {
     rows.push_back(
         {.what = rival.name + ": normals, processor", .value = rival.normals.cpu_ms, .unit = "ms"});
     rows.push_back({.what = rival.name + ": shapes, processor",
@@ -118,7 +124,8 @@ std::vector<Row> PaperRows(int runs) {
   return rows;
 }
 
-std::vector<Row> GrowthRows(const std::vector<std::size_t>& sizes, int runs) {
+std::vector<Row> GrowthRows(const std::vector<std::size_t>& sizes, int runs,
+                            const Options& options) {
   using pipeline::Median;
   std::vector<Row> rows;
   double first_per_point = 0;
@@ -151,7 +158,7 @@ std::vector<Row> GrowthRows(const std::vector<std::size_t>& sizes, int runs) {
                     .first_bar = 1.0,
                     .goal = 1.0,
                     .note = "1: linear; less: the fixed part is spread over more points"});
-    for (const Rival& rival : RunRivals(scan.points_W, scan.truth.pipe_radius_mm, scan.noise_mm)) {
+    for (const Rival& rival : Rivals(scan, options)) {
       rows.push_back({.what = rival.name + ": normals, processor",
                       .value = rival.normals.cpu_ms,
                       .unit = "ms"});
@@ -290,13 +297,13 @@ int Run(const Options& options) {
                          {"load", load},
                          {"quick", options.quick}};
   if (!options.only_tubes) {
-    const auto paper = PaperRows(options.quick ? 3 : 25);
+    const auto paper = PaperRows(options.quick ? 3 : 25, options);
     PrintTable(std::cout, "Paper's case: 6005 points, one view, noise 0.05 mm", paper);
     json["paper"] = ToJson(paper);
     const std::vector<std::size_t> sizes =
         options.quick ? std::vector<std::size_t>{20'000, 50'000}
                       : std::vector<std::size_t>{100'000, 300'000, 1'000'000};
-    const auto growth = GrowthRows(sizes, options.quick ? 1 : 5);
+    const auto growth = GrowthRows(sizes, options.quick ? 1 : 5, options);
     PrintTable(std::cout, "The same tube, more points", growth);
     json["growth"] = ToJson(growth);
   }
@@ -332,6 +339,7 @@ int main(int argc, char** argv) {
   app.add_flag("--quick", options.quick, "Few runs and tubes: shows that it works, not how fast");
   auto* tubes = app.add_flag("--only-tubes", options.only_tubes, "Leave out the times");
   app.add_flag("--only-times", options.only_times, "Leave out the tubes")->excludes(tubes);
+  app.add_flag("--no-rivals", options.no_rivals, "Leave out the other library");
   app.add_option("--sets", options.sets, "Sets of 30 tubes; the first is the published one")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
