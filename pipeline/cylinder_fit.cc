@@ -43,8 +43,10 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
     const Eigen::Vector3d e2 = fit.axis.cross(e1);
     // The first steps look wider, so that a guess off by a part of the radius finds the surface.
     const double cut = options.inlier_mm * (iteration == 0 ? 3.0 : iteration == 1 ? 2.0 : 1.0);
-    Matrix5d normal_matrix = Matrix5d::Zero();
-    Vector5d right = Vector5d::Zero();
+    // Sums over the rows (gx, gy, t gx, t gy, 1): the number counts the factors t.
+    double xx0 = 0, xx1 = 0, xx2 = 0, xy0 = 0, xy1 = 0, xy2 = 0, yy0 = 0, yy1 = 0, yy2 = 0;
+    double x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+    double dx0 = 0, dx1 = 0, dy0 = 0, dy1 = 0, d0 = 0;
     double sum_weight = 0, sum_d2 = 0, sum_a = 0, sum_a2 = 0;
     std::uint32_t sectors = 0;
     fit.inliers = 0;
@@ -62,10 +64,17 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
       const double w = near * near * tukey * tukey;
       const double gx = x / rho;
       const double gy = y / rho;
-      Vector5d row;
-      row << gx, gy, a * scale * gx, a * scale * gy, 1.0;
-      normal_matrix.selfadjointView<Eigen::Lower>().rankUpdate(row, w);
-      right += (w * d) * row;
+      const double t = a * scale;
+      const double wgx = w * gx, wgy = w * gy;
+      const double wxx = wgx * gx, wxy = wgx * gy, wyy = wgy * gy;
+      xx0 += wxx, xx1 += wxx * t, xx2 += wxx * t * t;
+      xy0 += wxy, xy1 += wxy * t, xy2 += wxy * t * t;
+      yy0 += wyy, yy1 += wyy * t, yy2 += wyy * t * t;
+      x0 += wgx, x1 += wgx * t;
+      y0 += wgy, y1 += wgy * t;
+      dx0 += d * wgx, dx1 += d * wgx * t;
+      dy0 += d * wgy, dy1 += d * wgy * t;
+      d0 += w * d;
       sum_weight += w;
       sum_d2 += w * d * d;
       sum_a += w * a;
@@ -81,8 +90,15 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
 
     Vector5d step = Vector5d::Zero();
     const int unknowns = options.free_radius ? 5 : 4;
-    const SmallMatrix lower =
-        normal_matrix.topLeftCorner(unknowns, unknowns).selfadjointView<Eigen::Lower>();
+    Matrix5d normal_matrix;
+    normal_matrix << xx0, xy0, xx1, xy1, x0,  //
+        xy0, yy0, xy1, yy1, y0,               //
+        xx1, xy1, xx2, xy2, x1,               //
+        xy1, yy1, xy2, yy2, y1,               //
+        x0, y0, x1, y1, sum_weight;
+    Vector5d right;
+    right << dx0, dy0, dx1, dy1, d0;
+    const SmallMatrix lower = normal_matrix.topLeftCorner(unknowns, unknowns);
     const Eigen::LDLT<SmallMatrix> ldlt(lower);
     // Pivots of exactly nothing pass the condition's estimate: it skips them.
     if (ldlt.info() != Eigen::Success || !(ldlt.vectorD().minCoeff() > 0) ||

@@ -54,8 +54,10 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   // equations well scaled.
   using Vector6d = Eigen::Matrix<double, 6, 1>;
   using Matrix6d = Eigen::Matrix<double, 6, 6>;
-  Matrix6d normal_matrix = Matrix6d::Zero();
-  Vector6d right = Vector6d::Zero();
+  // Weighted moments: m_ij of x^i y^j, z_ij of z x^i y^j.
+  double m00 = 0, m10 = 0, m01 = 0, m20 = 0, m11 = 0, m02 = 0, m30 = 0, m21 = 0, m12 = 0, m03 = 0,
+         m40 = 0, m31 = 0, m22 = 0, m13 = 0, m04 = 0;
+  double z00 = 0, z10 = 0, z01 = 0, z20 = 0, z11 = 0, z02 = 0;
   double sum_z2 = 0;
   const double inverse = 1.0 / radius_mm;
   for (const Eigen::Vector3d& candidate : candidates) {
@@ -66,13 +68,26 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
     const double x = p.dot(ex) * inverse;
     const double y = p.dot(ey) * inverse;
     const double z = p.dot(nu) * inverse;
-    Vector6d row;
-    row << x * x, y * y, x * y, x, y, 1.0;
-    normal_matrix.selfadjointView<Eigen::Lower>().rankUpdate(row, w);
-    right += (w * z) * row;
+    const double x2 = x * x, xy = x * y, y2 = y * y;
+    const double wx2 = w * x2, wxy = w * xy, wy2 = w * y2;
+    m00 += w, m10 += w * x, m01 += w * y;
+    m20 += wx2, m11 += wxy, m02 += wy2;
+    m30 += wx2 * x, m21 += wx2 * y, m12 += wy2 * x, m03 += wy2 * y;
+    m40 += wx2 * x2, m31 += wx2 * xy, m22 += wx2 * y2, m13 += wxy * y2, m04 += wy2 * y2;
+    z00 += w * z, z10 += w * z * x, z01 += w * z * y;
+    z20 += wx2 * z, z11 += wxy * z, z02 += wy2 * z;
     sum_z2 += w * z * z;
   }
-  const Eigen::LDLT<Matrix6d> ldlt(normal_matrix.selfadjointView<Eigen::Lower>());
+  Matrix6d normal_matrix;
+  normal_matrix << m40, m22, m31, m30, m21, m20,  //
+      m22, m04, m13, m12, m03, m02,               //
+      m31, m13, m22, m21, m12, m11,               //
+      m30, m12, m21, m20, m11, m10,               //
+      m21, m03, m12, m11, m02, m01,               //
+      m20, m02, m11, m10, m01, m00;
+  Vector6d right;
+  right << z20, z02, z11, z10, z01, z00;
+  const Eigen::LDLT<Matrix6d> ldlt(normal_matrix);
   // Two laser stripes leave the curvature across them open; a third one settles it.
   if (ldlt.info() != Eigen::Success || !(ldlt.rcond() > kMinCondition)) return std::nullopt;
   const Vector6d k = ldlt.solve(right);
