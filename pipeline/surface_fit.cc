@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "pipeline/statistics.h"
+#include "pipeline/surface_sums.h"
 #include "pipeline/tube_parameters.h"
 
 namespace bendloop::pipeline {
@@ -18,91 +19,15 @@ constexpr double kDegrees = 180.0 / std::numbers::pi;
 // Full weight up to 3.5 sigma, none beyond 5: keeps 99.9 % of the efficiency under normal noise.
 constexpr double kFullWeight = 3.5;
 constexpr double kNoWeight = 5.0;
-constexpr int kLocal = 8;  // velocity, angular velocity, bend radius, pipe radius
-constexpr int kCondensed = kLocal + 1;
+constexpr int kLocal = kLocalState;
+constexpr int kCondensed = kCondensedRow;
 constexpr double kMinAngleRad = 1e-4;
 
-using Augmented = Eigen::Matrix<double, kCondensed, kCondensed>;
+using Augmented = CondensedSum;
 using Row = Eigen::Matrix<double, kCondensed, 1>;
 
-struct WeightedPoint {
-  Eigen::Vector3d point;
-  double weight;
-};
-
-// The points of one segment and the sums of their residual rows.
+// The points of one segment.
 using SegmentPoints = std::vector<WeightedPoint>;
-
-// Residual and its derivative by the segment's local state, in the segment's own frame.
-// Line: d = |y, z| - r. Arc: d = sqrt((rho - R)^2 + h^2) - r.
-Row ResidualRow(const Eigen::Vector3d& local, const hal::SpineSegment& segment,
-                double pipe_radius_mm) {
-  Row row;
-  Eigen::Vector3d outward;
-  double distance = 0;
-  double by_bend_radius = 0;
-  if (!segment.is_arc()) {
-    distance = std::sqrt(local.y() * local.y() + local.z() * local.z());
-    outward = distance > 0 ? Eigen::Vector3d(0, local.y() / distance, local.z() / distance)
-                           : Eigen::Vector3d(0, 1, 0);
-  } else {
-    const double y = local.y() - segment.bend_radius_mm;  // from the centre
-    const double rho = std::sqrt(local.x() * local.x() + y * y);
-    const double u = rho - segment.bend_radius_mm;
-    const double h = local.z();
-    distance = std::sqrt(u * u + h * h);
-    const double inverse_rho = rho > 0 ? 1.0 / rho : 0.0;
-    const double inverse = distance > 0 ? 1.0 / distance : 0.0;
-    const Eigen::Vector3d radial(local.x() * inverse_rho, y * inverse_rho, 0);
-    outward = (u * inverse) * radial;
-    outward.z() = h * inverse;
-    // The centre moves along +y by dR, so rho changes by -radial.y and u by one more.
-    by_bend_radius = u * inverse * (-radial.y() - 1.0);
-  }
-  row.head<3>() = -outward;
-  row.segment<3>(3) = -local.cross(outward);
-  row[6] = by_bend_radius;
-  row[7] = -1.0;
-  row[8] = distance - pipe_radius_mm;
-  return row;
-}
-
-Eigen::Matrix3d ToLocal(const hal::SpineSegment& segment) {
-  Eigen::Matrix3d rows;
-  rows.row(0) = segment.tangent;
-  rows.row(1) = segment.normal.cross(segment.tangent);
-  rows.row(2) = segment.normal;
-  return rows;
-}
-
-Augmented Accumulate(const SegmentPoints& points, const hal::SpineSegment& segment,
-                     double pipe_radius_mm) {
-  const Eigen::Matrix3d to_local = ToLocal(segment);
-  Augmented sum = Augmented::Zero();
-  for (const auto& [point, weight] : points) {
-    const Row row = ResidualRow(to_local * (point - segment.start_mm), segment, pipe_radius_mm);
-    // Fixed-size and whole: the compiler vectorises this better than the triangle.
-    sum.noalias() += (weight * row) * row.transpose();
-  }
-  return sum;
-}
-
-double SumOfSquares(const SegmentPoints& points, const hal::SpineSegment& segment,
-                    double pipe_radius_mm) {
-  const Eigen::Matrix3d to_local = ToLocal(segment);
-  double sum = 0;
-  for (const auto& [point, weight] : points) {
-    const Eigen::Vector3d local = to_local * (point - segment.start_mm);
-    double u = local.y();
-    if (segment.is_arc()) {
-      const double y = local.y() - segment.bend_radius_mm;
-      u = std::sqrt(local.x() * local.x() + y * y) - segment.bend_radius_mm;
-    }
-    const double d = std::sqrt(u * u + local.z() * local.z()) - pipe_radius_mm;
-    sum += weight * d * d;
-  }
-  return sum;
-}
 
 // All residuals at once. The rows of one segment depend on the parameters through the segment's
 // eight local coordinates only, so their sum of outer products (9 x 9) says all that least squares
@@ -131,7 +56,7 @@ class SurfaceCost final : public ceres::CostFunction {
     }
     const std::vector<Eigen::MatrixXd> derivatives = parameters_.FrameDerivatives(at, segments);
     for (std::size_t k = 0; k < segments.size(); ++k) {
-      const Augmented sum = Accumulate(points_[k], segments[k], tube.pipe_radius_mm);
+      const Augmented sum = SumOfRows(points_[k], segments[k], tube.pipe_radius_mm);
       // Pivoting, because a line does not feel its own direction and the sum is singular.
       const Eigen::LDLT<Augmented> ldlt(sum);
       Augmented root = ldlt.transpositionsP() * Augmented::Identity();
@@ -275,7 +200,7 @@ Eigen::VectorXd StandardErrors(const TubeParameters& parameters, const Eigen::Ve
   double sum_d2 = 0;
   double sum_weight = 0;
   for (std::size_t k = 0; k < segments.size(); ++k) {
-    const Augmented sum = Accumulate(assignment.points[k], segments[k], tube.pipe_radius_mm);
+    const Augmented sum = SumOfRows(assignment.points[k], segments[k], tube.pipe_radius_mm);
     information.noalias() +=
         derivatives[k].transpose() * sum.topLeftCorner<kLocal, kLocal>() * derivatives[k];
     sum_d2 += sum(kLocal, kLocal);
