@@ -44,7 +44,8 @@ struct MisbehaviourCommand {
 // One line per command, for help texts.
 std::string_view MisbehaviourHelp();
 
-// Applies "late 500", "silent", "behave", ... to `now`. kUsage, naming all faults, for anything else.
+// Applies "late 500", "silent", "behave", ... to `now`. kUsage, naming all faults, for anything
+// else.
 hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Misbehaviour& now);
 
 }  // namespace bendloop::drivers
