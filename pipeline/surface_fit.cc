@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -87,7 +88,8 @@ double WeightOf(double distance_mm, double sigma_mm) {
 // Gives every point to the segment whose spine is nearest.
 struct Assignment {
   std::vector<SegmentPoints> points;
-  std::vector<double> distances_mm;  // of points within reach
+  std::vector<double> distances_mm;     // of points within reach
+  std::vector<std::size_t> block_ends;  // in these
   double cost_mm2 = 0;
   std::vector<double> segment_mean_square_mm2;
   std::size_t used = 0;
@@ -98,14 +100,15 @@ struct Assignment {
 
 // How many times more the block means scatter than independent noise would have it: the ratio of
 // the mean squares between and within blocks. Pose errors, ovality and dents move neighbours
-// together, and n such samples tell less than n independent ones.
-double DesignEffect(std::span<const double> distances_mm, std::span<const std::size_t> blocks,
+// together, and n such samples tell less than n independent ones. `ends`: where each block's
+// distances end.
+double DesignEffect(std::span<const double> distances_mm, std::span<const std::size_t> ends,
                     double limit_mm) {
   double between = 0, within = 0, block_count = 0, freedom = 0;
-  for (std::size_t i = 0; i < distances_mm.size();) {
+  std::size_t i = 0;
+  for (const std::size_t end : ends) {
     double n = 0, sum = 0, sum2 = 0;
-    const std::size_t block = blocks[i];
-    for (; i < distances_mm.size() && blocks[i] == block; ++i) {
+    for (; i < end; ++i) {
       const double d = distances_mm[i];
       if (std::abs(d) > limit_mm) continue;
       n += 1;
@@ -122,53 +125,74 @@ double DesignEffect(std::span<const double> distances_mm, std::span<const std::s
   return std::max(1.0, (between / block_count) / (within / freedom));
 }
 
-Assignment Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, double reach_mm,
-                  double min_sigma_mm) {
-  Assignment result;
-  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-  result.points.resize(segments.size());
-  std::vector<std::int32_t> candidates;
-  std::vector<double> magnitudes;
-  struct Held {
-    Eigen::Vector3d point;
-    std::size_t segment;
+// Median of |d| for |d| < limit: sorted into drawers first, then within one of them.
+double MedianMagnitude(std::span<const double> distances_mm, double limit_mm) {
+  constexpr std::size_t kDrawers = 1024;
+  const auto drawer_of = [scale = kDrawers / limit_mm](double d) {
+    return std::min(kDrawers - 1, static_cast<std::size_t>(std::abs(d) * scale));
   };
-  std::vector<Held> held;
-  std::vector<std::size_t> block_of;
-  std::vector<double> segment_count(segments.size(), 0.0);
-  result.segment_mean_square_mm2.assign(segments.size(), 0.0);
+  std::array<std::size_t, kDrawers> counts{};
+  for (const double d : distances_mm) ++counts[drawer_of(d)];
+  if (distances_mm.empty()) return 0.0;
+  std::size_t below = 0, drawer = 0;
+  const std::size_t middle = distances_mm.size() / 2;
+  while (below + counts[drawer] <= middle) below += counts[drawer++];
+  std::vector<double> within;
+  within.reserve(counts[drawer]);
+  for (const double d : distances_mm) {
+    if (drawer_of(d) == drawer) within.push_back(std::abs(d));
+  }
+  const auto place = within.begin() + static_cast<std::ptrdiff_t>(middle - below);
+  std::nth_element(within.begin(), place, within.end());
+  return *place;
+}
+
+// Fills `result`, whose memory is used again from round to round.
+void Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, double reach_mm,
+            double min_sigma_mm, Assignment& result) {
+  const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
+  result.points.resize(frames.size());
+  for (SegmentPoints& points : result.points) points.clear();
+  result.distances_mm.clear();
+  result.block_ends.clear();
+  result.used = result.total = 0;
+  std::vector<double> segment_count(frames.size(), 0.0);
+  result.segment_mean_square_mm2.assign(frames.size(), 0.0);
+  std::vector<std::int32_t> candidates;
   for (const PointBlock& block : blocks) {
     result.total += block.points.size();
-    CandidateSegments(block, segments, tube.pipe_radius_mm + reach_mm, candidates);
+    CandidateSegments(block, frames, tube.pipe_radius_mm + reach_mm, candidates);
     if (candidates.empty()) continue;
     for (const Eigen::Vector3d& point : block.points) {
-      const NearSegment near = NearestSegment(point, segments, candidates);
+      const NearSegment near = NearestSegment(point, frames, candidates);
       const double d = near.distance_mm - tube.pipe_radius_mm;
       const auto k = static_cast<std::size_t>(near.segment);
       segment_count[k] += 1.0;
       result.segment_mean_square_mm2[k] += std::min(d * d, reach_mm * reach_mm);
       if (std::abs(d) >= reach_mm) continue;
-      held.push_back({point, k});
-      block_of.push_back(static_cast<std::size_t>(&block - blocks.data()));
       result.distances_mm.push_back(d);
-      magnitudes.push_back(std::abs(d));
+      result.points[k].push_back({point, d});  // the weight follows when sigma is known
     }
+    result.block_ends.push_back(result.distances_mm.size());
   }
-  for (std::size_t k = 0; k < segments.size(); ++k) {
+  for (std::size_t k = 0; k < frames.size(); ++k) {
     result.segment_mean_square_mm2[k] /= std::max(1.0, segment_count[k]);
   }
-  result.sigma_mm = std::max(min_sigma_mm, 1.4826 * Median(std::move(magnitudes)));
-  result.design_effect = DesignEffect(result.distances_mm, block_of, kNoWeight * result.sigma_mm);
-  result.cost_mm2 = static_cast<double>(result.total - held.size()) * reach_mm * reach_mm;
-  for (std::size_t i = 0; i < held.size(); ++i) {
-    const double d = result.distances_mm[i];
-    result.cost_mm2 += d * d;
-    const double weight = WeightOf(d, result.sigma_mm);
-    if (weight <= 0) continue;
-    result.points[held[i].segment].push_back({held[i].point, weight});
-    ++result.used;
+  result.sigma_mm = std::max(min_sigma_mm, 1.4826 * MedianMagnitude(result.distances_mm, reach_mm));
+  result.design_effect =
+      DesignEffect(result.distances_mm, result.block_ends, kNoWeight * result.sigma_mm);
+  result.cost_mm2 =
+      static_cast<double>(result.total - result.distances_mm.size()) * reach_mm * reach_mm;
+  for (const double d : result.distances_mm) result.cost_mm2 += d * d;
+  for (SegmentPoints& points : result.points) {
+    std::size_t kept = 0;
+    for (const WeightedPoint& p : points) {
+      const double weight = WeightOf(p.weight, result.sigma_mm);
+      if (weight > 0) points[kept++] = {p.point, weight};
+    }
+    points.resize(kept);
+    result.used += kept;
   }
-  return result;
 }
 
 // Bounds keep the solution a tube: no negative straights, no angle of nothing, no bend tighter than
@@ -227,8 +251,9 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
   fit.tube = start;
   double reach_mm = options.reach_mm;
   double last_cost = -1;
+  Assignment assignment;
   for (int round = 0; round < options.max_rounds; ++round) {
-    const Assignment assignment = Assign(fit.tube, blocks, reach_mm, options.min_sigma_mm);
+    Assign(fit.tube, blocks, reach_mm, options.min_sigma_mm, assignment);
     if (assignment.used < 10) break;
     const bool settled =
         last_cost >= 0 && std::abs(assignment.cost_mm2 - last_cost) <= 1e-4 * last_cost;
@@ -255,7 +280,7 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
     if (settled) break;
   }
 
-  const Assignment assignment = Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm);
+  Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm, assignment);
   fit.sigma_mm = assignment.sigma_mm;
   fit.design_effect = assignment.design_effect;
   fit.cost_mm2 = assignment.cost_mm2;

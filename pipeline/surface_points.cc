@@ -10,36 +10,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-// Distance of the point from the segment's spine; the end straights go on when open.
-double DistanceFrom(const Eigen::Vector3d& point, const hal::SpineSegment& segment,
-                    bool open_before, bool open_after) {
-  const Eigen::Vector3d v = point - segment.start_mm;
-  const double x = v.dot(segment.tangent);
-  if (!segment.is_arc()) {
-    const double low = open_before ? x : std::max(x, 0.0);
-    return (v - (open_after ? low : std::min(low, segment.length_mm)) * segment.tangent).norm();
-  }
-  const double radius = segment.bend_radius_mm;
-  const double h = v.dot(segment.normal);
-  const double y = radius - v.dot(segment.normal.cross(segment.tangent));  // from the centre
-  const double angle = segment.angle_rad();
-  const double sine = std::sin(angle);
-  const double cosine = std::cos(angle);
-  // Inside the sector: after the first plane and before the last, or either beyond a half turn.
-  const bool after_first = x >= 0;
-  const bool before_last = x * cosine - y * sine <= 0;
-  const bool inside =
-      angle <= std::numbers::pi ? after_first && before_last : after_first || before_last;
-  if (inside) {
-    const double u = std::sqrt(x * x + y * y) - radius;
-    return std::sqrt(u * u + h * h);
-  }
-  const double to_start = v.squaredNorm();
-  const double ex = x - radius * sine;
-  const double ey = y - radius * cosine;
-  return std::sqrt(std::min(to_start, ex * ex + ey * ey + h * h));
-}
-
 double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, bool open_before,
                bool open_after) {
   const Eigen::Vector3d v = point - segment.start_mm;
@@ -59,6 +29,66 @@ double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, b
 
 }  // namespace
 
+SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after)
+    : start_mm(segment.start_mm),
+      tangent(segment.tangent),
+      across(segment.normal.cross(segment.tangent)),
+      normal(segment.normal),
+      low_mm(open_before ? -std::numeric_limits<double>::infinity() : 0.0),
+      high_mm(open_after ? std::numeric_limits<double>::infinity() : segment.length_mm),
+      bend_radius_mm(segment.is_arc() ? segment.bend_radius_mm : 0.0),
+      sine(segment.is_arc() ? std::sin(segment.angle_rad()) : 0.0),
+      cosine(segment.is_arc() ? std::cos(segment.angle_rad()) : 1.0),
+      beyond_half_turn(segment.angle_rad() > std::numbers::pi) {}
+
+double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
+  const Eigen::Vector3d v = point - start_mm;
+  const double x = v.dot(tangent);
+  if (bend_radius_mm <= 0) {
+    return (v - std::min(std::max(x, low_mm), high_mm) * tangent).norm();
+  }
+  const double h = v.dot(normal);
+  const double y = bend_radius_mm - v.dot(across);  // from the centre
+  // Inside the sector: after the first plane and before the last, or either beyond a half turn.
+  const bool after_first = x >= 0;
+  const bool before_last = x * cosine - y * sine <= 0;
+  if (beyond_half_turn ? after_first || before_last : after_first && before_last) {
+    const double u = std::sqrt(x * x + y * y) - bend_radius_mm;
+    return std::sqrt(u * u + h * h);
+  }
+  const double ex = x - bend_radius_mm * sine;
+  const double ey = y - bend_radius_mm * cosine;
+  return std::sqrt(std::min(v.squaredNorm(), ex * ex + ey * ey + h * h));
+}
+
+std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments) {
+  std::vector<SegmentFrame> frames;
+  frames.reserve(segments.size());
+  for (const hal::SpineSegment& segment : segments) {
+    frames.emplace_back(segment, &segment == &segments.front(), &segment == &segments.back());
+  }
+  return frames;
+}
+
+NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
+                           std::span<const std::int32_t> candidates) {
+  NearSegment best{-1, std::numeric_limits<double>::infinity()};
+  for (const std::int32_t k : candidates) {
+    const double distance = frames[static_cast<std::size_t>(k)].Distance(point);
+    if (distance < best.distance_mm) best = {k, distance};
+  }
+  return best;
+}
+
+void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
+                       double reach_mm, std::vector<std::int32_t>& out) {
+  out.clear();
+  const double reach = reach_mm + block.half_diagonal_mm;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    if (frames[k].Distance(block.center_mm) <= reach) out.push_back(static_cast<std::int32_t>(k));
+  }
+}
+
 NearSegment NearestSegment(const Eigen::Vector3d& point,
                            std::span<const hal::SpineSegment> segments,
                            std::span<const std::int32_t> candidates) {
@@ -66,7 +96,7 @@ NearSegment NearestSegment(const Eigen::Vector3d& point,
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
   for (const std::int32_t k : candidates) {
     const double distance =
-        DistanceFrom(point, segments[static_cast<std::size_t>(k)], k == 0, k == last);
+        SegmentFrame(segments[static_cast<std::size_t>(k)], k == 0, k == last).Distance(point);
     if (distance < best.distance_mm) best = {k, distance};
   }
   return best;
@@ -85,15 +115,7 @@ SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSe
 
 void CandidateSegments(const PointBlock& block, std::span<const hal::SpineSegment> segments,
                        double reach_mm, std::vector<std::int32_t>& out) {
-  out.clear();
-  const auto last = static_cast<std::int32_t>(segments.size()) - 1;
-  const double reach = reach_mm + block.half_diagonal_mm;
-  for (std::int32_t k = 0; k <= last; ++k) {
-    if (DistanceFrom(block.center_mm, segments[static_cast<std::size_t>(k)], k == 0, k == last) <=
-        reach) {
-      out.push_back(k);
-    }
-  }
+  CandidateSegments(block, SegmentFrames(segments), reach_mm, out);
 }
 
 }  // namespace bendloop::pipeline

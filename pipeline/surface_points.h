@@ -29,6 +29,25 @@ struct NearSegment {
   double distance_mm = 0;  // from the spine
 };
 
+// A segment with what the distance from it needs, worked out once for many points.
+struct SegmentFrame {
+  SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after);
+  // From the segment's spine; beyond its ends from them, unless it is open there.
+  double Distance(const Eigen::Vector3d& point) const;
+
+  Eigen::Vector3d start_mm, tangent, across, normal;
+  double low_mm, high_mm;  // of a line
+  double bend_radius_mm;   // 0: a line
+  double sine, cosine;     // of an arc's angle
+  bool beyond_half_turn;
+};
+// All segments of a tube; the end straights go on beyond their ends.
+std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments);
+NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
+                           std::span<const std::int32_t> candidates);
+void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
+                       double reach_mm, std::vector<std::int32_t>& out);
+
 // Nearest segment among `candidates`. The end straights go on beyond their ends.
 NearSegment NearestSegment(const Eigen::Vector3d& point,
                            std::span<const hal::SpineSegment> segments,
