@@ -23,6 +23,8 @@ constexpr double kNoWeight = 5.0;
 constexpr int kLocal = kLocalState;
 constexpr int kCondensed = kCondensedRow;
 constexpr double kMinAngleRad = 1e-4;
+constexpr double kHardly = 0.04;  // of a variance
+constexpr std::size_t kCoarsePoints = 10'000;
 
 using Augmented = CondensedSum;
 using Row = Eigen::Matrix<double, kCondensed, 1>;
@@ -243,15 +245,38 @@ Eigen::VectorXd StandardErrors(const TubeParameters& parameters, const Eigen::Ve
   return (scale.array().square() * covariance.diagonal().array() * variance).sqrt();
 }
 
+std::size_t CoarseStride(std::span<const PointBlock> blocks) {
+  std::size_t points = 0;
+  for (const PointBlock& block : blocks) points += block.points.size();
+  return points > 4 * kCoarsePoints ? points / kCoarsePoints : 1;
+}
+
+std::vector<PointBlock> Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
+  std::vector<PointBlock> thinned;
+  thinned.reserve(blocks.size());
+  std::size_t next = 0;  // counted over all blocks, so that small ones do not weigh more
+  for (const PointBlock& block : blocks) {
+    PointBlock& out = thinned.emplace_back(PointBlock{block.center_mm, block.half_diagonal_mm, {}});
+    for (; next < block.points.size(); next += stride) out.points.push_back(block.points[next]);
+    next -= block.points.size();
+  }
+  return thinned;
+}
+
 }  // namespace
 
 SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
                       const SurfaceFitOptions& options) {
   SurfaceFit fit;
   fit.tube = start;
-  double reach_mm = options.reach_mm;
+  if (const std::size_t stride = CoarseStride(blocks); stride > 1) {
+    // A part of many points leads so near to the solution that all of them need few rounds.
+    fit.tube = FitSurface(start, Thinned(blocks, stride), options).tube;
+  }
+  const double reach_mm = options.reach_mm;
   double last_cost = -1;
   Assignment assignment;
+  bool fresh = false;
   for (int round = 0; round < options.max_rounds; ++round) {
     Assign(fit.tube, blocks, reach_mm, options.min_sigma_mm, assignment);
     if (assignment.used < 10) break;
@@ -277,10 +302,15 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
     if (!x.allFinite()) break;
     fit.tube = parameters.TubeAt(x);
     fit.converged = summary.termination_type == ceres::CONVERGENCE;
-    if (settled) break;
+    // When twice the logarithm of the likelihood hardly grew, the tube moved by less than a fifth
+    // of a standard error: the assignment is as good as a fresh one.
+    const double gain = (summary.initial_cost - summary.final_cost) *
+                        static_cast<double>(assignment.used) / summary.initial_cost;
+    fresh = gain < kHardly;
+    if (settled || fresh) break;
   }
 
-  Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm, assignment);
+  if (!fresh) Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm, assignment);
   fit.sigma_mm = assignment.sigma_mm;
   fit.design_effect = assignment.design_effect;
   fit.cost_mm2 = assignment.cost_mm2;
