@@ -2,6 +2,7 @@
 #include "pipeline/sample_grid.h"
 
 #include <cmath>
+#include <utility>
 
 namespace bendloop::pipeline {
 namespace {
@@ -22,19 +23,35 @@ Eigen::Vector3i SampleGrid::CellOf(const Eigen::Vector3d& point) const {
   return (point / block_mm_).array().floor().cast<int>();
 }
 
+// Where the key is, or where it would go.
+std::size_t SampleGrid::SlotOf(std::uint64_t key) const {
+  std::size_t at = (key * 0x9e3779b97f4a7c15u) >> shift_;
+  while (slots_[at].block >= 0 && slots_[at].key != key) at = (at + 1) & (slots_.size() - 1);
+  return at;
+}
+
+void SampleGrid::Grow() {
+  const std::vector<Slot> old = std::exchange(slots_, std::vector<Slot>(2 * slots_.size()));
+  --shift_;
+  for (const Slot& slot : old) {
+    if (slot.block >= 0) slots_[SlotOf(slot.key)] = slot;
+  }
+}
+
 std::int32_t SampleGrid::Find(const Eigen::Vector3i& cell) const {
-  const auto found = index_.find(Key(cell));
-  return found == index_.end() ? -1 : found->second;
+  return slots_[SlotOf(Key(cell))].block;
 }
 
 std::int32_t SampleGrid::FindOrCreate(const Eigen::Vector3i& cell) {
   if (last_block_ >= 0 && blocks_[static_cast<std::size_t>(last_block_)].cell == cell) {
     return last_block_;
   }
-  const auto [place, created] =
-      index_.try_emplace(Key(cell), static_cast<std::int32_t>(blocks_.size()));
-  last_block_ = place->second;
-  if (!created) return last_block_;
+  const std::uint64_t key = Key(cell);
+  const std::size_t slot = SlotOf(key);
+  if (slots_[slot].block >= 0) return last_block_ = slots_[slot].block;
+  last_block_ = static_cast<std::int32_t>(blocks_.size());
+  slots_[slot] = {key, last_block_};
+  if (2 * blocks_.size() >= slots_.size()) Grow();
   Block& block = blocks_.emplace_back();
   block.cell = cell;
   for (int dx = -1; dx <= 1; ++dx) {

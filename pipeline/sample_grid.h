@@ -6,7 +6,6 @@
 #include <bitset>
 #include <cstdint>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 namespace bendloop::pipeline {
@@ -62,8 +61,17 @@ class SampleGrid {
   template <class Visit>
   void VisitBlocks(const Eigen::Vector3d& center, double radius_mm, Visit visit) const;
 
+  // Open addressing: most questions are about cells that hold nothing, and must end at once.
+  struct Slot {
+    std::uint64_t key = 0;
+    std::int32_t block = -1;  // -1: free
+  };
+  std::size_t SlotOf(std::uint64_t key) const;
+  void Grow();
+
   double block_mm_;
-  std::unordered_map<std::uint64_t, std::int32_t> index_;
+  std::vector<Slot> slots_ = std::vector<Slot>(64);  // a power of two, at most half full
+  int shift_ = 64 - 6;
   std::vector<Block> blocks_;
   std::int32_t last_block_ = -1;
   std::size_t sample_count_ = 0;
