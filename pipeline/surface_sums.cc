@@ -61,8 +61,16 @@ CondensedSum SumThrough(const std::vector<WeightedPoint>& points, const hal::Spi
   ForBatches(points, segment, [&](const Batch& batch) {
     fill(batch, functions);
     weighted.array() = functions.array().colwise() * batch.weight;
-    sum.noalias() += functions.transpose() * weighted;
+    // The triangle as dot products: packing so small a product costs more than it saves.
+    for (int j = 0; j < kFunctions; ++j) {
+      for (int i = j; i < kFunctions; ++i) {
+        sum(i, j) += functions.col(i).dot(weighted.col(j));
+      }
+    }
   });
+  for (int j = 0; j < kFunctions; ++j) {
+    for (int i = j + 1; i < kFunctions; ++i) sum(j, i) = sum(i, j);
+  }
   return rows_of * sum * rows_of.transpose();
 }
 
@@ -80,8 +88,9 @@ CondensedSum SumOfLine(const std::vector<WeightedPoint>& points, const hal::Spin
   rows_of(8, kDistance) = 1;
   return SumThrough<kCount>(points, segment, rows_of, [&](const Batch& batch, auto& f) {
     const Lane distance = (batch.y.square() + batch.z.square()).sqrt().max(kTiny);
-    f.col(kOy) = batch.y / distance;
-    f.col(kOz) = batch.z / distance;
+    const Lane inverse = distance.inverse();
+    f.col(kOy) = batch.y * inverse;
+    f.col(kOz) = batch.z * inverse;
     f.col(kXOy) = batch.x * f.col(kOy).array();
     f.col(kXOz) = batch.x * f.col(kOz).array();
     f.col(kOne).setOnes();
@@ -109,12 +118,14 @@ CondensedSum SumOfArc(const std::vector<WeightedPoint>& points, const hal::Spine
   rows_of(8, kDistance) = 1;
   return SumThrough<kCount>(points, segment, rows_of, [&](const Batch& batch, auto& f) {
     const Lane rho = (batch.x.square() + batch.y.square()).sqrt().max(kTiny);
-    const Lane a = batch.x / rho;
-    const Lane b = batch.y / rho;
+    const Lane inverse_rho = rho.inverse();
+    const Lane a = batch.x * inverse_rho;
+    const Lane b = batch.y * inverse_rho;
     const Lane u = rho - bend_radius_mm;
     const Lane distance = (u.square() + batch.z.square()).sqrt().max(kTiny);
-    const Lane c = u / distance;
-    const Lane s = batch.z / distance;
+    const Lane inverse = distance.inverse();
+    const Lane c = u * inverse;
+    const Lane s = batch.z * inverse;
     f.col(kCa) = c * a;
     f.col(kCb) = c * b;
     f.col(kC) = c;
