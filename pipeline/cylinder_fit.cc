@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kMinInliers = 10;
 constexpr int kSectors = 32;
-constexpr double kConverged = 1e-4;  // of the radius: far below the noise of a node
+constexpr double kConverged = 1e-6;  // of the radius
 
 using Vector5d = Eigen::Matrix<double, 5, 1>;
 using Matrix5d = Eigen::Matrix<double, 5, 5>;
