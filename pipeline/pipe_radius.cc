@@ -28,6 +28,7 @@ constexpr std::size_t kSeeds = 240;
 constexpr std::size_t kPilotStride = 3;
 constexpr std::size_t kWorkingPoints = 20'000;
 constexpr double kMinSupport = 0.04;
+constexpr double kStray = 0.01;  // part of the points at either end that may lie anywhere
 
 struct Vote {
   LocalParaboloid surface;
@@ -140,15 +141,26 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
   if (points.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput, "no points; expected a scan of a tube");
   }
-  const std::vector<Eigen::Vector3d> working = Pick(points, kWorkingPoints);
-  const std::vector<Eigen::Vector3d> seeds = Pick(working, kSeeds);
-  Eigen::Vector3d low = working.front();
-  Eigen::Vector3d high = low;
+  std::vector<Eigen::Vector3d> working = Pick(points, kWorkingPoints);
+  // The box of nearly all points: one reading from far away must not set the scale.
+  Eigen::Vector3d low, high;
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    std::vector<double> along;
+    along.reserve(working.size());
+    for (const Eigen::Vector3d& p : working) along.push_back(p[axis]);
+    low[axis] = Quantile(along, kStray);
+    high[axis] = Quantile(std::move(along), 1.0 - kStray);
+  }
+  const double margin_mm = (high - low).norm();
+  std::erase_if(working, [&](const Eigen::Vector3d& p) {
+    return ((p - low).array() < -margin_mm).any() || ((p - high).array() > margin_mm).any();
+  });
   for (const Eigen::Vector3d& p : working) {
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
   }
   const double size_mm = (high - low).norm();
+  const std::vector<Eigen::Vector3d> seeds = Pick(working, kSeeds);
 
   Candidate best;
   for (const double neighbourhood : kParaboloidRadius) {

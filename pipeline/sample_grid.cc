@@ -71,7 +71,7 @@ std::int32_t SampleGrid::FindOrCreate(const Eigen::Vector3i& cell) {
 
 SampleGrid::Insertion SampleGrid::Insert(const Eigen::Vector3d& point, std::int32_t& block_index) {
   const Eigen::Vector3d scaled = point / block_mm_;
-  if (!(scaled.cwiseAbs().maxCoeff() < kMaxCell)) return Insertion::kDropped;  // NaN too
+  if (!(scaled.array().abs() < kMaxCell).all()) return Insertion::kDropped;  // NaN too
   const Eigen::Vector3d floor = scaled.array().floor();
   block_index = FindOrCreate(floor.cast<int>());
   Block& block = blocks_[static_cast<std::size_t>(block_index)];

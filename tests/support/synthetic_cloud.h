@@ -13,9 +13,10 @@ namespace bendloop::tests {
 
 struct CloudOptions {
   std::size_t points = 6005;
-  double noise_mm = 0.05;                 // along the surface normal
-  double fliers = 0;                      // part of the points that lies anywhere around the tube
-  std::optional<Eigen::Vector3d> view_W;  // unit, towards the sensor; empty: all round
+  double noise_mm = 0.05;  // along the surface normal
+  double fliers = 0;       // part of the points that lies anywhere around the tube
+  std::optional<Eigen::Vector3d> view_W =
+      std::nullopt;       // unit, towards the sensor; empty: all round
   double stripes_mm = 0;  // > 0: points lie on planes across the spine, so far apart
   double ovality = 0;     // (max - min) / nominal diameter at the middle of a bend
 };

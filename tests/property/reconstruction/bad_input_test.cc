@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is no tube is refused, with words that say what it looks like.
+#include <gmock/gmock.h>
+
+#include <limits>
+
+#include "tests/property/reconstruction/scans.h"
+
+namespace bendloop::tests {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+void ExpectRefused(const Points& points, const testing::Matcher<std::string>& words,
+                   const pipeline::ReconstructionOptions& options = {}) {
+  const auto found = Measure(points, options);
+  ASSERT_FALSE(found) << "found " << found->tube.program.bend_count() << " bends, pipe radius "
+                      << found->tube.pipe_radius_mm;
+  EXPECT_EQ(found.error().kind, hal::ErrorKind::kBadInput);
+  EXPECT_THAT(found.error().message, words);
+  EXPECT_THAT(found.error().message, Not(HasSubstr("\n")));
+}
+
+hal::Tube SomeTube(double radius, Random& random) {
+  return RandomTube({.pipe_radius_mm = radius, .bends = 2, .min_straight = 4, .max_straight = 10},
+                    random);
+}
+
+TEST(BadInput, NoPointsOrFew) {
+  ExpectRefused({}, HasSubstr("too few points: found 0"));
+  ExpectRefused({{1, 2, 3}}, HasSubstr("too few points: found 1"));
+  const pipeline::ReconstructionOptions known{.pipe_radius_mm = 4.0, .nominal = std::nullopt};
+  ExpectRefused({}, HasSubstr("too few points: found 0"), known);
+  ExpectRefused({{1, 2, 3}}, HasSubstr("too few points: found 1"), known);
+}
+
+TEST(BadInput, OnePlaceALineAPlane) {
+  Random random(1);
+  Points line, plane;
+  for (int i = 0; i < 1000; ++i) {
+    line.emplace_back(Uniform(random, 0, 100), 5, 5);
+    plane.emplace_back(Uniform(random, 0, 100), Uniform(random, 0, 100), 5);
+  }
+  ExpectRefused(Points(1000, {1, 2, 3}), HasSubstr("one place"));
+  ExpectRefused(line, HasSubstr("on a line"));
+  ExpectRefused(plane, HasSubstr("on a plane"));
+  // The same in some pose, where rounding leaves no exact zeros, and with a known radius.
+  const hal::Pose pose = RandomPose(100, random);
+  for (Points* points : {&line, &plane}) {
+    for (Eigen::Vector3d& p : *points) p = pose * p;
+  }
+  ExpectRefused(line, HasSubstr("on a line"));
+  ExpectRefused(plane, HasSubstr("on a plane"));
+  const pipeline::ReconstructionOptions known{.pipe_radius_mm = 4.0, .nominal = std::nullopt};
+  ExpectRefused(line, HasSubstr("expected"), known);
+  ExpectRefused(plane, HasSubstr("expected"), known);
+  ExpectRefused(Points(1000, {1, 2, 3}), HasSubstr("expected"), known);
+}
+
+TEST(BadInput, NoiseAndSpheres) {
+  Random random(2);
+  Points noise, sphere;
+  for (int i = 0; i < 5000; ++i) {
+    noise.emplace_back(Uniform(random, 0, 100), Uniform(random, 0, 100), Uniform(random, 0, 100));
+    sphere.push_back(40 * RandomUnit(random));
+  }
+  ExpectRefused(noise, HasSubstr("no pipe found"));
+  ExpectRefused(sphere, HasSubstr("no pipe found"));
+  const pipeline::ReconstructionOptions known{.pipe_radius_mm = 4.0, .nominal = std::nullopt};
+  ExpectRefused(noise, HasSubstr("no tube"), known);
+  ExpectRefused(sphere, HasSubstr("no tube"), known);
+}
+
+TEST(BadInput, TwoTubes) {
+  Random random(3);
+  const hal::Tube a = SomeTube(5, random);
+  hal::Tube b = a;
+  b.X_WT.position_mm += Eigen::Vector3d(500, 300, 0);
+  Points points = SyntheticCloud(a, {}, random);
+  for (const Eigen::Vector3d& p : SyntheticCloud(b, {}, random)) points.push_back(p);
+  ExpectRefused(points, AllOf(HasSubstr("two tubes"), HasSubstr("one tube at a time")));
+}
+
+TEST(BadInput, WrongUnitsAreNamed) {
+  Random random(4);
+  const hal::Tube tube = SomeTube(4, random);
+  const Points points = SyntheticCloud(tube, {.points = 8000}, random);
+  Points large = points, small = points;
+  for (Eigen::Vector3d& p : large) p *= 1000;
+  for (Eigen::Vector3d& p : small) p /= 1000;
+  ExpectRefused(large, AllOf(HasSubstr("units"), HasSubstr("pipe radius")));
+  ExpectRefused(small, AllOf(HasSubstr("--units m"), HasSubstr("pipe radius")));
+}
+
+TEST(BadInput, AnotherPipeThanTheKnownOne) {
+  Random random(5);
+  const Points points = SyntheticCloud(SomeTube(12, random), {.points = 8000}, random);
+  ExpectRefused(points, HasSubstr("no tube of pipe radius 4 mm"),
+                {.pipe_radius_mm = 4.0, .nominal = std::nullopt});
+}
+
+}  // namespace
+}  // namespace bendloop::tests

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/sample_grid.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/unit/pipeline/shapes.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using tests::Points;
+using tests::Random;
+using tests::Uniform;
+
+bool Less(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
+
+Points Sorted(Points points) {
+  std::sort(points.begin(), points.end(), Less);
+  return points;
+}
+
+Points Cube(std::size_t count, double half, Random& random) {
+  Points points;
+  for (std::size_t i = 0; i < count; ++i) {
+    points.emplace_back(Uniform(random, -half, half), Uniform(random, -half, half),
+                        Uniform(random, -half, half));
+  }
+  return points;
+}
+
+TEST(SampleGrid, BallsHoldTheSamplesWithin) {
+  Random random(1);
+  SampleGrid grid(2.0);
+  Points samples;
+  for (const Eigen::Vector3d& p : Cube(3000, 10, random)) {
+    std::int32_t block = -1;
+    if (grid.Insert(p, block) == SampleGrid::Insertion::kSample) samples.push_back(p);
+  }
+  EXPECT_EQ(grid.sample_count(), samples.size());
+  EXPECT_EQ(grid.point_count(), 3000U);
+  Points found;
+  for (int run = 0; run < 50; ++run) {
+    const Eigen::Vector3d center = Cube(1, 11, random)[0];
+    const double radius = Uniform(random, 0.1, 5);
+    Points expected;
+    for (const Eigen::Vector3d& p : samples) {
+      if ((p - center).squaredNorm() < radius * radius) expected.push_back(p);
+    }
+    grid.GatherBall(center, radius, found);
+    EXPECT_EQ(Sorted(found), Sorted(expected)) << run;
+  }
+}
+
+TEST(SampleGrid, NeighbourhoodsAreMutualAndComplete) {
+  Random random(2);
+  SampleGrid grid(2.0);
+  for (const Eigen::Vector3d& p : Cube(2000, 8, random)) {
+    std::int32_t block = -1;
+    grid.Insert(p, block);
+  }
+  const auto& blocks = grid.blocks();
+  for (std::size_t a = 0; a < blocks.size(); ++a) {
+    EXPECT_EQ(blocks[a].neighbours[13], static_cast<std::int32_t>(a));
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      const bool near = (blocks[a].cell - blocks[b].cell).cwiseAbs().maxCoeff() <= 1;
+      const auto& n = blocks[a].neighbours;
+      EXPECT_EQ(std::find(n.begin(), n.end(), static_cast<std::int32_t>(b)) != n.end(), near);
+    }
+  }
+}
+
+TEST(SampleGrid, KeepsOnePointOfAVoxelAndTheOthersApart) {
+  Random random(3);
+  SampleGrid grid(5.0);  // voxels of 1
+  std::int32_t block = -1;
+  EXPECT_EQ(grid.Insert({0.1, 0.1, 0.1}, block), SampleGrid::Insertion::kSample);
+  EXPECT_EQ(grid.Insert({0.9, 0.9, 0.9}, block), SampleGrid::Insertion::kOther);
+  EXPECT_EQ(grid.Insert({1.1, 0.1, 0.1}, block), SampleGrid::Insertion::kSample);
+  EXPECT_EQ(grid.Insert({-0.1, 0.1, 0.1}, block), SampleGrid::Insertion::kSample);
+  EXPECT_EQ(grid.blocks().size(), 2U);
+  // A dense scan of one place does not grow without bound.
+  std::size_t kept = 0;
+  for (int i = 0; i < 5000; ++i) {
+    if (grid.Insert({0.5, 0.5, 0.5}, block) == SampleGrid::Insertion::kOther) ++kept;
+  }
+  EXPECT_LT(kept, 2 * SampleGrid::kMaxPointsOfVoxel + 1);
+  EXPECT_EQ(grid.point_count(), 5004U);
+}
+
+TEST(SampleGrid, DropsWhatIsNoPlace) {
+  SampleGrid grid(1.0);
+  std::int32_t block = -7;
+  const double inf = std::numeric_limits<double>::infinity();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const double bad : {inf, -inf, nan, 1e300, -1e9}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Eigen::Vector3d p(1, 1, 1);
+      p[axis] = bad;
+      EXPECT_EQ(grid.Insert(p, block), SampleGrid::Insertion::kDropped) << bad;
+    }
+  }
+  EXPECT_EQ(block, -7);
+  EXPECT_TRUE(grid.blocks().empty());
+}
+
+TEST(SampleGrid, BallVersionMovesWithItsSamplesOnly) {
+  SampleGrid grid(1.0);
+  std::int32_t block = -1;
+  grid.Insert({0.5, 0.5, 0.5}, block);
+  const auto before = grid.BallVersion({0.5, 0.5, 0.5}, 0.8);
+  grid.Insert({50, 0, 0}, block);
+  EXPECT_EQ(grid.BallVersion({0.5, 0.5, 0.5}, 0.8), before);
+  grid.Insert({0.5, 0.5, 0.5}, block);  // another point, no sample
+  EXPECT_EQ(grid.BallVersion({0.5, 0.5, 0.5}, 0.8), before);
+  grid.Insert({0.9, 0.9, 0.9}, block);
+  EXPECT_NE(grid.BallVersion({0.5, 0.5, 0.5}, 0.8), before);
+}
+
+TEST(SampleGrid, BlocksNearPlacesAscend) {
+  Random random(4);
+  SampleGrid grid(1.0);
+  const Points points = Cube(4000, 10, random);
+  for (const Eigen::Vector3d& p : points) {
+    std::int32_t block = -1;
+    grid.Insert(p, block);
+  }
+  const Points places = Cube(5, 8, random);
+  const auto near = grid.BlocksNear(places, 2.0);
+  EXPECT_TRUE(std::is_sorted(near.begin(), near.end()));
+  std::vector<bool> in(grid.blocks().size(), false);
+  for (const std::int32_t b : near) in[static_cast<std::size_t>(b)] = true;
+  for (std::size_t b = 0; b < in.size(); ++b) {
+    for (const Eigen::Vector3d& p : grid.blocks()[b].samples) {
+      for (const Eigen::Vector3d& place : places) {
+        if ((p - place).norm() < 2.0) {
+          EXPECT_TRUE(in[b]);
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline

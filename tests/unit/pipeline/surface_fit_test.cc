@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/surface_fit.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/pipeline/shapes.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using tests::Points;
+using tests::Random;
+using tests::Uniform;
+
+hal::Tube SomeTube(int bends, Random& random) {
+  return tests::RandomTube({.pipe_radius_mm = Uniform(random, 2, 12),
+                            .bends = bends,
+                            .min_bend_radius = 2.5,
+                            .min_straight = 4,
+                            .max_straight = 12,
+                            .min_angle_deg = 25,
+                            .max_angle_deg = 120},
+                           random);
+}
+
+// Off by up to a twentieth of the pipe radius and a degree, everywhere.
+hal::Tube Perturbed(hal::Tube tube, Random& random) {
+  const double r = tube.pipe_radius_mm;
+  tube.pipe_radius_mm *= Uniform(random, 0.97, 1.03);
+  for (std::size_t i = 0; i + 1 < tube.program.rows.size(); ++i) {
+    hal::BendRow& row = tube.program.rows[i];
+    row.length_mm += 0.05 * r * Uniform(random, -1, 1);
+    if (i > 0) row.rotation_deg += Uniform(random, -0.5, 0.5);
+    row.angle_deg += Uniform(random, -0.5, 0.5);
+    row.bend_radius_mm = *row.bend_radius_mm * Uniform(random, 0.97, 1.03);
+  }
+  tube.X_WT.position_mm += 0.05 * r * tests::RandomUnit(random);
+  return tube;
+}
+
+SurfaceFitOptions Wide(const hal::Tube& tube) {
+  return {.reach_mm = 0.6 * tube.pipe_radius_mm,
+          .min_sigma_mm = 1e-4 * tube.pipe_radius_mm,
+          .max_rounds = 30,
+          .max_iterations = 50};
+}
+
+// With exact points the least squares end where all distances are nothing, which they do only if
+// cost and Jacobian say the same.
+TEST(SurfaceFit, RecoversATubeFromExactPoints) {
+  Random random(1);
+  for (int run = 0; run < 12; ++run) {
+    const hal::Tube tube = SomeTube(1 + run % 4, random);
+    tests::CloudOptions options{.points = 3000, .noise_mm = 0};
+    if (run % 3 == 0) options.view_W = tests::RandomUnit(random);
+    const auto blocks =
+        tests::Blocks(tests::SyntheticCloud(tube, options, random), tube.pipe_radius_mm);
+    const SurfaceFit fit = FitSurface(Perturbed(tube, random), blocks, Wide(tube));
+    EXPECT_NEAR(fit.tube.pipe_radius_mm, tube.pipe_radius_mm, 1e-6) << run;
+    ASSERT_EQ(fit.tube.program.rows.size(), tube.program.rows.size());
+    for (std::size_t i = 0; i + 1 < tube.program.rows.size(); ++i) {
+      const auto& row = fit.tube.program.rows[i];
+      const auto& truth = tube.program.rows[i];
+      // The first length keeps the start's place along the first straight: not determined.
+      if (i > 0) {
+        EXPECT_NEAR(row.length_mm, truth.length_mm, 2e-6) << run;
+        EXPECT_NEAR(std::remainder(row.rotation_deg - truth.rotation_deg, 360.0), 0, 1e-5) << run;
+      }
+      EXPECT_NEAR(row.angle_deg, truth.angle_deg, 1e-5) << run;
+      EXPECT_NEAR(*row.bend_radius_mm, *truth.bend_radius_mm, 2e-5) << run;
+    }
+    EXPECT_LT(fit.sigma_mm, 1e-3 * tube.pipe_radius_mm);
+  }
+}
+
+TEST(SurfaceFit, FixedPipeRadiusStays) {
+  Random random(2);
+  const hal::Tube tube = SomeTube(2, random);
+  const auto blocks = tests::Blocks(tests::SyntheticCloud(tube, {}, random), tube.pipe_radius_mm);
+  SurfaceFitOptions options = Wide(tube);
+  options.free_pipe_radius = false;
+  const SurfaceFit fit = FitSurface(tube, blocks, options);
+  EXPECT_EQ(fit.tube.pipe_radius_mm, tube.pipe_radius_mm);
+  EXPECT_EQ(fit.pipe_radius_sigma_mm, 0);
+}
+
+TEST(SurfaceFit, OutliersDoNotPull) {
+  Random random(3);
+  for (int run = 0; run < 4; ++run) {
+    const hal::Tube tube = SomeTube(2, random);
+    const double noise = 0.01 * tube.pipe_radius_mm;
+    Points points = tests::SyntheticCloud(tube, {.noise_mm = noise}, random);
+    // A seam that stands out on one side, up to half a radius.
+    for (std::size_t i = 0; i < 600; ++i) {
+      const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+      const Eigen::Vector3d on = segments[0].PointAt(Uniform(random, 0, segments[0].length_mm));
+      points.push_back(on + tube.pipe_radius_mm * Uniform(random, 1.1, 1.5) * segments[0].normal);
+    }
+    const SurfaceFit fit = FitSurface(tube, tests::Blocks(points, tube.pipe_radius_mm),
+                                      {.reach_mm = 0.3 * tube.pipe_radius_mm});
+    EXPECT_NEAR(fit.sigma_mm / noise, 1, 0.15);
+    EXPECT_NEAR((fit.tube.pipe_radius_mm - tube.pipe_radius_mm) / noise, 0, 0.2);
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_NEAR(fit.tube.program.rows[i].angle_deg, tube.program.rows[i].angle_deg, 0.1);
+    }
+  }
+}
+
+// The spread of the results over many scans is the one that each scan reports.
+TEST(SurfaceFit, SigmaIsTheSpreadOfRepeatedScans) {
+  Random random(4);
+  const hal::Tube tube = SomeTube(2, random);
+  constexpr int kRuns = 60;
+  struct Sum {
+    double error = 0, chi2 = 0;
+  };
+  std::map<std::string, Sum> sums;
+  for (int run = 0; run < kRuns; ++run) {
+    const auto points = tests::SyntheticCloud(
+        tube, {.points = 2000, .noise_mm = 0.0125 * tube.pipe_radius_mm}, random);
+    const SurfaceFit fit = FitSurface(tube, tests::Blocks(points, tube.pipe_radius_mm),
+                                      {.reach_mm = 0.2 * tube.pipe_radius_mm});
+    const auto add = [&sums](const std::string& name, double error, double sigma) {
+      ASSERT_GT(sigma, 0) << name;
+      sums[name].error += error / sigma;
+      sums[name].chi2 += error * error / (sigma * sigma);
+    };
+    add("pipe radius", fit.tube.pipe_radius_mm - tube.pipe_radius_mm, fit.pipe_radius_sigma_mm);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto& row = fit.tube.program.rows[i];
+      const auto& truth = tube.program.rows[i];
+      const auto& sigma = fit.sigma.rows[i];
+      const std::string bend = " of bend " + std::to_string(i + 1);
+      if (i > 0) {
+        add("rotation" + bend, std::remainder(row.rotation_deg - truth.rotation_deg, 360.0),
+            sigma.rotation_deg);
+      }
+      add("length" + bend, row.length_mm - truth.length_mm, sigma.length_mm);
+      add("angle" + bend, row.angle_deg - truth.angle_deg, sigma.angle_deg);
+      add("bend radius" + bend, *row.bend_radius_mm - *truth.bend_radius_mm, *sigma.bend_radius_mm);
+    }
+  }
+  double total = 0;
+  for (const auto& [name, sum] : sums) {
+    // Chi-square of 60 degrees of freedom, each side beyond one in a thousand.
+    EXPECT_GT(sum.chi2 / kRuns, 0.5) << name;
+    EXPECT_LT(sum.chi2 / kRuns, 1.7) << name;
+    EXPECT_LT(std::abs(sum.error) / std::sqrt(kRuns), 3.5) << "biased: " << name;
+    total += sum.chi2 / kRuns;
+  }
+  total /= static_cast<double>(sums.size());
+  EXPECT_GT(total, 0.7);
+  EXPECT_LT(total, 1.25);
+}
+
+TEST(SurfaceFit, TakesTooFewPoints) {
+  Random random(5);
+  const hal::Tube tube = SomeTube(2, random);
+  const SurfaceFit none = FitSurface(tube, {}, {.reach_mm = 1});
+  EXPECT_EQ(none.used, 0U);
+  EXPECT_EQ(none.tube.program, tube.program);
+  const auto few = tests::Blocks(tests::SyntheticCloud(tube, {.points = 5}, random), 5);
+  const SurfaceFit fit = FitSurface(tube, few, {.reach_mm = 1});
+  EXPECT_EQ(fit.tube.program, tube.program);
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
