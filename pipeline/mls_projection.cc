@@ -32,6 +32,7 @@ constexpr double kMirrorNear = 1.6;     // of r_P, around the two radii between 
 constexpr double kMirrorFar = 2.3;
 constexpr double kMirrorSamples = 1.6;
 constexpr double kMinAxialSpread = 0.2;  // of r_P; less is a stripe, which has no direction
+constexpr double kFlat = 0.35;           // of 1/r_P; less curved is a plane
 constexpr double kMaxMove = 0.5;         // of r_P from start to node (section 7's last rule)
 
 // Samples of a tube also fit, worse, to a cylinder laid against it from outside: its axis runs
@@ -92,6 +93,8 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
   grid.GatherNeighbourhood(block, scratch_);
   const auto& samples = grid.blocks()[static_cast<std::size_t>(block)].samples;
   const std::size_t seeds = std::min(samples.size(), kSeedsOfBlock);
+  std::size_t surfaces = 0;
+  std::size_t flat = 0;
   for (std::size_t i = 0; i < seeds; ++i) {
     const Eigen::Vector3d& sample = samples[i * samples.size() / seeds];
     auto surface = FitLocalParaboloid(sample, scratch_, kParaboloid * radius_mm_);
@@ -100,6 +103,8 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
       surface = FitLocalParaboloid(sample, wide_scratch_, kWiderParaboloid * radius_mm_);
     }
     if (!surface || surface->rms_mm > kMaxRms * radius_mm_) continue;
+    ++surfaces;
+    if (std::abs(surface->curvature[0]) * radius_mm_ < kFlat) ++flat;
     // Around the pipe the curvature is 1/r_P. Inside a tight bend the curvature along the pipe may
     // be as large, with the other sign; a sample where both could be meant says nothing.
     const auto agrees = [&](std::size_t k) {
@@ -115,6 +120,11 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
     cube.starts.emplace_back(block, start);
     MarkChanged(key, cube);
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
+  }
+  if (2 * flat > surfaces) {
+    planar_.insert(block);
+  } else {
+    planar_.erase(block);
   }
 }
 

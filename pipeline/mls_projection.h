@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "pipeline/sample_grid.h"
@@ -38,6 +39,10 @@ class MlsProjection {
   // The same, and where samples on the tube's far side changed since the fit.
   void FinishNodes(const SampleGrid& grid);
 
+  // True where most samples of the block lie on a plane, as of a table or a clamp: no part of a
+  // tube of this radius, even where the plane passes through the tube's surface.
+  bool IsPlanar(std::int32_t block) const { return planar_.contains(block); }
+
   // All accepted nodes, in a fixed order (by place, not by time).
   std::vector<SpineNode> Nodes() const;
 
@@ -64,6 +69,7 @@ class MlsProjection {
   std::unordered_map<std::uint64_t, Cube> cubes_;
   std::vector<std::uint64_t> changed_;
   std::unordered_map<std::int32_t, std::vector<std::uint64_t>> cubes_of_block_;
+  std::unordered_set<std::int32_t> planar_;
   std::vector<Eigen::Vector3d> scratch_;
   std::vector<Eigen::Vector3d> wide_scratch_;
 };

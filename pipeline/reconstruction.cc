@@ -212,6 +212,7 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
 
   std::vector<PointBlock> result;
   for (const std::int32_t index : grid_->BlocksNear(places, 1.5 * radius_mm_)) {
+    if (projection_->IsPlanar(index)) continue;
     const SampleGrid::Block& block = grid_->blocks()[static_cast<std::size_t>(index)];
     PointBlock& out = result.emplace_back();
     out.center_mm =
@@ -263,7 +264,7 @@ LiveView Reconstruction::Impl::View() const {
   if (polygons.empty()) return view;
   view.covered_mm = LengthOf(polygons.front());
   const SurfaceFit fit =
-      FindStructure(polygons.front(), radius_mm_, BlocksNear(polygons.front(), false));
+      GlanceAtStructure(polygons.front(), radius_mm_, BlocksNear(polygons.front(), false));
   view.program = fit.tube.program;
   view.sigma = fit.sigma;
   // Of a tube still half seen only what is already settled is worth showing.
@@ -327,6 +328,17 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
     sigma_rows.front().length_mm = std::hypot(sigma_rows.front().length_mm, ends.first_sigma_mm);
     sigma_rows.back().length_mm = std::hypot(sigma_rows.back().length_mm, ends.last_sigma_mm);
   }
+  // A bend whose outer straight no sample shows may go on behind what hides it.
+  const std::size_t bends = measurement.tube.program.bend_count();
+  const auto doubt = [&](std::size_t bend, const char* which) {
+    sigma_rows[bend].angle_deg =
+        std::max(sigma_rows[bend].angle_deg, 0.5 * measurement.tube.program.rows[bend].angle_deg);
+    measurement.warnings.push_back(std::string("no samples on the ") + which +
+                                   " straight: the bend beside it may be longer than seen; scan "
+                                   "that end again");
+  };
+  if (bends > 0 && !ends.first_seen) doubt(0, "first");
+  if (bends > 0 && !ends.last_seen) doubt(bends - 1, "last");
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   measurement.noise_mm = fit.sigma_mm;
   timer.Done("ends");

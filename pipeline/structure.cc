@@ -32,6 +32,9 @@ constexpr std::size_t kMaxSplits = 4;
 constexpr double kBorder = 2.0;
 // The number of bends does not need every sample; the comparison sees at most about so many.
 constexpr std::size_t kEnoughSamples = 8000;
+// The live view has milliseconds: one tolerance, few samples, no comparisons.
+constexpr double kGlanceTolerance = 0.1;
+constexpr std::size_t kGlanceSamples = 2000;
 constexpr int kRounds = 3;
 constexpr int kIterations = 8;
 
@@ -158,9 +161,13 @@ std::array<SplineArc, 2> SplitArc(const SplineArc& arc) {
 
 class Search {
  public:
-  Search(double pipe_radius_mm, std::span<const PointBlock> blocks)
-      : radius_mm_(pipe_radius_mm), blocks_(Thinned(blocks)) {
+  Search(double pipe_radius_mm, std::span<const PointBlock> blocks, std::size_t enough_samples)
+      : radius_mm_(pipe_radius_mm), blocks_(Thinned(blocks, enough_samples)) {
     for (const PointBlock& block : blocks_) samples_ += block.points.size();
+  }
+
+  SurfaceFit Glance(const SpinePolygon& polygon) const {
+    return Fit(TubeFromSpline(InitialSpline(polygon, kGlanceTolerance * radius_mm_), radius_mm_));
   }
 
   SurfaceFit Run(const SpinePolygon& polygon) {
@@ -183,10 +190,11 @@ class Search {
   }
 
  private:
-  static std::vector<PointBlock> Thinned(std::span<const PointBlock> blocks) {
+  static std::vector<PointBlock> Thinned(std::span<const PointBlock> blocks,
+                                         std::size_t enough_samples) {
     std::size_t all = 0;
     for (const PointBlock& block : blocks) all += block.points.size();
-    const std::size_t stride = all / kEnoughSamples + 1;
+    const std::size_t stride = all / enough_samples + 1;
     std::vector<PointBlock> thinned;
     for (const PointBlock& block : blocks) {
       PointBlock& out =
@@ -255,13 +263,14 @@ class Search {
       }
     };
     for (std::size_t i = 0; i < spline.arcs.size(); ++i) {
-      if (i + 1 < spline.arcs.size()) {
-        if (const auto merged = MergedArc(spline.arcs[i], spline.arcs[i + 1])) {
-          ArcLineSpline simpler = spline;
-          simpler.arcs[i] = *merged;
-          simpler.arcs.erase(simpler.arcs.begin() + static_cast<std::ptrdiff_t>(i) + 1);
-          consider(simpler);
-        }
+      for (std::size_t j = i + 1; j < std::min(i + 3, spline.arcs.size()); ++j) {
+        const auto merged = MergedArc(spline.arcs[i], spline.arcs[j]);
+        if (!merged) continue;
+        ArcLineSpline simpler = spline;
+        simpler.arcs[i] = *merged;
+        simpler.arcs.erase(simpler.arcs.begin() + static_cast<std::ptrdiff_t>(i) + 1,
+                           simpler.arcs.begin() + static_cast<std::ptrdiff_t>(j) + 1);
+        consider(simpler);
       }
       if (spline.arcs[i].angle_rad * 180.0 / std::numbers::pi < kDropAngleDeg) {
         ArcLineSpline simpler = spline;
@@ -281,9 +290,14 @@ class Search {
 
 }  // namespace
 
+SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
+                             std::span<const PointBlock> blocks) {
+  return Search(pipe_radius_mm, blocks, kGlanceSamples).Glance(polygon);
+}
+
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                          std::span<const PointBlock> blocks) {
-  return Search(pipe_radius_mm, blocks).Run(polygon);
+  return Search(pipe_radius_mm, blocks, kEnoughSamples).Run(polygon);
 }
 
 }  // namespace bendloop::pipeline

@@ -18,4 +18,8 @@ namespace bendloop::pipeline {
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                          std::span<const PointBlock> blocks);
 
+// The quick first answer of it, for the live view of a scan that still runs.
+SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
+                             std::span<const PointBlock> blocks);
+
 }  // namespace bendloop::pipeline

@@ -2,7 +2,10 @@
 #include "pipeline/tube_ends.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <numbers>
 #include <optional>
 #include <vector>
 
@@ -16,6 +19,9 @@ constexpr double kOnSurface = 4.0;  // sigma
 constexpr double kWindow = 3.0;     // of r_P: how far inward the local spacing is looked at
 constexpr double kCrowd = 0.15;     // of the points that usually stand together; less are fliers
 constexpr double kEven = 0.3;       // scatter of the gaps between laser lines, of their mean
+
+constexpr std::size_t kSectors = 16;
+constexpr double kDisagreement = 0.15;  // of r_P, beyond the borders' own width
 
 struct Border {
   double at_mm = 0;
@@ -85,14 +91,52 @@ std::optional<Border> FindBorder(const std::vector<double>& inward, double pipe_
   return std::nullopt;
 }
 
+// The border that most of the circumference agrees on: a table that the tube lies on, or a clamp
+// beside its end, goes on along a part of the turn only and is left out.
+std::optional<Border> CommonBorder(std::array<std::vector<double>, kSectors>& sectors,
+                                   double pipe_radius_mm) {
+  std::vector<double> borders;
+  std::array<double, kSectors> own{};
+  double width_mm = 0;
+  for (std::size_t i = 0; i < kSectors; ++i) {
+    std::sort(sectors[i].begin(), sectors[i].end());
+    const auto border = FindBorder(sectors[i], pipe_radius_mm);
+    own[i] = border ? border->at_mm : -std::numeric_limits<double>::infinity();
+    if (!border) continue;
+    borders.push_back(border->at_mm);
+    width_mm = std::max(width_mm, border->sigma_mm);
+  }
+  const double common = Median(borders);
+  const double tolerance_mm = kDisagreement * pipe_radius_mm + 2.0 * width_mm;
+  std::vector<double> pooled;
+  for (std::size_t i = 0; i < kSectors; ++i) {
+    if (!borders.empty() && std::abs(own[i] - common) > tolerance_mm) continue;
+    pooled.insert(pooled.end(), sectors[i].begin(), sectors[i].end());
+  }
+  std::sort(pooled.begin(), pooled.end());
+  return FindBorder(pooled, pipe_radius_mm);
+}
+
+// Which part of the turn around a straight's axis the point lies in.
+std::size_t SectorOf(const Eigen::Vector3d& point, const hal::SpineSegment& straight) {
+  const Eigen::Vector3d v = point - straight.start_mm;
+  const double turn =
+      std::atan2(v.dot(straight.normal), v.dot(straight.normal.cross(straight.tangent))) /
+          (2.0 * std::numbers::pi) +
+      0.5;
+  return static_cast<std::size_t>(turn * kSectors) % kSectors;
+}
+
 }  // namespace
 
 TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> blocks) {
-  TubeEnds ends{tube, 0, 0};
+  // An end that no sample shows is where the nodes stopped, give or take two pipe radii.
+  const double unseen_mm = 2.0 * tube.pipe_radius_mm;
+  TubeEnds ends{tube, unseen_mm, unseen_mm, false, false};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
-  std::vector<double> from_start;
-  std::vector<double> from_end;
+  std::array<std::vector<double>, kSectors> from_start;
+  std::array<std::vector<double>, kSectors> from_end;
   std::vector<std::int32_t> candidates;
   for (const PointBlock& block : blocks) {
     CandidateSegments(block, segments, 1.5 * tube.pipe_radius_mm, candidates);
@@ -101,23 +145,27 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
     for (const Eigen::Vector3d& point : block.points) {
       const SpineFoot foot = NearestFoot(point, segments, candidates);
       if (std::abs(foot.distance_mm - tube.pipe_radius_mm) > kOnSurface * sigma_mm) continue;
-      if (foot.segment == 0) from_start.push_back(foot.along_mm);
-      if (foot.segment == last) from_end.push_back(-foot.along_mm);
+      if (foot.segment == 0) {
+        from_start[SectorOf(point, segments.front())].push_back(foot.along_mm);
+      }
+      if (foot.segment == last) {
+        from_end[SectorOf(point, segments.back())].push_back(-foot.along_mm);
+      }
     }
   }
-  std::sort(from_start.begin(), from_start.end());
-  std::sort(from_end.begin(), from_end.end());
   auto& rows = ends.tube.program.rows;
   const double first_mm = rows.front().length_mm;
   double start_mm = 0;
-  if (const auto border = FindBorder(from_start, tube.pipe_radius_mm)) {
+  if (const auto border = CommonBorder(from_start, tube.pipe_radius_mm)) {
     start_mm = std::min(border->at_mm, first_mm);
     ends.first_sigma_mm = border->sigma_mm;
+    ends.first_seen = true;
   }
   ends.tube.X_WT.position_mm += start_mm * segments.front().tangent;
   rows.front().length_mm = first_mm - start_mm;
-  if (const auto border = FindBorder(from_end, tube.pipe_radius_mm)) {
+  if (const auto border = CommonBorder(from_end, tube.pipe_radius_mm)) {
     ends.last_sigma_mm = border->sigma_mm;
+    ends.last_seen = true;
     rows.back().length_mm = std::max(0.0, -border->at_mm - (last == 0 ? start_mm : 0.0));
   } else if (last == 0) {
     rows.back().length_mm -= start_mm;

@@ -12,6 +12,8 @@ struct TubeEnds {
   hal::Tube tube;             // with first and last length and the start point set
   double first_sigma_mm = 0;  // 1 sigma of where the tube begins, along the first straight
   double last_sigma_mm = 0;   // and where it ends
+  bool first_seen = false;    // samples lie on the first straight
+  bool last_seen = false;     // and on the last
 };
 
 // The border of the samples on the two end straights. Where points stop, the tube stops within half
