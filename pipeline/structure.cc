@@ -23,6 +23,7 @@ constexpr double kReach = 0.35;  // of r_P: how far a sample may be from a wrong
 // The price of a parameter is this many times the criterion's log(n) variances: systematic errors
 // reach further than the blocks in which they are estimated.
 constexpr double kPrice = 3.0;
+constexpr double kTruncated = 6.0;  // sigma
 constexpr double kDropAngleDeg = 3.0;
 constexpr double kSplitRadius = 0.4;  // of the old arc's
 constexpr double kSuspicious = 1.5;   // mean square of an arc's distances over the median segment's
@@ -30,6 +31,7 @@ constexpr std::size_t kMaxSplits = 4;
 // A bend with less than this beyond it (arc and straight, in pipe radii) cannot be told from the
 // cap, burr or fixture at the border of a scan: the tube goes straight on there.
 constexpr double kBorder = 2.0;
+constexpr double kDoubtfulBorder = 8.0;  // up to here the samples are asked
 // The number of bends does not need every sample; the comparison sees at most about so many.
 constexpr std::size_t kEnoughSamples = 8000;
 // The live view has milliseconds: one tolerance, few samples, no comparisons.
@@ -89,27 +91,36 @@ ArcLineSpline SplineFromTube(const hal::Tube& tube) {
   return spline;
 }
 
+// Takes the last bend away if it and the straight beyond it are shorter than `border_mm`: the
+// straight before it goes on as far.
+bool DropLast(ArcLineSpline& spline, double border_mm) {
+  if (spline.arcs.empty()) return false;
+  const SplineArc& last = spline.arcs.back();
+  const double beyond_mm = last.radius_mm * last.angle_rad + (spline.end_mm - last.end_mm).norm();
+  if (beyond_mm >= border_mm) return false;
+  spline.end_mm = last.begin_mm + beyond_mm * last.tangent_in;
+  spline.arcs.pop_back();
+  return true;
+}
+
+// The same at the start.
+bool DropFirst(ArcLineSpline& spline, double border_mm) {
+  if (spline.arcs.empty()) return false;
+  const SplineArc& first = spline.arcs.front();
+  const double before_mm =
+      first.radius_mm * first.angle_rad + (first.begin_mm - spline.start_mm).norm();
+  if (before_mm >= border_mm) return false;
+  spline.tangent = first.tangent_out;
+  spline.start_mm = first.end_mm - before_mm * first.tangent_out;
+  spline.arcs.erase(spline.arcs.begin());
+  return true;
+}
+
 // Without bends that only the border of the samples pretends; false: there were none.
 bool TrimBorders(ArcLineSpline& spline, double border_mm) {
-  const auto arc_mm = [](const SplineArc& arc) { return arc.radius_mm * arc.angle_rad; };
   bool trimmed = false;
-  while (!spline.arcs.empty()) {
-    const SplineArc& last = spline.arcs.back();
-    const double beyond_mm = arc_mm(last) + (spline.end_mm - last.end_mm).norm();
-    if (beyond_mm >= border_mm) break;
-    spline.end_mm = last.begin_mm + beyond_mm * last.tangent_in;
-    spline.arcs.pop_back();
-    trimmed = true;
-  }
-  while (!spline.arcs.empty()) {
-    const SplineArc first = spline.arcs.front();
-    const double before_mm = arc_mm(first) + (first.begin_mm - spline.start_mm).norm();
-    if (before_mm >= border_mm) break;
-    spline.tangent = first.tangent_out;
-    spline.start_mm = first.end_mm - before_mm * first.tangent_out;
-    spline.arcs.erase(spline.arcs.begin());
-    trimmed = true;
-  }
+  while (DropLast(spline, border_mm)) trimmed = true;
+  while (DropFirst(spline, border_mm)) trimmed = true;
   return trimmed;
 }
 
@@ -221,12 +232,20 @@ class Search {
         {.reach_mm = kReach * radius_mm_, .max_rounds = kRounds, .max_iterations = kIterations});
   }
 
-  // Bayesian information criterion, the variance taken from the better fit of the two.
+  // Bayesian information criterion, the variance taken from the better fit of the two. Every sample
+  // costs at most kTruncated sigma: what neither model explains must not decide between them.
   bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const {
     const double variance = std::min(a.sigma_mm * a.sigma_mm * a.design_effect,
                                      b.sigma_mm * b.sigma_mm * b.design_effect);
     const double price = kPrice * std::log(static_cast<double>(samples_)) * variance;
-    return a.cost_mm2 + a.parameters * price < b.cost_mm2 + b.parameters * price;
+    const double limit_mm = kTruncated * std::min(a.sigma_mm, b.sigma_mm);
+    return Cost(a, limit_mm) + a.parameters * price < Cost(b, limit_mm) + b.parameters * price;
+  }
+
+  static double Cost(const SurfaceFit& fit, double limit_mm) {
+    double cost = static_cast<double>(fit.points - fit.distances_mm.size()) * limit_mm * limit_mm;
+    for (const double d : fit.distances_mm) cost += std::min(d * d, limit_mm * limit_mm);
+    return cost;
   }
 
   // Splits the arc that explains its samples worst, if two arcs do so better. False: none does.
@@ -272,12 +291,23 @@ class Search {
                            simpler.arcs.begin() + static_cast<std::ptrdiff_t>(j) + 1);
         consider(simpler);
       }
-      if (spline.arcs[i].angle_rad * 180.0 / std::numbers::pi < kDropAngleDeg) {
+      // Bends that undo each other, as nodes disturbed by a clamp pretend them.
+      for (std::size_t j = i; j < std::min(i + 4, spline.arcs.size()); ++j) {
+        const double turn = std::acos(
+            std::clamp(spline.arcs[i].tangent_in.dot(spline.arcs[j].tangent_out), -1.0, 1.0));
+        if (turn * 180.0 / std::numbers::pi > kDropAngleDeg) continue;
         ArcLineSpline simpler = spline;
-        simpler.arcs.erase(simpler.arcs.begin() + static_cast<std::ptrdiff_t>(i));
+        simpler.arcs.erase(simpler.arcs.begin() + static_cast<std::ptrdiff_t>(i),
+                           simpler.arcs.begin() + static_cast<std::ptrdiff_t>(j) + 1);
         consider(simpler);
       }
     }
+    // A bend near the border that clutter beside it pretends: the tube that goes straight on.
+    const double border_mm = kDoubtfulBorder * radius_mm_;
+    ArcLineSpline without = spline;
+    if (DropLast(without, border_mm)) consider(without);
+    without = spline;
+    if (DropFirst(without, border_mm)) consider(without);
     if (!best) return false;
     fit = std::move(*best);
     return true;

@@ -313,7 +313,7 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
   if (!fresh) Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm, assignment);
   fit.sigma_mm = assignment.sigma_mm;
   fit.design_effect = assignment.design_effect;
-  fit.cost_mm2 = assignment.cost_mm2;
+  fit.distances_mm = assignment.distances_mm;
   fit.segment_mean_square_mm2 = assignment.segment_mean_square_mm2;
   fit.used = assignment.used;
   fit.points = assignment.total;

@@ -27,7 +27,7 @@ struct SurfaceFit {
   double sigma_mm = 0;  // robust standard deviation of the distances
   // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
   double design_effect = 1;
-  double cost_mm2 = 0;                          // sum over all points of min(d^2, reach^2)
+  std::vector<double> distances_mm;             // of the points within reach
   std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
   std::size_t used = 0;                         // points with weight
   std::size_t points = 0;                       // all points looked at

@@ -20,6 +20,7 @@ constexpr double kWindow = 3.0;     // of r_P: how far inward the local spacing 
 constexpr double kCrowd = 0.15;     // of the points that usually stand together; less are fliers
 constexpr double kEven = 0.3;       // scatter of the gaps between laser lines, of their mean
 
+constexpr double kBeyondNodes = 2.0;  // of r_P: the nodes reach this near to the tube's ends
 constexpr std::size_t kSectors = 16;
 constexpr double kDisagreement = 0.15;  // of r_P, beyond the borders' own width
 
@@ -145,6 +146,11 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
     for (const Eigen::Vector3d& point : block.points) {
       const SpineFoot foot = NearestFoot(point, segments, candidates);
       if (std::abs(foot.distance_mm - tube.pipe_radius_mm) > kOnSurface * sigma_mm) continue;
+      // Further out another part of the tube may lie where the straight would go on.
+      const double outward_mm = foot.segment == 0      ? -foot.along_mm
+                                : foot.segment == last ? foot.along_mm - segments.back().length_mm
+                                                       : 0.0;
+      if (outward_mm > kBeyondNodes * tube.pipe_radius_mm) continue;
       if (foot.segment == 0) {
         from_start[SectorOf(point, segments.front())].push_back(foot.along_mm);
       }
