@@ -30,7 +30,9 @@ constexpr double kSuspicious = 1.5;   // mean square of an arc's distances over 
 constexpr std::size_t kMaxSplits = 4;
 // A bend with less than this beyond it (arc and straight, in pipe radii) cannot be told from the
 // cap, burr or fixture at the border of a scan: the tube goes straight on there.
-constexpr double kBorder = 2.0;
+constexpr double kBorder = 1.0;
+constexpr double kTightBorder = 2.0;
+constexpr double kTight = 1.05;  // bend radius, in pipe radii: where the fit is held
 constexpr double kDoubtfulBorder = 8.0;  // up to here the samples are asked
 // The number of bends does not need every sample; the comparison sees at most about so many.
 constexpr std::size_t kEnoughSamples = 8000;
@@ -116,11 +118,15 @@ bool DropFirst(ArcLineSpline& spline, double border_mm) {
   return true;
 }
 
-// Without bends that only the border of the samples pretends; false: there were none.
-bool TrimBorders(ArcLineSpline& spline, double border_mm) {
+// Without bends that only the border of the samples pretends; false: there were none. Around a cap
+// they are as tight as the pipe is thick, which no machine bends.
+bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm) {
+  const auto border_mm = [pipe_radius_mm](const SplineArc& arc) {
+    return (arc.radius_mm < kTight * pipe_radius_mm ? kTightBorder : kBorder) * pipe_radius_mm;
+  };
   bool trimmed = false;
-  while (DropLast(spline, border_mm)) trimmed = true;
-  while (DropFirst(spline, border_mm)) trimmed = true;
+  while (!spline.arcs.empty() && DropLast(spline, border_mm(spline.arcs.back()))) trimmed = true;
+  while (!spline.arcs.empty() && DropFirst(spline, border_mm(spline.arcs.front()))) trimmed = true;
   return trimmed;
 }
 
@@ -220,7 +226,7 @@ class Search {
   SurfaceFit Fit(const hal::Tube& tube) const {
     SurfaceFit fit = FitOnce(tube);
     ArcLineSpline spline = SplineFromTube(fit.tube);
-    if (TrimBorders(spline, kBorder * radius_mm_)) {
+    if (TrimBorders(spline, radius_mm_)) {
       fit = FitOnce(TubeFromSpline(spline, fit.tube.pipe_radius_mm));
     }
     return fit;
