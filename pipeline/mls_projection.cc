@@ -95,10 +95,12 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
   const std::size_t seeds = std::min(samples.size(), kSeedsOfBlock);
   std::size_t surfaces = 0;
   std::size_t flat = 0;
+  bool wide = false;
   for (std::size_t i = 0; i < seeds; ++i) {
     const Eigen::Vector3d& sample = samples[i * samples.size() / seeds];
     auto surface = FitLocalParaboloid(sample, scratch_, kParaboloid * radius_mm_);
     if (!surface) {
+      wide = true;
       grid.GatherBall(sample, kWiderParaboloid * radius_mm_, wide_scratch_);
       surface = FitLocalParaboloid(sample, wide_scratch_, kWiderParaboloid * radius_mm_);
     }
@@ -126,6 +128,19 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
   } else {
     planar_.erase(block);
   }
+  if (wide) {
+    wide_blocks_[block] = WideVersion(grid, block);
+  } else {
+    wide_blocks_.erase(block);
+  }
+}
+
+std::uint64_t MlsProjection::WideVersion(const SampleGrid& grid, std::int32_t block) const {
+  const Eigen::Vector3d center =
+      (grid.blocks()[static_cast<std::size_t>(block)].cell.cast<double>() +
+       Eigen::Vector3d::Constant(0.5)) *
+      grid.block_mm();
+  return grid.BallVersion(center, 0.5 * grid.block_mm() + kWiderParaboloid * radius_mm_);
 }
 
 void MlsProjection::Fit(const SampleGrid& grid, Cube& cube) {
@@ -181,6 +196,11 @@ void MlsProjection::UpdateNodes(const SampleGrid& grid) {
 }
 
 void MlsProjection::FinishNodes(const SampleGrid& grid) {
+  std::vector<std::int32_t> stale;
+  for (const auto& [block, version] : wide_blocks_) {
+    if (WideVersion(grid, block) != version) stale.push_back(block);
+  }
+  for (const std::int32_t block : stale) UpdateBlock(grid, block);
   for (auto& [key, cube] : cubes_) {
     if (!cube.changed && grid.BallVersion(cube.center_mm, cube.ball_mm) != cube.versions) {
       MarkChanged(key, cube);

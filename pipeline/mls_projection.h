@@ -36,7 +36,8 @@ class MlsProjection {
   void UpdateBlock(const SampleGrid& grid, std::int32_t block);
   // Fits cylinders again where starts changed.
   void UpdateNodes(const SampleGrid& grid);
-  // The same, and where samples on the tube's far side changed since the fit.
+  // The same, and where samples further away changed since: on the tube's far side, and two blocks
+  // from a sparse one. Blocks whose own or neighbouring samples changed must be updated before.
   void FinishNodes(const SampleGrid& grid);
 
   // True where most samples of the block lie on a plane, as of a table or a clamp: no part of a
@@ -61,6 +62,7 @@ class MlsProjection {
     SpineNode node;
   };
 
+  std::uint64_t WideVersion(const SampleGrid& grid, std::int32_t block) const;
   std::uint64_t KeyOf(const Eigen::Vector3d& point) const;
   void MarkChanged(std::uint64_t key, Cube& cube);
   void Fit(const SampleGrid& grid, Cube& cube);
@@ -70,6 +72,8 @@ class MlsProjection {
   std::vector<std::uint64_t> changed_;
   std::unordered_map<std::int32_t, std::vector<std::uint64_t>> cubes_of_block_;
   std::unordered_set<std::int32_t> planar_;
+  // Blocks that needed the wider paraboloid, which sees two blocks far: versions of what it saw.
+  std::unordered_map<std::int32_t, std::uint64_t> wide_blocks_;
   std::vector<Eigen::Vector3d> scratch_;
   std::vector<Eigen::Vector3d> wide_scratch_;
 };

@@ -31,6 +31,7 @@ constexpr double kFinalReach = 0.2;  // of r_P: what the final fit looks at
 constexpr double kSecondTube = 0.3;  // of the first one's length: no scrap any more
 constexpr double kSettledDeg = 2.0;  // 1 sigma of an angle in the live view
 constexpr std::size_t kMinPoints = 30;
+constexpr double kMaxPlaceMm = 1e7;  // no scanner sees further than ten kilometres
 constexpr double kMinRadiusMm = 0.2;    // thinner and thicker pipes are not bent by machines: the
 constexpr double kMaxRadiusMm = 300.0;  // units are wrong
 
@@ -140,7 +141,8 @@ class Reconstruction::Impl {
   void AddPoint(const Eigen::Vector3d& point) {
     ++points_;
     if (!grid_) {
-      if (waiting_.size() < SampleGrid::kMaxPoints && point.allFinite()) waiting_.push_back(point);
+      const bool is_place = (point.array().abs() < kMaxPlaceMm).all();  // NaN is none
+      if (waiting_.size() < SampleGrid::kMaxPoints && is_place) waiting_.push_back(point);
       return;
     }
     std::int32_t block = -1;

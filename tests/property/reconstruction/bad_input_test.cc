@@ -101,5 +101,29 @@ TEST(BadInput, AnotherPipeThanTheKnownOne) {
                 {.pipe_radius_mm = 4.0, .nominal = std::nullopt});
 }
 
+// What is no number is left out, wherever it comes and whether the radius is known or not.
+TEST(BadInput, PointsThatAreNoPlaces) {
+  Random random(6);
+  const hal::Tube tube = SomeTube(4, random);
+  Points points = SyntheticCloud(tube, {.points = 8000}, random);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double inf = std::numeric_limits<double>::infinity();
+  for (const double bad : {nan, inf, -inf, 1e300, -1e12}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Eigen::Vector3d p = points[100];
+      p[axis] = bad;
+      points.insert(points.begin() + 50, p);
+    }
+    ExpectRefused(Points(1000, Eigen::Vector3d::Constant(bad)), HasSubstr("too few points"));
+  }
+  for (const bool known : {false, true}) {
+    pipeline::ReconstructionOptions options;
+    if (known) options.pipe_radius_mm = 4.0;
+    const auto found = Measure(points, options);
+    ASSERT_TRUE(found) << found.error().message;
+    ExpectMeasured(*found, tube, {.end_mm = 0.8});
+  }
+}
+
 }  // namespace
 }  // namespace bendloop::tests

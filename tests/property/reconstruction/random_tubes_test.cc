@@ -59,6 +59,24 @@ TEST_P(RandomTubes, AreMeasuredWithinTheirSigma) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomTubes, testing::Range(0, kSeeds));
 
+// Arcs of more than half a turn, also two that follow each other.
+TEST(Reconstruction, BendsBeyondAHalfTurn) {
+  for (int seed = 0; seed < std::max(1, kSeeds / 4); ++seed) {
+    Random random(static_cast<std::uint64_t>(50 + seed));
+    const hal::Tube tube = RandomTube({.bends = 1 + seed % 3,
+                                       .min_bend_radius = 3,
+                                       .min_straight = 4,
+                                       .max_straight = 12,
+                                       .min_angle_deg = 190,
+                                       .max_angle_deg = 240},
+                                      random);
+    const auto found = Measure(SyntheticCloud(tube, {.points = 12000}, random));
+    ASSERT_TRUE(found) << "seed " << seed << ": " << found.error().message;
+    SCOPED_TRACE(seed);
+    ExpectMeasured(*found, tube, {.end_mm = 0.5});
+  }
+}
+
 TEST(Reconstruction, AStraightTubeHasNoBend) {
   Random random(60);
   hal::Tube tube;

@@ -134,6 +134,31 @@ TEST(TubeEnds, StraightTubesHaveTwoEndsInOneRow) {
   EXPECT_NEAR(ends.tube.X_WT.position_mm.x(), 0, 0.1);
 }
 
+TEST(TubeEnds, FliersBeyondTheEndsAreIgnored) {
+  Random random(5);
+  for (int run = 0; run < 10; ++run) {
+    const hal::Tube tube = Truth(2, random);
+    Points cloud = tests::SyntheticCloud(tube, {.points = 12000, .noise_mm = kNoise}, random);
+    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+    // Exactly on the cylinder that goes on, where nothing else can tell them apart.
+    for (int i = 0; i < 3; ++i) {
+      const double phi = Uniform(random, 0, 2 * kPi);
+      const Eigen::Vector3d out = std::cos(phi) * segments[0].normal +
+                                  std::sin(phi) * segments[0].normal.cross(segments[0].tangent);
+      cloud.push_back(segments[0].start_mm -
+                      Uniform(random, 0.3, 5) * kRadius * segments[0].tangent + kRadius * out);
+      const auto& last = segments.back();
+      cloud.push_back(last.PointAt(last.length_mm + Uniform(random, 0.3, 5) * kRadius) +
+                      kRadius * last.normal);
+    }
+    const TubeEnds ends =
+        FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+    const Errors errors = EndErrors(tube, ends);
+    EXPECT_NEAR(errors.first, 0, 0.3) << run;
+    EXPECT_NEAR(errors.last, 0, 0.3) << run;
+  }
+}
+
 TEST(TubeEnds, WithoutPointsNothingMoves) {
   Random random(6);
   const hal::Tube tube = Truth(2, random);
