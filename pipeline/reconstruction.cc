@@ -31,7 +31,7 @@ constexpr double kFinalReach = 0.2;  // of r_P: what the final fit looks at
 constexpr double kSecondTube = 0.3;  // of the first one's length: no scrap any more
 constexpr double kSettledDeg = 2.0;  // 1 sigma of an angle in the live view
 constexpr std::size_t kMinPoints = 30;
-constexpr double kMaxPlaceMm = 1e7;  // no scanner sees further than ten kilometres
+constexpr double kMaxPlaceMm = 1e7;     // no scanner sees further than ten kilometres
 constexpr double kMinRadiusMm = 0.2;    // thinner and thicker pipes are not bent by machines: the
 constexpr double kMaxRadiusMm = 300.0;  // units are wrong
 

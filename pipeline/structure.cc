@@ -32,7 +32,7 @@ constexpr std::size_t kMaxSplits = 4;
 // cap, burr or fixture at the border of a scan: the tube goes straight on there.
 constexpr double kBorder = 1.0;
 constexpr double kTightBorder = 2.0;
-constexpr double kTight = 1.05;  // bend radius, in pipe radii: where the fit is held
+constexpr double kTight = 1.05;          // bend radius, in pipe radii: where the fit is held
 constexpr double kDoubtfulBorder = 8.0;  // up to here the samples are asked
 // The number of bends does not need every sample; the comparison sees at most about so many.
 constexpr std::size_t kEnoughSamples = 8000;
