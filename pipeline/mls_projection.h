@@ -18,6 +18,7 @@ struct SpineNode {
   Eigen::Vector3d tangent;  // unit, sign arbitrary
   double rms_mm = 0;        // of the samples about the cylinder
   std::size_t samples = 0;  // inliers of the cylinder
+  double radius_mm = 0;     // of the pipe here; 0: as given, nobody looked
 };
 
 // Samples onto the spine (sections 3.2 to 3.4), while they arrive. Each block's samples start at

@@ -7,16 +7,19 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <string>
 #include <unordered_set>
 
 #include "hal/spine.h"
 #include "pipeline/coverage.h"
+#include "pipeline/input_checks.h"
 #include "pipeline/mls_projection.h"
+#include "pipeline/oriented_samples.h"
 #include "pipeline/pipe_radius.h"
 #include "pipeline/sample_grid.h"
+#include "pipeline/shrinking.h"
 #include "pipeline/spine_polygon.h"
+#include "pipeline/stage_timer.h"
 #include "pipeline/structure.h"
 #include "pipeline/surface_fit.h"
 #include "pipeline/tube_ends.h"
@@ -27,83 +30,12 @@ namespace {
 // A block is projected when no sample has come to it or its neighbours for this many profiles: the
 // laser line has moved on.
 constexpr std::uint64_t kQuietProfiles = 12;
-constexpr double kFinalReach = 0.2;  // of r_P: what the final fit looks at
+constexpr double kFinalReach = 0.2;    // of r_P: what the final fit looks at
+constexpr double kShrinkWidest = 1.5;  // a sample's curvature may be so far from the pipe's
+constexpr std::size_t kShrinkSamples = 30'000;
 constexpr double kSecondTube = 0.3;  // of the first one's length: no scrap any more
 constexpr double kSettledDeg = 2.0;  // 1 sigma of an angle in the live view
-constexpr std::size_t kMinPoints = 30;
-constexpr double kMaxPlaceMm = 1e7;     // no scanner sees further than ten kilometres
-constexpr double kMinRadiusMm = 0.2;    // thinner and thicker pipes are not bent by machines: the
-constexpr double kMaxRadiusMm = 300.0;  // units are wrong
-
-std::string Mm(double value) {
-  std::ostringstream text;
-  text.precision(4);
-  text << value << " mm";
-  return text.str();
-}
-
-class StageTimer {
- public:
-  explicit StageTimer(const hal::Clock& clock) : clock_(clock), last_(clock.Now()) {}
-  void Done(const std::string& stage) {
-    const auto now = clock_.Now();
-    times.push_back({stage, std::chrono::duration<double, std::milli>(now - last_).count()});
-    last_ = now;
-  }
-  std::vector<StageTime> times;
-
- private:
-  const hal::Clock& clock_;
-  std::chrono::nanoseconds last_;
-};
-
-// What the points look like when they are no tube.
-hal::Result<void> CheckShape(std::span<const Eigen::Vector3d> points) {
-  using hal::ErrorKind;
-  if (points.size() < kMinPoints) {
-    return hal::Fail(ErrorKind::kBadInput, "too few points: found " +
-                                               std::to_string(points.size()) + ", a tube needs " +
-                                               std::to_string(kMinPoints) + " at least");
-  }
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& p : points) mean += p;
-  mean /= static_cast<double>(points.size());
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& p : points) covariance += (p - mean) * (p - mean).transpose();
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
-  eigen.computeDirect(covariance / static_cast<double>(points.size()));
-  const Eigen::Vector3d spread = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  if (!(spread[2] > 1e-9)) {
-    return hal::Fail(ErrorKind::kBadInput,
-                     "all points are at one place; expected a tube's surface");
-  }
-  if (spread[1] < 1e-6 * spread[2]) {
-    return hal::Fail(ErrorKind::kBadInput, "all points lie on a line; expected a tube's surface");
-  }
-  if (spread[0] < 1e-6 * spread[2]) {
-    return hal::Fail(ErrorKind::kBadInput,
-                     "all points lie on a plane; expected the curved surface of a tube");
-  }
-  return {};
-}
-
-hal::Result<void> CheckUnits(double radius_mm) {
-  if (radius_mm > kMaxRadiusMm) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     "the pipe radius would be " + Mm(radius_mm) +
-                         ", which no bending machine takes: are the units wrong? (--units; "
-                         "expected " +
-                         Mm(kMinRadiusMm) + " to " + Mm(kMaxRadiusMm) + ")");
-  }
-  if (radius_mm < kMinRadiusMm) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     "the pipe radius would be " + Mm(radius_mm) +
-                         ": are the points in metres or inches? (--units m or --units in; "
-                         "expected " +
-                         Mm(kMinRadiusMm) + " to " + Mm(kMaxRadiusMm) + ")");
-  }
-  return {};
-}
+constexpr double kMaxPlaceMm = 1e7;  // no scanner sees further than ten kilometres
 
 }  // namespace
 
@@ -180,6 +112,7 @@ class Reconstruction::Impl {
 
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
+  std::vector<SpineNode> FinalNodes();
   hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons) const;
 
   ReconstructionOptions options_;
@@ -254,6 +187,18 @@ hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(
   return polygons.front();
 }
 
+std::vector<SpineNode> Reconstruction::Impl::FinalNodes() {
+  if (options_.spine_method == SpineMethod::kShrinking) {
+    return ShrinkPipe(OrientSamples(*grid_, radius_mm_, kShrinkWidest, kShrinkSamples),
+                      {.radius_mm = radius_mm_})
+        .nodes;
+  }
+  for (const std::int32_t block : pending_) Project(block);
+  pending_.clear();
+  projection_->FinishNodes(*grid_);
+  return projection_->Nodes();
+}
+
 LiveView Reconstruction::Impl::View() const {
   LiveView view;
   view.profiles = profiles_;
@@ -302,12 +247,9 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   }
   timer.Done("samples");
 
-  for (const std::int32_t block : pending_) Project(block);
-  pending_.clear();
-  projection_->FinishNodes(*grid_);
+  const std::vector<SpineNode> nodes = FinalNodes();
   timer.Done("projection");
 
-  const std::vector<SpineNode> nodes = projection_->Nodes();
   const auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_));
   if (!polygon) return hal::Fail(polygon.error());
   timer.Done("curve");

@@ -14,12 +14,20 @@
 
 namespace bendloop::pipeline {
 
+// How samples reach the spine.
+enum class SpineMethod {
+  kMls,        // onto the axes of local cylinders (Bauer & Polthier 2009, section 3)
+  kShrinking,  // along their normals until the set is thin (Lee & Kim 2004)
+};
+
 struct ReconstructionOptions {
   // Known pipe radius [mm]; estimated from the samples when empty.
   std::optional<double> pipe_radius_mm;
   // The tube that the samples should show, in any pose: a hint for pipe radius and coverage, never
   // for the number or size of the bends.
   std::optional<hal::BendProgram> nominal;
+  // For the final result; the live view always projects with moving least squares.
+  SpineMethod spine_method = SpineMethod::kMls;
 };
 
 // What is known of a tube while its scan still runs.

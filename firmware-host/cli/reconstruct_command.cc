@@ -13,7 +13,7 @@
 #include "firmware-host/text/style.h"
 #include "firmware-host/text/table.h"
 #include "hal/clock.h"
-#include "pipeline/reconstruction.h"
+#include "pipeline/tube_model.h"
 
 namespace bendloop::host {
 namespace {
@@ -34,6 +34,18 @@ Examples:
   bendloop reconstruct coil.ply --units m
   bendloop reconstruct tube.xyz --pipe-radius 4 --json tube.json --spine-out spine.csv
   bendloop reconstruct tube.pcd --json - | jq .tube.rows
+  bendloop reconstruct tapered.ply --model canal --spine-out spine.csv
+
+Models:
+  tube      lines and arcs, one pipe radius: rows of lengths, rotations and angles
+  canal     the pipe radius varies along the spine (tapered, end-formed): spine with local radius;
+            the rows are the lines and arcs nearest to it, the pipe radius is the mean
+  freeform  a spine without lines and arcs: spine with local radius, no rows
+  auto      tube, unless the points contradict it clearly; a warning then says why
+Spine methods:
+  mls       moving least squares: cylinders fitted around each place
+  shrinking points move along their normals until they meet; needs more than a third of the
+            circumference
 
 Reads PLY, PCD and XYZ/CSV text; the content decides, not the name. Output is in mm and degrees.
 The rotation is right-handed about the feed direction, from one bend plane to the next.)";
@@ -41,25 +53,29 @@ The rotation is right-handed about the feed direction, from one bend plane to th
 // The one place where a model and a spine method become a measurement.
 hal::Result<pipeline::Measurement> Measure(const ReconstructArguments& arguments,
                                            const PointCloud& cloud) {
-  if (arguments.model == "canal" || arguments.model == "freeform") {
-    return hal::Fail(hal::ErrorKind::kUsage,
-                     "--model: '" + arguments.model + "' is not available yet; use auto or tube");
-  }
-  if (arguments.spine_method != "mls") {
-    return hal::Fail(hal::ErrorKind::kUsage, "--spine-method: '" + arguments.spine_method +
-                                                 "' is not available yet; use mls");
-  }
+  using pipeline::TubeModel;
   pipeline::ReconstructionOptions options;
   options.pipe_radius_mm = arguments.pipe_radius_mm;
+  options.spine_method = arguments.spine_method == "shrinking" ? pipeline::SpineMethod::kShrinking
+                                                               : pipeline::SpineMethod::kMls;
+  const TubeModel model = arguments.model == "tube"       ? TubeModel::kTube
+                          : arguments.model == "canal"    ? TubeModel::kCanal
+                          : arguments.model == "freeform" ? TubeModel::kFreeform
+                                                          : TubeModel::kAuto;
   const hal::SteadyClock clock;
-  return pipeline::Reconstruct(cloud.points_mm, options, clock);
+  return pipeline::ReconstructModel(cloud.points_mm, model, options, clock);
 }
 
 std::string SpineCsv(const pipeline::Measurement& measurement) {
-  std::string csv = "x_mm,y_mm,z_mm,pipe_radius_mm\n";
+  std::string csv = "x_mm,y_mm,z_mm,pipe_radius_mm,arc_length_mm\n";
+  double along_mm = 0;
+  const Eigen::Vector3d* before = nullptr;
   for (const pipeline::SpineSample& sample : measurement.spine) {
+    if (before) along_mm += (sample.position_mm - *before).norm();
+    before = &sample.position_mm;
     csv += Fixed(sample.position_mm.x(), 6) + "," + Fixed(sample.position_mm.y(), 6) + "," +
-           Fixed(sample.position_mm.z(), 6) + "," + Fixed(sample.pipe_radius_mm, 6) + "\n";
+           Fixed(sample.position_mm.z(), 6) + "," + Fixed(sample.pipe_radius_mm, 6) + "," +
+           Fixed(along_mm, 6) + "\n";
   }
   return csv;
 }
@@ -84,6 +100,9 @@ int Reconstruct(const ReconstructArguments& arguments) {
       error.message = arguments.cloud + ": " + error.message;
     }
     return Report(error);
+  }
+  for (const std::string& warning : measurement->warnings) {
+    std::cerr << "bendloop: warning: " << warning << "\n";
   }
   RunResult result;
   result.session = BaseName(arguments.cloud);

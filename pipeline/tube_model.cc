@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/tube_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "hal/spine.h"
+#include "pipeline/canal.h"
+#include "pipeline/input_checks.h"
+#include "pipeline/point_index.h"
+#include "pipeline/stage_timer.h"
+#include "pipeline/statistics.h"
+#include "pipeline/surface_points.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// When a look at the other models is worth its time.
+constexpr double kLookRadius = 0.05;      // of r_P: range of the local radius
+constexpr double kLookOutliers = 0.15;    // of the points
+constexpr double kLookSystematic = 0.02;  // of r_P: distances that neighbours share
+// Tubes for benders are straight for most of their length; where arc follows upon arc they may
+// stand in for something else.
+constexpr double kFewStraights = 0.5;  // of the arcs' length
+constexpr std::size_t kManyBends = 3;
+
+// When the tube is left.
+constexpr double kOnStraights = 0.10;  // of the mean radius: range on the straights
+// An oval bend seen from one side looks like one of another radius: an ovality of 10 % is the
+// bender's limit and makes up to 16 %, thicker or thinner.
+constexpr double kInBends = 0.35;
+constexpr double kBetter = 2.0;     // of the squared distances
+constexpr double kSpineOff = 0.05;  // of r_P: lines and arcs miss the samples by so much
+constexpr double kEvidence = 20.0;  // in twice the logarithm of the likelihood
+constexpr double kReach = 0.3;      // of r_P: further is just as bad
+constexpr double kExplained = 0.6;  // of the points, when there is no tube to compare with
+constexpr double kNearlyAll = 0.9;  // of the points, to doubt that there is no tube
+constexpr double kMinLength = 6.0;  // pipe radii
+constexpr double kMinShare = 0.8;   // of the tube's samples that the other model must hold
+
+// The part of the squared distances that neighbouring samples have in common, as a length.
+double SystematicMm(const Measurement& tube) {
+  struct Patch {
+    double sum = 0, sum2 = 0, count = 0;
+  };
+  std::map<std::uint64_t, Patch> patches;
+  for (const SurfaceSample& sample : tube.surface) {
+    Patch& patch = patches[CellKey(CellOf(sample.position_mm, tube.tube.pipe_radius_mm))];
+    patch.sum += sample.distance_mm;
+    patch.sum2 += sample.distance_mm * sample.distance_mm;
+    patch.count += 1;
+  }
+  double between = 0, count = 0;
+  for (const auto& [key, p] : patches) {
+    if (p.count < 4) continue;
+    const double mean = p.sum / p.count;
+    const double variance = (p.sum2 / p.count - mean * mean) / (p.count - 1);
+    between += p.count * (mean * mean - variance);
+    count += p.count;
+  }
+  return count > 0 ? std::sqrt(std::max(0.0, between / count)) : 0.0;
+}
+
+double Range(std::vector<double> values) { return Quantile(values, 0.95) - Quantile(values, 0.05); }
+
+// Local radii without what one bin's noise does.
+std::vector<double> SmoothRadii(const std::vector<SpineSample>& spine) {
+  std::vector<double> smooth;
+  for (std::size_t i = 0; i < spine.size(); ++i) {
+    std::vector<double> window;
+    for (std::size_t k = i < 3 ? 0 : i - 3; k < std::min(i + 4, spine.size()); ++k) {
+      window.push_back(spine[k].pipe_radius_mm);
+    }
+    smooth.push_back(Median(std::move(window)));
+  }
+  return smooth;
+}
+
+bool IsArcUponArc(const hal::Tube& tube) {
+  double arcs_mm = 0, straights_mm = 0;
+  for (const hal::SpineSegment& segment : hal::SpineSegments(tube.program, tube.X_WT)) {
+    (segment.is_arc() ? arcs_mm : straights_mm) += segment.length_mm;
+  }
+  return tube.program.bend_count() >= kManyBends && straights_mm < kFewStraights * arcs_mm;
+}
+
+bool WorthALook(const Measurement& m) {
+  const double r = m.tube.pipe_radius_mm;
+  const auto all = static_cast<double>(m.fit.samples + m.fit.outliers);
+  return Range(SmoothRadii(m.spine)) > kLookRadius * r ||
+         static_cast<double>(m.fit.outliers) > kLookOutliers * all ||
+         SystematicMm(m) > kLookSystematic * r || IsArcUponArc(m.tube);
+}
+
+struct Comparison {
+  double tube_mm2 = 0;
+  double other_mm2 = 0;
+  double samples = 0;
+};
+
+// Squared distances of the other model's samples from both.
+Comparison Compare(const hal::Tube& tube, const CanalScan& scan) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  std::vector<std::int32_t> all;
+  for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
+  const double reach_mm = kReach * tube.pipe_radius_mm;
+  Comparison result;
+  const std::size_t stride = scan.points.size() / 20'000 + 1;
+  for (std::size_t i = 0; i < scan.points.size(); i += stride) {
+    const CanalFoot& foot = scan.feet[i];
+    if (foot.beyond || std::abs(foot.distance_mm) > reach_mm) continue;
+    const double d =
+        NearestSegment(scan.points[i], segments, all).distance_mm - tube.pipe_radius_mm;
+    result.tube_mm2 += std::pow(std::min(std::abs(d), reach_mm), 2);
+    result.other_mm2 += foot.distance_mm * foot.distance_mm;
+    result.samples += 1;
+  }
+  return result;
+}
+
+std::size_t Explained(const CanalScan& scan) {
+  std::size_t count = 0;
+  for (const CanalFoot& foot : scan.feet) {
+    count += !foot.beyond && std::abs(foot.distance_mm) < 5 * scan.fit.sigma_mm ? 1 : 0;
+  }
+  return count;
+}
+
+std::vector<double> Radii(const CanalScan& scan) {
+  std::vector<double> radii;
+  for (const SpineSample& sample : scan.spine) radii.push_back(sample.pipe_radius_mm);
+  return radii;
+}
+
+// Why the points are a canal surface and not this tube; empty: they are not.
+std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
+  const auto segments = hal::SpineSegments(tube.tube.program, tube.tube.X_WT);
+  std::vector<std::int32_t> all;
+  for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
+  std::vector<double> straight;
+  for (const SpineSample& sample : scan.spine) {
+    const auto near = NearestSegment(sample.position_mm, segments, all);
+    if (!segments[static_cast<std::size_t>(near.segment)].is_arc()) {
+      straight.push_back(sample.pipe_radius_mm);
+    }
+  }
+  const std::vector<double> radii = Radii(scan);
+  const double mean_mm = Median(radii);
+  const double noise_mm = 6 * scan.fit.pipe_radius_sigma_mm;
+  const double range_mm = Range(radii);
+  const bool varies = Range(straight) > std::max(kOnStraights * mean_mm, noise_mm) ||
+                      range_mm > std::max(kInBends * mean_mm, noise_mm);
+  const Comparison compared = Compare(tube.tube, scan);
+  if (!varies || !(compared.tube_mm2 > kBetter * compared.other_mm2) ||
+      static_cast<double>(Explained(scan)) < kMinShare * static_cast<double>(tube.fit.samples)) {
+    return {};
+  }
+  return "no tube of one radius: the pipe radius varies by " + Mm(range_mm) +
+         " along the spine, more than noise and oval bends explain (samples lie " +
+         Mm(std::sqrt(compared.tube_mm2 / compared.samples)) + " rms from the best tube and " +
+         Mm(std::sqrt(compared.other_mm2 / compared.samples)) +
+         " from the canal surface); measured as a canal, see --model.";
+}
+
+std::string WhyFreeform(const Measurement& tube, const CanalScan& scan) {
+  const Comparison compared = Compare(tube.tube, scan);
+  if (compared.samples < 1 || !(compared.other_mm2 > 0)) return {};
+  const auto bends = static_cast<int>(tube.tube.program.bend_count());
+  const int parameters = 5 + 4 * bends;
+  const double off_mm =
+      std::sqrt(std::max(0.0, compared.tube_mm2 - compared.other_mm2) / compared.samples);
+  const double evidence =
+      compared.samples * std::log(compared.tube_mm2 / compared.other_mm2) -
+      std::max(0, scan.fit.parameters - parameters) * std::log(compared.samples);
+  const bool simpler = scan.fit.parameters <= parameters && evidence > kEvidence;
+  const bool curved = IsArcUponArc(tube.tube) && evidence > kEvidence;
+  const bool much_better = compared.tube_mm2 > kBetter * compared.other_mm2 &&
+                           off_mm > kSpineOff * tube.tube.pipe_radius_mm;
+  if ((!simpler && !curved && !much_better) ||
+      static_cast<double>(Explained(scan)) < kMinShare * static_cast<double>(tube.fit.samples)) {
+    return {};
+  }
+  return "no lines and arcs: " + std::to_string(bends) + " bends leave the samples " +
+         Mm(std::sqrt(compared.tube_mm2 / compared.samples)) +
+         " rms from the tube, a free-form "
+         "spine " +
+         Mm(std::sqrt(compared.other_mm2 / compared.samples)) +
+         (simpler ? " with fewer numbers" : "") + "; measured as a free form, see --model.";
+}
+
+void SayWhy(const std::string& why, Measurement& measurement) {
+  measurement.warnings.insert(measurement.warnings.begin(), why);
+}
+
+hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
+                                const ReconstructionOptions& options, const hal::Clock& clock) {
+  auto tube = Reconstruct(points, options, clock);
+  if (tube && !WorthALook(*tube)) return tube;
+  if (!tube && tube.error().kind != hal::ErrorKind::kBadInput) return tube;
+
+  StageTimer timer(clock);
+  CanalOptions canal{options.pipe_radius_mm, options.spine_method, false};
+  const auto varying = FitCanalScan(points, canal, clock);
+  if (!tube && varying && options.spine_method == SpineMethod::kMls &&
+      static_cast<double>(Explained(*varying)) > kNearlyAll * static_cast<double>(points.size())) {
+    // All the points lie on one pipe, so the projection lost it: noise of a tenth of the radius
+    // lays cylinders on from outside.
+    ReconstructionOptions other = options;
+    other.spine_method = SpineMethod::kShrinking;
+    auto shrunk = Reconstruct(points, other, clock);
+    if (shrunk && static_cast<double>(shrunk->fit.samples) >
+                      kNearlyAll * static_cast<double>(points.size())) {
+      SayWhy("moving least squares did not find one spine (" + tube.error().message +
+                 "), shrinking did.",
+             *shrunk);
+      tube = std::move(shrunk);
+      if (!WorthALook(*tube)) return tube;
+    }
+  }
+  if (!tube) {
+    if (!varying) return tube;
+    const std::vector<double> radii = Radii(*varying);
+    const double length_mm = varying->to_mm - varying->from_mm;
+    const double range_mm = Range(radii);
+    if (static_cast<double>(Explained(*varying)) <
+            kExplained * static_cast<double>(points.size()) ||
+        length_mm < kMinLength * Median(radii) ||
+        range_mm < std::max(kOnStraights * Median(radii), 6 * varying->fit.pipe_radius_sigma_mm)) {
+      return tube;
+    }
+    Measurement measurement = DescribeCanal(*varying, false, clock);
+    SayWhy("no tube of one radius (" + tube.error().message +
+               "), but one whose pipe radius varies "
+               "by " +
+               Mm(range_mm) + "; measured as a canal, see --model.",
+           measurement);
+    return measurement;
+  }
+  if (varying) {
+    const std::string why = WhyCanal(*tube, *varying);
+    if (!why.empty()) {
+      Measurement measurement = DescribeCanal(*varying, false, clock);
+      SayWhy(why, measurement);
+      return measurement;
+    }
+    canal.freeform = true;
+    const auto freeform = FitCanalScan(points, canal, clock);
+    const std::string lines = freeform ? WhyFreeform(*tube, *freeform) : std::string();
+    if (!lines.empty()) {
+      Measurement measurement = DescribeCanal(*freeform, true, clock);
+      SayWhy(lines, measurement);
+      return measurement;
+    }
+  }
+  timer.Done("other_models");
+  tube->timing.insert(tube->timing.end(), timer.times.begin(), timer.times.end());
+  return tube;
+}
+
+}  // namespace
+
+hal::Result<Measurement> ReconstructModel(std::span<const Eigen::Vector3d> points, TubeModel model,
+                                          const ReconstructionOptions& options,
+                                          const hal::Clock& clock) {
+  switch (model) {
+    case TubeModel::kAuto:
+      return Choose(points, options, clock);
+    case TubeModel::kTube:
+      return Reconstruct(points, options, clock);
+    case TubeModel::kCanal:
+    case TubeModel::kFreeform:
+      break;
+  }
+  const bool freeform = model == TubeModel::kFreeform;
+  const auto scan =
+      FitCanalScan(points, {options.pipe_radius_mm, options.spine_method, freeform}, clock);
+  if (!scan) return hal::Fail(scan.error());
+  return DescribeCanal(*scan, freeform, clock);
+}
+
+}  // namespace bendloop::pipeline
