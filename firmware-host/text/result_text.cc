@@ -115,7 +115,7 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
     }
     table.Add(std::move(cells));
   }
-  std::string out = table.Render(colour);
+  std::string out = rows.empty() ? "  no rows: see the spine\n" : table.Render(colour);
   out += "\n  pipe radius " + Fixed(m.tube.pipe_radius_mm, kDecimals) + " +- " +
          Fixed(m.pipe_radius_sigma_mm, kDecimals) + " mm; " +
          Plural(m.tube.program.bend_count(), "bend") + "; +- is 1 sigma\n";
