@@ -32,8 +32,9 @@ hal::Result<void> CheckShape(std::span<const Eigen::Vector3d> points) {
   mean /= static_cast<double>(points.size());
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& p : points) covariance += (p - mean) * (p - mean).transpose();
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
-  eigen.computeDirect(covariance / static_cast<double>(points.size()));
+  // Not computeDirect(): its rounding passes for a spread of 1e-4 of the longest.
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(
+      covariance / static_cast<double>(points.size()), Eigen::EigenvaluesOnly);
   const Eigen::Vector3d spread = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
   if (!(spread[2] > 1e-9)) {
     return hal::Fail(ErrorKind::kBadInput,

@@ -105,7 +105,7 @@ report=
 for step in $steps; do
   case $step in
     packages) command="config/install-packages.sh build test" ;;
-    configure) command="cmake --preset release && cmake --preset fuzz" ;;
+    configure) command="cmake --preset release && cmake --preset asan" ;;
     *) command="./$step" ;;
   esac
   say "In the new root: $command"

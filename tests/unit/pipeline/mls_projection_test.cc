@@ -38,13 +38,13 @@ void ExpectOnSpine(const std::vector<SpineNode>& nodes, const hal::Tube& tube, d
   for (const SpineNode& node : nodes) {
     const auto [d, tangent] = tests::NearestOnSpine(node.position_mm, segments, 0.1 * r);
     distances.push_back(d / r);
-    EXPECT_LT(d / r, worst) << "run " << run;
     EXPECT_GT(std::abs(tangent.dot(node.tangent)), 0.9) << "run " << run;
     EXPECT_NEAR(node.tangent.norm(), 1, 1e-9);
   }
   std::sort(distances.begin(), distances.end());
   ASSERT_FALSE(distances.empty());
   EXPECT_LT(distances[distances.size() / 2], off) << "run " << run;
+  EXPECT_LT(distances[distances.size() * 99 / 100], worst) << "run " << run;
 }
 
 TEST(MlsProjection, NodesLieOnTheSpine) {
