@@ -247,8 +247,7 @@ hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
   }
   for (const std::int32_t near : grid.BlocksNear(places, 1.5 * widest_mm)) {
     const SampleGrid::Block& found = grid.blocks()[static_cast<std::size_t>(near)];
-    scan.points.insert(scan.points.end(), found.samples.begin(), found.samples.end());
-    scan.points.insert(scan.points.end(), found.others.begin(), found.others.end());
+    scan.points.insert(scan.points.end(), found.points.begin(), found.points.end());
   }
   std::vector<Eigen::Vector3d> fitted;
   const std::size_t stride = scan.points.size() / kFitPoints + 1;

@@ -100,10 +100,11 @@ void DescribePoints(const CanalScan& scan, Measurement& measurement) {
 
 // The points as they would lie if the pipe had the same radius everywhere: their distance from the
 // surface stays, the surface moves.
-std::vector<PointBlock> OnEvenPipe(const CanalScan& scan, double radius_mm) {
+OwnedBlocks OnEvenPipe(const CanalScan& scan, double radius_mm) {
   const CanalSurface& surface = scan.fit.surface;
   const double cell_mm = 2.0 / 3.0 * radius_mm;
-  std::map<std::uint64_t, PointBlock> blocks;
+  std::map<std::uint64_t, std::pair<Eigen::Vector3i, std::vector<Eigen::Vector3d>>> cells;
+  std::size_t count = 0;
   const std::size_t stride = scan.points.size() / kArcPoints + 1;
   for (std::size_t i = 0; i < scan.points.size(); i += stride) {
     const CanalFoot& foot = scan.feet[i];
@@ -125,15 +126,18 @@ std::vector<PointBlock> OnEvenPipe(const CanalScan& scan, double radius_mm) {
     const Eigen::Vector3d p = center + along * tangent + (radius_mm + foot.distance_mm) * across;
     if (!p.allFinite()) continue;
     const Eigen::Vector3i cell = CellOf(p, cell_mm);
-    PointBlock& block = blocks[CellKey(cell)];
-    block.center_mm = (cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * cell_mm;
-    block.half_diagonal_mm = 0.5 * std::sqrt(3.0) * cell_mm;
-    block.points.push_back(p);
+    auto& held = cells[CellKey(cell)];
+    held.first = cell;
+    held.second.push_back(p);
+    ++count;
   }
-  std::vector<PointBlock> result;
-  result.reserve(blocks.size());
-  for (auto& [key, block] : blocks) result.push_back(std::move(block));
-  return result;
+  OwnedBlocks blocks(count);
+  for (const auto& [key, held] : cells) {
+    blocks.Begin((held.first.cast<double>() + Eigen::Vector3d::Constant(0.5)) * cell_mm,
+                 0.5 * std::sqrt(3.0) * cell_mm);
+    for (const Eigen::Vector3d& p : held.second) blocks.Add(p);
+  }
+  return blocks;
 }
 
 hal::Pose StartPose(const CanalScan& scan) {
@@ -168,7 +172,7 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
   const double curvature = surface.MaxCurvature(0, surface.spans());
   const double radius_mm = curvature > 0 ? std::min(mean_mm, kTightest / curvature) : mean_mm;
   const double even_mm = std::max(radius_mm, 0.25 * mean_mm);
-  const std::vector<PointBlock> blocks = OnEvenPipe(scan, even_mm);
+  const OwnedBlocks blocks = OnEvenPipe(scan, even_mm);
   SpinePolygon polygon;
   for (std::size_t i = 0; i < scan.spine.size(); ++i) {
     polygon.push_back({scan.spine[i].position_mm, scan.tangents[i], 0, 1, 0});

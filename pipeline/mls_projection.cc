@@ -91,7 +91,7 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
   }
   keys.clear();
   grid.GatherNeighbourhood(block, scratch_);
-  const auto& samples = grid.blocks()[static_cast<std::size_t>(block)].samples;
+  const auto samples = grid.blocks()[static_cast<std::size_t>(block)].samples();
   const std::size_t seeds = std::min(samples.size(), kSeedsOfBlock);
   std::size_t surfaces = 0;
   std::size_t flat = 0;

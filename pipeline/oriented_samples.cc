@@ -44,7 +44,7 @@ std::vector<OrientedSample> OrientSamples(const SampleGrid& grid, double radius_
   const std::size_t stride = grid.sample_count() / std::max<std::size_t>(max_samples, 1) + 1;
   std::size_t index = 0;
   for (const SampleGrid::Block& block : grid.blocks()) {
-    for (const Eigen::Vector3d& sample : block.samples) {
+    for (const Eigen::Vector3d& sample : block.samples()) {
       if (index++ % stride != 0) continue;
       double local_mm = radius_mm;
       std::optional<LocalParaboloid> surface;

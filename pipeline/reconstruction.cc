@@ -153,8 +153,7 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
     out.center_mm =
         (block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * grid_->block_mm();
     out.half_diagonal_mm = 0.5 * std::sqrt(3.0) * grid_->block_mm();
-    out.points = block.samples;
-    if (all_points) out.points.insert(out.points.end(), block.others.begin(), block.others.end());
+    out.points = all_points ? std::span(block.points) : block.samples();
   }
   return result;
 }

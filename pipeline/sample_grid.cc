@@ -82,14 +82,14 @@ SampleGrid::Insertion SampleGrid::Insert(const Eigen::Vector3d& point, std::int3
   ++point_count_;
   if (!block.seen[voxel]) {
     block.seen[voxel] = true;
-    block.samples.push_back(point);
-    ++block.version;
+    block.points.push_back(point);
+    std::swap(block.points.back(), block.points[block.sample_count++]);
     ++sample_count_;
     return Insertion::kSample;
   }
   if (point_count_ <= kMaxPoints &&
-      block.others.size() < kMaxPointsOfVoxel * block.samples.size()) {
-    block.others.push_back(point);
+      block.points.size() < (kMaxPointsOfVoxel + 1) * block.sample_count) {
+    block.points.push_back(point);
     return Insertion::kOther;
   }
   return Insertion::kDropped;
@@ -99,7 +99,7 @@ void SampleGrid::GatherNeighbourhood(std::int32_t block, std::vector<Eigen::Vect
   out.clear();
   for (const std::int32_t neighbour : blocks_[static_cast<std::size_t>(block)].neighbours) {
     if (neighbour < 0) continue;
-    const auto& samples = blocks_[static_cast<std::size_t>(neighbour)].samples;
+    const auto samples = blocks_[static_cast<std::size_t>(neighbour)].samples();
     out.insert(out.end(), samples.begin(), samples.end());
   }
 }
@@ -124,7 +124,7 @@ void SampleGrid::GatherBall(const Eigen::Vector3d& center, double radius_mm,
   out.clear();
   const double radius2 = radius_mm * radius_mm;
   VisitBlocks(center, radius_mm, [&](const Block& block) {
-    for (const Eigen::Vector3d& sample : block.samples) {
+    for (const Eigen::Vector3d& sample : block.samples()) {
       if ((sample - center).squaredNorm() < radius2) out.push_back(sample);
     }
   });
@@ -147,7 +147,7 @@ std::vector<std::int32_t> SampleGrid::BlocksNear(std::span<const Eigen::Vector3d
 
 std::uint64_t SampleGrid::BallVersion(const Eigen::Vector3d& center, double radius_mm) const {
   std::uint64_t versions = 0;
-  VisitBlocks(center, radius_mm, [&](const Block& block) { versions += block.version; });
+  VisitBlocks(center, radius_mm, [&](const Block& block) { versions += block.sample_count; });
   return versions;
 }
 

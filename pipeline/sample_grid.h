@@ -26,9 +26,10 @@ class SampleGrid {
     Eigen::Vector3i cell = Eigen::Vector3i::Zero();
     std::array<std::int32_t, 27> neighbours{};  // block indices, -1: none; 13 is the block itself
     std::bitset<kSubdivisions * kSubdivisions * kSubdivisions> seen;
-    std::vector<Eigen::Vector3d> samples;
-    std::vector<Eigen::Vector3d> others;
-    std::uint32_t version = 0;  // counts samples that came to the block
+    std::vector<Eigen::Vector3d> points;  // first the samples, then the others
+    std::uint32_t sample_count = 0;
+
+    std::span<const Eigen::Vector3d> samples() const { return {points.data(), sample_count}; }
   };
 
   // `block_mm`: edge of a block, at least the radius of the local paraboloid.
@@ -51,7 +52,7 @@ class SampleGrid {
   // Indices of the blocks within `radius_mm` (in whole blocks) of any of the places, ascending.
   std::vector<std::int32_t> BlocksNear(std::span<const Eigen::Vector3d> places,
                                        double radius_mm) const;
-  // Sum of the versions of the blocks that GatherBall looks at: while it stays, so do the samples.
+  // Number of samples in the blocks that GatherBall looks at: while it stays, so do the samples.
   std::uint64_t BallVersion(const Eigen::Vector3d& center, double radius_mm) const;
 
  private:

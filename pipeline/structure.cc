@@ -179,9 +179,9 @@ std::array<SplineArc, 2> SplitArc(const SplineArc& arc) {
 class Search {
  public:
   Search(double pipe_radius_mm, std::span<const PointBlock> blocks, std::size_t enough_samples)
-      : radius_mm_(pipe_radius_mm), blocks_(Thinned(blocks, enough_samples)) {
-    for (const PointBlock& block : blocks_) samples_ += block.points.size();
-  }
+      : radius_mm_(pipe_radius_mm),
+        blocks_(Thinned(blocks, CountPoints(blocks) / enough_samples + 1)),
+        samples_(blocks_.point_count()) {}
 
   SurfaceFit Glance(const SpinePolygon& polygon) const {
     return Fit(TubeFromSpline(InitialSpline(polygon, kGlanceTolerance * radius_mm_), radius_mm_));
@@ -207,22 +207,6 @@ class Search {
   }
 
  private:
-  static std::vector<PointBlock> Thinned(std::span<const PointBlock> blocks,
-                                         std::size_t enough_samples) {
-    std::size_t all = 0;
-    for (const PointBlock& block : blocks) all += block.points.size();
-    const std::size_t stride = all / enough_samples + 1;
-    std::vector<PointBlock> thinned;
-    for (const PointBlock& block : blocks) {
-      PointBlock& out =
-          thinned.emplace_back(PointBlock{block.center_mm, block.half_diagonal_mm, {}});
-      for (std::size_t i = 0; i < block.points.size(); i += stride) {
-        out.points.push_back(block.points[i]);
-      }
-    }
-    return thinned;
-  }
-
   SurfaceFit Fit(const hal::Tube& tube) const {
     SurfaceFit fit = FitOnce(tube);
     ArcLineSpline spline = SplineFromTube(fit.tube);
@@ -320,8 +304,8 @@ class Search {
   }
 
   double radius_mm_;
-  std::vector<PointBlock> blocks_;
-  std::size_t samples_ = 0;
+  OwnedBlocks blocks_;
+  std::size_t samples_;
 };
 
 }  // namespace

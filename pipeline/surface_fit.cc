@@ -246,21 +246,8 @@ Eigen::VectorXd StandardErrors(const TubeParameters& parameters, const Eigen::Ve
 }
 
 std::size_t CoarseStride(std::span<const PointBlock> blocks) {
-  std::size_t points = 0;
-  for (const PointBlock& block : blocks) points += block.points.size();
+  const std::size_t points = CountPoints(blocks);
   return points > 4 * kCoarsePoints ? points / kCoarsePoints : 1;
-}
-
-std::vector<PointBlock> Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
-  std::vector<PointBlock> thinned;
-  thinned.reserve(blocks.size());
-  std::size_t next = 0;  // counted over all blocks, so that small ones do not weigh more
-  for (const PointBlock& block : blocks) {
-    PointBlock& out = thinned.emplace_back(PointBlock{block.center_mm, block.half_diagonal_mm, {}});
-    for (; next < block.points.size(); next += stride) out.points.push_back(block.points[next]);
-    next -= block.points.size();
-  }
-  return thinned;
 }
 
 }  // namespace

@@ -29,6 +29,34 @@ double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, b
 
 }  // namespace
 
+void OwnedBlocks::Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm) {
+  blocks_.push_back({center_mm, half_diagonal_mm, {points_.data() + points_.size(), 0}});
+}
+
+void OwnedBlocks::Add(const Eigen::Vector3d& point) {
+  if (points_.size() == points_.capacity()) return;  // more than promised
+  points_.push_back(point);
+  auto& held = blocks_.back().points;
+  held = {held.data(), held.size() + 1};
+}
+
+std::size_t CountPoints(std::span<const PointBlock> blocks) {
+  std::size_t count = 0;
+  for (const PointBlock& block : blocks) count += block.points.size();
+  return count;
+}
+
+OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
+  OwnedBlocks thinned(CountPoints(blocks) / stride + 1);
+  std::size_t next = 0;
+  for (const PointBlock& block : blocks) {
+    thinned.Begin(block.center_mm, block.half_diagonal_mm);
+    for (; next < block.points.size(); next += stride) thinned.Add(block.points[next]);
+    next -= block.points.size();
+  }
+  return thinned;
+}
+
 SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after)
     : start_mm(segment.start_mm),
       tangent(segment.tangent),

@@ -10,12 +10,37 @@
 
 namespace bendloop::pipeline {
 
-// Points near each other, so that they share the question which segments may be theirs.
+// Points near each other, so that they share the question which segments may be theirs. Another
+// object holds them.
 struct PointBlock {
   Eigen::Vector3d center_mm;
   double half_diagonal_mm = 0;
-  std::vector<Eigen::Vector3d> points;
+  std::span<const Eigen::Vector3d> points;
 };
+
+// Blocks with their points.
+class OwnedBlocks {
+ public:
+  // `points`: as many as all blocks will hold, or more.
+  explicit OwnedBlocks(std::size_t points) { points_.reserve(points); }
+  OwnedBlocks(OwnedBlocks&&) = default;
+  OwnedBlocks& operator=(OwnedBlocks&&) = default;
+
+  // A new block; Add() goes to it.
+  void Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm);
+  void Add(const Eigen::Vector3d& point);
+
+  std::size_t point_count() const { return points_.size(); }
+  operator std::span<const PointBlock>() const { return blocks_; }
+
+ private:
+  std::vector<Eigen::Vector3d> points_;  // never grows beyond what was reserved: blocks look at it
+  std::vector<PointBlock> blocks_;
+};
+
+// Every `stride`-th point, counted over all blocks, so that small ones do not weigh more.
+OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride);
+std::size_t CountPoints(std::span<const PointBlock> blocks);
 
 // Where a point belongs on a spine.
 struct SpineFoot {

@@ -47,15 +47,13 @@ std::vector<Eigen::Vector3d> Chain(double step_mm, double noise_mm) {
   return chain;
 }
 
-std::vector<pipeline::PointBlock> Blocks(const Case& scan) {
+pipeline::OwnedBlocks Blocks(const Case& scan) {
   const pipeline::SampleGrid grid = FilledGrid(scan);
-  std::vector<pipeline::PointBlock> blocks;
+  pipeline::OwnedBlocks blocks(grid.point_count());
   for (const auto& block : grid.blocks()) {
-    auto& out = blocks.emplace_back();
-    out.center_mm = (block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * grid.block_mm();
-    out.half_diagonal_mm = 0.5 * std::sqrt(3.0) * grid.block_mm();
-    out.points = block.samples;
-    out.points.insert(out.points.end(), block.others.begin(), block.others.end());
+    blocks.Begin((block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * grid.block_mm(),
+                 0.5 * std::sqrt(3.0) * grid.block_mm());
+    for (const Eigen::Vector3d& p : block.points) blocks.Add(p);
   }
   return blocks;
 }
@@ -84,7 +82,7 @@ void LocalParaboloid(benchmark::State& state) {
     const auto& block = grid.blocks()[at++ % grid.blocks().size()];
     grid.GatherNeighbourhood(block.neighbours[13], around);
     benchmark::DoNotOptimize(
-        pipeline::FitLocalParaboloid(block.samples.front(), around, radius_mm));
+        pipeline::FitLocalParaboloid(block.samples().front(), around, radius_mm));
   }
 }
 BENCHMARK(LocalParaboloid)->Unit(benchmark::kMicrosecond);

@@ -134,7 +134,7 @@ TEST(SampleGrid, BlocksNearPlacesAscend) {
   std::vector<bool> in(grid.blocks().size(), false);
   for (const std::int32_t b : near) in[static_cast<std::size_t>(b)] = true;
   for (std::size_t b = 0; b < in.size(); ++b) {
-    for (const Eigen::Vector3d& p : grid.blocks()[b].samples) {
+    for (const Eigen::Vector3d& p : grid.blocks()[b].samples()) {
       for (const Eigen::Vector3d& place : places) {
         if ((p - place).norm() < 2.0) {
           EXPECT_TRUE(in[b]);

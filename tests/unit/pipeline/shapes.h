@@ -94,17 +94,17 @@ inline std::pair<double, Eigen::Vector3d> NearestOnSpine(
 }
 
 // Points sorted into cubes, as the surface fit takes them.
-inline std::vector<pipeline::PointBlock> Blocks(const Points& points, double edge) {
+inline pipeline::OwnedBlocks Blocks(const Points& points, double edge) {
   std::map<std::tuple<int, int, int>, Points> cubes;
   for (const Eigen::Vector3d& p : points) {
     const Eigen::Vector3i c = (p / edge).array().floor().cast<int>();
     cubes[{c.x(), c.y(), c.z()}].push_back(p);
   }
-  std::vector<pipeline::PointBlock> blocks;
-  for (auto& [c, held] : cubes) {
+  pipeline::OwnedBlocks blocks(points.size());
+  for (const auto& [c, held] : cubes) {
     const Eigen::Vector3d low(std::get<0>(c), std::get<1>(c), std::get<2>(c));
-    blocks.push_back({(low + Eigen::Vector3d::Constant(0.5)) * edge, 0.5 * std::sqrt(3.0) * edge,
-                      std::move(held)});
+    blocks.Begin((low + Eigen::Vector3d::Constant(0.5)) * edge, 0.5 * std::sqrt(3.0) * edge);
+    for (const Eigen::Vector3d& p : held) blocks.Add(p);
   }
   return blocks;
 }
