@@ -9,8 +9,6 @@
 namespace bendloop::bench {
 namespace {
 
-using Cells = std::array<std::string, 6>;
-
 std::size_t Width(const std::string& text) {  // of UTF-8
   return static_cast<std::size_t>(
       std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xc0) != 0x80; }));
@@ -44,35 +42,41 @@ std::string Verdict(const Row& row) {
   return reaches(row.first_bar) ? "first bar" : "not reached";
 }
 
-void PrintTable(std::ostream& out, const std::string& title, const std::vector<Row>& rows) {
-  std::vector<Cells> table = {{"what", "measured", "first bar", "goal", "reached", "note"}};
-  for (const Row& row : rows) {
-    table.push_back({row.what, Number(row.value) + (row.unit.empty() ? "" : " " + row.unit),
-                     row.first_bar ? Number(*row.first_bar) : "-", GoalText(row), Verdict(row),
-                     row.note});
-  }
-  std::array<std::size_t, 6> width{};
-  for (const Cells& cells : table) {
+void PrintMarkdown(std::ostream& out, const std::string& title,
+                   const std::vector<std::vector<std::string>>& lines,
+                   const std::vector<bool>& is_number) {
+  std::vector<std::size_t> width(is_number.size(), 0);
+  for (const auto& cells : lines) {
     for (std::size_t c = 0; c < cells.size(); ++c) width[c] = std::max(width[c], Width(cells[c]));
   }
-  const auto is_number = [](std::size_t c) { return c >= 1 && c <= 3; };
   out << "### " << title << "\n\n";
-  for (std::size_t i = 0; i < table.size(); ++i) {
+  for (std::size_t i = 0; i < lines.size(); ++i) {
     out << "|";
     for (std::size_t c = 0; c < width.size(); ++c) {
-      const std::string pad(width[c] - Width(table[i][c]), ' ');
-      out << ' ' << (is_number(c) ? pad + table[i][c] : table[i][c] + pad) << " |";
+      const std::string pad(width[c] - Width(lines[i][c]), ' ');
+      out << ' ' << (is_number[c] ? pad + lines[i][c] : lines[i][c] + pad) << " |";
     }
     out << '\n';
     if (i > 0) continue;
     out << "|";
     for (std::size_t c = 0; c < width.size(); ++c) {
       const std::string line(width[c], '-');
-      out << ' ' << (is_number(c) ? line.substr(1) + ":" : line) << " |";
+      out << ' ' << (is_number[c] ? line.substr(1) + ":" : line) << " |";
     }
     out << '\n';
   }
   out << '\n';
+}
+
+void PrintTable(std::ostream& out, const std::string& title, const std::vector<Row>& rows) {
+  std::vector<std::vector<std::string>> lines = {
+      {"what", "measured", "first bar", "goal", "reached", "note"}};
+  for (const Row& row : rows) {
+    lines.push_back({row.what, Number(row.value) + (row.unit.empty() ? "" : " " + row.unit),
+                     row.first_bar ? Number(*row.first_bar) : "-", GoalText(row), Verdict(row),
+                     row.note});
+  }
+  PrintMarkdown(out, title, lines, {false, true, true, true, false, false});
 }
 
 nlohmann::json ToJson(const std::vector<Row>& rows) {

@@ -25,6 +25,10 @@ struct Row {
 // "goal", "first bar", "not reached", "-".
 std::string Verdict(const Row& row);
 
+// Markdown whose columns line up; the first line is the head. Columns of numbers are set right.
+void PrintMarkdown(std::ostream& out, const std::string& title,
+                   const std::vector<std::vector<std::string>>& lines,
+                   const std::vector<bool>& is_number);
 void PrintTable(std::ostream& out, const std::string& title, const std::vector<Row>& rows);
 nlohmann::json ToJson(const std::vector<Row>& rows);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/comparison.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/representations.h"
@@ -16,6 +17,7 @@ hal::BendProgram ReverseSigma(const hal::BendProgram& sigma) {
   for (std::size_t i = 0; i <= n; ++i) reversed.rows[i].length_mm = sigma.rows[n - i].length_mm;
   for (std::size_t i = 0; i < n; ++i) {
     reversed.rows[i].angle_deg = sigma.rows[n - 1 - i].angle_deg;
+    reversed.rows[i].bend_radius_mm = sigma.rows[n - 1 - i].bend_radius_mm;
     reversed.rows[i].rotation_deg = i == 0 ? 0.0 : sigma.rows[n - i].rotation_deg;
   }
   return reversed;
@@ -39,10 +41,12 @@ void LraRatios::Add(const LraRatios& other) {
   length.Add(other.length);
   rotation.Add(other.rotation);
   angle.Add(other.angle);
+  bend_radius.Add(other.bend_radius);
+  pipe_radius.Add(other.pipe_radius);
 }
 
 Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured,
-                   const hal::BendProgram& bound, double spacing_mm) {
+                   const Bound& bound, double spacing_mm) {
   Comparison result;
   const hal::BendProgram& wanted = truth.program;
   result.bends_right = measured.tube.program.bend_count() == wanted.bend_count();
@@ -54,25 +58,40 @@ Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured
     found = reversed;
     sigma = ReverseSigma(sigma);
   }
-  const auto add = [&](Ratio LraRatios::*kind, double error, double one_sigma, double least) {
+  const auto add = [&](Ratio LraRatios::*kind, double error, double one_sigma, double least,
+                       bool vague) {
+    if (vague) {
+      if (one_sigma > 0) result.vague.Add(error / one_sigma);
+      return;
+    }
     (result.plain.*kind).Add(error);
     if (one_sigma > 0) (result.over_sigma.*kind).Add(error / one_sigma);
-    if (least > 0) (result.over_bound.*kind).Add(error / least);
+    if (least <= 0) return;
+    (result.over_bound.*kind).Add(error / least);
+    result.worst_over_bound = std::max(result.worst_over_bound, std::abs(error / least));
   };
+  const double r = truth.pipe_radius_mm;
   const std::size_t bends = wanted.bend_count();
   for (std::size_t i = 0; i < bends; ++i) {
     const hal::BendRow& f = found.rows[i];
     const hal::BendRow& w = wanted.rows[i];
-    add(&LraRatios::angle, f.angle_deg - w.angle_deg, sigma.rows[i].angle_deg,
-        bound.rows[i].angle_deg);
+    const hal::BendRow& s = sigma.rows[i];
+    const hal::BendRow& b = bound.program.rows[i];
+    add(&LraRatios::angle, f.angle_deg - w.angle_deg, s.angle_deg, b.angle_deg, b.angle_deg > 5);
+    add(&LraRatios::bend_radius, *f.bend_radius_mm - *w.bend_radius_mm,
+        s.bend_radius_mm.value_or(0), *b.bend_radius_mm, *b.bend_radius_mm > *w.bend_radius_mm / 6);
     if (i == 0) continue;
-    add(&LraRatios::length, f.length_mm - w.length_mm, sigma.rows[i].length_mm,
-        bound.rows[i].length_mm);
-    add(&LraRatios::rotation, hal::WrapRotationDeg(f.rotation_deg - w.rotation_deg),
-        sigma.rows[i].rotation_deg, bound.rows[i].rotation_deg);
+    add(&LraRatios::length, f.length_mm - w.length_mm, s.length_mm, b.length_mm,
+        b.length_mm > 0.5 * r);
+    add(&LraRatios::rotation, hal::WrapRotationDeg(f.rotation_deg - w.rotation_deg), s.rotation_deg,
+        b.rotation_deg, b.rotation_deg > 5);
   }
+  add(&LraRatios::pipe_radius, measured.tube.pipe_radius_mm - r, measured.pipe_radius_sigma_mm,
+      bound.pipe_radius_mm, false);
   for (const std::size_t i : {std::size_t{0}, bends}) {
-    result.ends_over_spacing.Add((found.rows[i].length_mm - wanted.rows[i].length_mm) / spacing_mm);
+    const double error = found.rows[i].length_mm - wanted.rows[i].length_mm;
+    result.ends_over_spacing.Add(error / spacing_mm);
+    if (sigma.rows[i].length_mm > 0) result.ends_over_sigma.Add(error / sigma.rows[i].length_mm);
   }
   return result;
 }

@@ -4,6 +4,7 @@
 #include "hal/bend_program.h"
 #include "hal/tube.h"
 #include "pipeline/measurement.h"
+#include "tests/bench/cramer_rao.h"
 
 namespace bendloop::bench {
 
@@ -22,9 +23,9 @@ struct Ratio {
   double Rms() const;
 };
 
-// Errors of interior lengths, rotations and angles in units of something.
+// Errors of interior lengths, rotations, angles and radii in units of something.
 struct LraRatios {
-  Ratio length, rotation, angle;
+  Ratio length, rotation, angle, bend_radius, pipe_radius;
   void Add(const LraRatios& other);
 };
 
@@ -33,12 +34,16 @@ struct Comparison {
   LraRatios over_sigma;  // what the measurement says of itself
   LraRatios over_bound;  // the Cramer-Rao bound
   LraRatios plain;       // mm and degrees
-  Ratio ends_over_spacing;
+  Ratio ends_over_spacing, ends_over_sigma;
+  Ratio vague;  // values that the points hardly determine, over sigma; in none of the others
+  double worst_over_bound = 0;
 };
 
 // `measured` may have been found from its other end: the better way round counts. Errors are
-// compared only when the number of bends is right.
+// compared only when the number of bends is right. What even the best estimate would not know to a
+// sixth (a bend's radius), 5 degrees or half a pipe radius is counted as vague: there a standard
+// deviation says little.
 Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured,
-                   const hal::BendProgram& bound, double spacing_mm);
+                   const Bound& bound, double spacing_mm);
 
 }  // namespace bendloop::bench

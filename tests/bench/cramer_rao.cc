@@ -14,6 +14,7 @@ namespace bendloop::bench {
 namespace {
 
 constexpr double kStep = 1e-5;  // mm and radians
+constexpr std::size_t kPoints = 20'000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 
 // Distance of each point from the surface, on the segment that it has at the true parameters.
@@ -38,16 +39,19 @@ Eigen::VectorXd Distances(const hal::Tube& tube, std::span<const Eigen::Vector3d
 }  // namespace
 
 // Central differences on purpose: a check on the fit's analytic derivatives must not share them.
-hal::BendProgram CramerRaoBound(const hal::Tube& truth, std::span<const Eigen::Vector3d> points_W,
-                                double noise_mm) {
+Bound CramerRaoBound(const hal::Tube& truth, std::span<const Eigen::Vector3d> points_W,
+                     double noise_mm, double systematic_mm) {
   const auto segments = hal::SpineSegments(truth.program, truth.X_WT);
   std::vector<std::int32_t> all;
   for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
   std::vector<Eigen::Vector3d> points;
   std::vector<std::int32_t> segment_of;
-  for (const Eigen::Vector3d& p : points_W) {
+  const std::size_t stride = 1 + points_W.size() / kPoints;
+  for (std::size_t i = 0; i < points_W.size(); i += stride) {
+    const Eigen::Vector3d& p = points_W[i];
     const auto near = pipeline::NearestSegment(p, segments, all);
-    if (std::abs(near.distance_mm - truth.pipe_radius_mm) > 5.0 * noise_mm) continue;
+    if (std::abs(near.distance_mm - truth.pipe_radius_mm) > 5.0 * noise_mm + systematic_mm)
+      continue;
     points.push_back(p);
     segment_of.push_back(near.segment);
   }
@@ -68,12 +72,12 @@ hal::BendProgram CramerRaoBound(const hal::Tube& truth, std::span<const Eigen::V
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
   const Eigen::MatrixXd covariance =
       scaled.ldlt().solve(Eigen::MatrixXd::Identity(parameters.size(), parameters.size()));
-  const Eigen::VectorXd sigma =
-      noise_mm * (scale.array().square() * covariance.diagonal().array()).sqrt();
+  const Eigen::VectorXd sigma = noise_mm / std::sqrt(static_cast<double>(stride)) *
+                                (scale.array().square() * covariance.diagonal().array()).sqrt();
 
-  hal::BendProgram bound = truth.program;
-  for (std::size_t i = 0; i < bound.rows.size(); ++i) {
-    hal::BendRow& row = bound.rows[i];
+  Bound bound{truth.program, sigma[parameters.pipe_radius()]};
+  for (std::size_t i = 0; i < bound.program.rows.size(); ++i) {
+    hal::BendRow& row = bound.program.rows[i];
     row = {0, 0, 0, std::nullopt};
     if (i >= parameters.bends()) continue;
     if (i > 0) {

@@ -16,6 +16,8 @@ double Uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
 
+}  // namespace
+
 bool TouchesItself(const hal::Tube& tube) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   std::vector<std::pair<double, Eigen::Vector3d>> points;
@@ -38,8 +40,6 @@ bool TouchesItself(const hal::Tube& tube) {
   return false;
 }
 
-}  // namespace
-
 std::vector<Eigen::Vector3d> SyntheticCloud(const hal::Tube& tube, const CloudOptions& options,
                                             std::mt19937_64& random) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
@@ -48,9 +48,23 @@ std::vector<Eigen::Vector3d> SyntheticCloud(const hal::Tube& tube, const CloudOp
   std::vector<Eigen::Vector3d> points;
   points.reserve(options.points);
   const double r = tube.pipe_radius_mm;
+  std::vector<Eigen::Vector3d> displaced;  // by stripe
+  if (options.profile_error_mm > 0 && options.stripes_mm > 0) {
+    std::normal_distribution<double> error(0.0, options.profile_error_mm);
+    displaced.resize(static_cast<std::size_t>(total / options.stripes_mm) + 2);
+    for (Eigen::Vector3d& d : displaced) d = {error(random), error(random), error(random)};
+  }
   while (points.size() < options.points) {
     double s = Uniform(random, 0, total);
-    if (options.stripes_mm > 0) s = std::floor(s / options.stripes_mm) * options.stripes_mm;
+    const double phi = Uniform(random, 0, 2 * kPi);
+    std::size_t stripe = 0;
+    if (options.stripes_mm > 0) {
+      const double before = options.first_stripe_mm + options.stripe_tilt * r * std::cos(phi);
+      const double nth = std::floor((s - before) / options.stripes_mm);
+      s = before + nth * options.stripes_mm;
+      if (s < 0) continue;
+      stripe = static_cast<std::size_t>(std::max(0.0, nth));
+    }
     const auto* segment = &segments.back();
     for (const auto& candidate : segments) {
       if (s < candidate.from_start_mm + candidate.length_mm) {
@@ -61,7 +75,6 @@ std::vector<Eigen::Vector3d> SyntheticCloud(const hal::Tube& tube, const CloudOp
     const double along = s - segment->from_start_mm;
     const Eigen::Vector3d tangent = segment->TangentAt(along);
     const Eigen::Vector3d inward = segment->normal.cross(tangent);
-    const double phi = Uniform(random, 0, 2 * kPi);
     const Eigen::Vector3d out = std::cos(phi) * inward + std::sin(phi) * segment->normal;
     if (options.view_W && out.dot(*options.view_W) < 0.05) continue;
     // Area of a torus grows away from its centre: accept in proportion.
@@ -75,6 +88,7 @@ std::vector<Eigen::Vector3d> SyntheticCloud(const hal::Tube& tube, const CloudOp
       radius *= 1.0 - 0.5 * options.ovality * middle * std::cos(2 * phi);
     }
     Eigen::Vector3d p = segment->PointAt(along) + (radius + noise(random)) * out;
+    if (!displaced.empty()) p += displaced[std::min(stripe, displaced.size() - 1)];
     if (Uniform(random, 0, 1) < options.fliers) {
       p += Eigen::Vector3d(Uniform(random, -5, 5), Uniform(random, -5, 5), Uniform(random, -5, 5)) *
            r;
