@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <fstream>
+#include <system_error>
 #include <utility>
 
 #include "config/load.h"
@@ -91,7 +91,7 @@ hal::Result<std::string> ReadTextFile(const std::filesystem::path& file) {
   }
   if (std::filesystem::is_directory(status)) return fail("found a folder, expected a TOML file");
   std::ifstream stream(file, std::ios::binary);
-  if (!stream) return fail(std::string("cannot be opened: ") + std::strerror(errno));
+  if (!stream) return fail("cannot be opened: " + std::generic_category().message(errno));
   std::string text(kMaxFileBytes + 1, '\0');
   stream.read(text.data(), static_cast<std::streamsize>(text.size()));
   if (stream.bad()) return fail("cannot be read");
