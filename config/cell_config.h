@@ -51,7 +51,6 @@ struct BenderConfig {
   std::chrono::milliseconds response_timeout{500};
   std::chrono::milliseconds byte_timeout{0};       // between two bytes; 0: response_timeout alone
   std::chrono::milliseconds commit_timeout{5000};  // until the bender acknowledges
-  std::uint32_t retries = 2;                       // of one exchange, before the link is down
 };
 
 struct CorrectionLimits {

@@ -56,7 +56,6 @@ void VisitBender(FieldVisitor& v, BenderConfig& bender) {
   Milliseconds(v, "response_timeout_ms", bender.response_timeout, 10, 60000);
   Milliseconds(v, "byte_timeout_ms", bender.byte_timeout, 0, 60000);
   Milliseconds(v, "commit_timeout_ms", bender.commit_timeout, 10, 600000);
-  v.Integer("retries", bender.retries, 0, 10);
 }
 
 void VisitCorrection(FieldVisitor& v, CorrectionConfig& correction) {

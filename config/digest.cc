@@ -12,7 +12,7 @@ std::string EffectiveText(const CellConfig& cell) {
   TextWriter writer({"part", "state_dir", "scanner", "record", "log", "realtime", "bender.host",
                      "bender.port", "bender.unit_id", "bender.register_map",
                      "bender.connect_timeout_ms", "bender.response_timeout_ms",
-                     "bender.byte_timeout_ms", "bender.commit_timeout_ms", "bender.retries"});
+                     "bender.byte_timeout_ms", "bender.commit_timeout_ms"});
   CellConfig copy = cell;  // visitors may change what they visit; this one does not
   VisitCell(writer, copy);
   writer.Table("part_file", Need::kRequired, [&](FieldVisitor& v) { VisitPart(v, copy.part); });

@@ -119,7 +119,10 @@ void BenderMemory::HandleCommit(std::uint32_t forced_code) {
   hal::ProgramBlock staged;
   auto code = static_cast<RejectCode>(forced_code);
   if (code == RejectCode::kNone) code = Judge(sequence, staged);
-  if (code == RejectCode::kNone) Activate(staged);
+  if (code == RejectCode::kNone) {
+    Activate(staged);
+    Put(map_.staging.sequence, 0);  // used up: a repeated commit finds nothing
+  }
   code == RejectCode::kNone ? ++accepted_ : ++rejected_;
   Reply(sequence, code);
 }

@@ -31,7 +31,7 @@ std::string WhyNotReady(const hal::BenderState& state) {
 
 std::string Rejection(const hal::BenderState& state) {
   return "the bender rejected the program, reply code " + std::to_string(state.reply_code) +
-         " (see the bender's manual); the old program stays active";
+         " (see the bender's manual)";
 }
 
 }  // namespace
@@ -180,7 +180,8 @@ CommitReport CommitProtocol::AwaitReply(const CommitAttempt& attempt, std::strin
       }
       if (active && answered && state->reply == hal::CommitReply::kRejected &&
           *active == attempt.base) {
-        return Finish(attempt, {CommitOutcome::kRefused, Rejection(*state), 0, *active});
+        // Not left in staging, where a repeated commit could still find it.
+        return Settle(attempt, Rejection(*state), CommitOutcome::kRefused);
       }
     }
     if (clock_.Now() >= deadline) break;
@@ -195,7 +196,8 @@ CommitReport CommitProtocol::AwaitReply(const CommitAttempt& attempt, std::strin
 
 // The commit may have been executed, lost, or may still be on its way. Reads what is active; if it
 // is not the new program, makes sure that it cannot become so later, and looks again.
-CommitReport CommitProtocol::Settle(const CommitAttempt& attempt, const std::string& why) {
+CommitReport CommitProtocol::Settle(const CommitAttempt& attempt, const std::string& why,
+                                    CommitOutcome otherwise) {
   const auto unknown = [&](const std::string& trouble) {
     return CommitReport{CommitOutcome::kUnknown,
                         why + "; it is not known yet whether the bender holds the old program (" +
@@ -211,7 +213,7 @@ CommitReport CommitProtocol::Settle(const CommitAttempt& attempt, const std::str
     active = link_.ReadActive();
     if (!active) return unknown(active.error().message);
   }
-  CommitReport report{CommitOutcome::kFailed, why, 0, *active};
+  CommitReport report{otherwise, why, 0, *active};
   if (*active == attempt.next) {
     report = {CommitOutcome::kCommitted, "", 0, *active};
   } else if (*active == attempt.base) {

@@ -70,7 +70,8 @@ class CommitProtocol {
   Refusal StageAndVerify(const CommitAttempt& attempt);
   hal::Result<std::uint32_t> FreshSequence();
   CommitReport AwaitReply(const CommitAttempt& attempt, std::string why);
-  CommitReport Settle(const CommitAttempt& attempt, const std::string& why);
+  CommitReport Settle(const CommitAttempt& attempt, const std::string& why,
+                      CommitOutcome otherwise = CommitOutcome::kFailed);
   hal::Result<void> Disarm(const CommitAttempt& attempt);
   CommitReport Finish(const CommitAttempt& attempt, CommitReport report);
 

@@ -4,8 +4,10 @@
 // complete, what we reported is true and stays true, and a later start finds out the rest.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <chrono>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <vector>
@@ -186,7 +188,7 @@ TEST_F(BenderFaults, SeededChaos) {
     fault.crash = dice() % 3 == 0;
     fault.down_for = static_cast<int>(dice() % 4 == 0 ? 100000 : dice() % 5);
     if (dice() % 3 == 0) fault.bender_side = [this] { bender_->Reboot(); };
-    if (dice() % 8 == 0) bender_->reject_code = 5;
+    if (dice() % 4 == 0) bender_->reject_code = 5;
     FaultyLink link(*bender_, fault);
     if (dice() % 3 == 0) {
       link.swallow_commit = [this](std::uint32_t sequence) { late_commit_ = sequence; };
@@ -202,6 +204,59 @@ TEST_F(BenderFaults, SeededChaos) {
   // The dice must reach every end, or the test has gone blind.
   EXPECT_EQ(outcomes.size(), 5u);
   for (const auto& [outcome, count] : outcomes) EXPECT_GT(count, 5) << outcome;
+}
+
+// Power goes, ours, the bender's or both, before and after every step; our journal comes back from
+// what was on the disk at that moment.
+TEST_F(BenderFaults, PowerLossAtEveryStep) {
+  namespace fs = std::filesystem;
+  // In memory where possible: it is not the disk's speed that is tried here.
+  const fs::path memory = "/dev/shm";
+  const fs::path folder =
+      (access(memory.c_str(), W_OK) == 0 ? memory : fs::path(testing::TempDir())) /
+      ("bendloop-power-" + std::to_string(getpid()));
+  const auto open = [&](const char* name) { return CommitJournal::Open(folder / name).value(); };
+  constexpr int kSeeds = 14;
+  int deaths = 0;
+  int new_programs = 0;
+  for (const hal::RegisterMap& map : {PlainMap(), OddMap()}) {
+    const int calls = CallsOfACleanRun(map);
+    for (int call = 0; call < calls; ++call) {
+      for (const FaultWhen when : {FaultWhen::kBefore, FaultWhen::kAfter}) {
+        for (int seed = 0; seed < kSeeds; ++seed) {
+          const int whose = seed % 3;  // ours, the bender's, both
+          SCOPED_TRACE(testing::Message() << map.name << " call " << call << " after "
+                                          << (when == FaultWhen::kAfter) << " seed " << seed);
+          random_.seed(static_cast<std::uint64_t>(seed) * 1000 + static_cast<std::uint64_t>(call));
+          Reset(map);
+          fs::remove_all(folder);
+          fs::create_directories(folder);
+          journal_ = open("live");
+          FaultyLink link(*bender_, {call, when, whose != 1, seed % 4, {}});
+          if (seed % 2 == 1) {
+            link.tear_stage = [this](const hal::ProgramBlock& block) { bender_->StageHalf(block); };
+          }
+          link.before_call = [&](int now) {
+            if (whose != 0 && now == call + (when == FaultWhen::kAfter)) bender_->Reboot();
+          };
+          const auto report = Run(link);
+          if (!report) {
+            ++deaths;
+            for (const char* suffix : {"", "-wal"}) {
+              const fs::path file = folder / (std::string("live") + suffix);
+              if (fs::exists(file)) fs::copy(file, folder / (std::string("dead") + suffix));
+            }
+            journal_ = open("dead");
+          }
+          new_programs += HoldsNext();
+          ASSERT_NO_FATAL_FAILURE(CheckInvariants(report));
+        }
+      }
+    }
+  }
+  fs::remove_all(folder);
+  EXPECT_GT(deaths, 400);
+  EXPECT_GT(new_programs, 100);
 }
 
 // An operator loads another program while we stage: it stays, and nothing is committed over it.

@@ -47,7 +47,6 @@ TEST(Cell, ReadsEveryKindOfValue) {
   const auto cell = ParseCell(std::string(kMinimal) + R"(
 host = "10.0.0.1"
 port = 1502
-retries = 0
 commit_timeout_ms = 250
 [scan]
 direction = "reverse"
@@ -69,7 +68,6 @@ cpu = 3
   ASSERT_TRUE(cell) << cell.error().message;
   EXPECT_EQ(cell->bender.host, "10.0.0.1");
   EXPECT_EQ(cell->bender.port, 1502);
-  EXPECT_EQ(cell->bender.retries, 0u);
   EXPECT_EQ(cell->bender.commit_timeout.count(), 250);
   EXPECT_EQ(cell->scan.direction, ScanDirection::kReverse);
   EXPECT_EQ(cell->scan.end, ScanEnd::kCoverage);
