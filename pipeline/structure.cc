@@ -39,8 +39,8 @@ constexpr std::size_t kEnoughSamples = 8000;
 // The live view has milliseconds: one tolerance, few samples, no comparisons.
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
-constexpr int kRounds = 3;
-constexpr int kIterations = 8;
+constexpr int kSteps = 15;
+constexpr double kTolerance = 3e-4;  // of chi square, far below the price of a parameter
 
 // Vertices and tangent lines of the simplified polygon. A line follows the nodes under its edge
 // where there are enough of them, which steadies it against the noise of the two end nodes.
@@ -219,7 +219,7 @@ class Search {
   SurfaceFit FitOnce(const hal::Tube& tube) const {
     return FitSurface(
         tube, blocks_,
-        {.reach_mm = kReach * radius_mm_, .max_rounds = kRounds, .max_iterations = kIterations});
+        {.reach_mm = kReach * radius_mm_, .max_steps = kSteps, .tolerance = kTolerance});
   }
 
   // Bayesian information criterion, the variance taken from the better fit of the two. Every sample

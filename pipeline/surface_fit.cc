@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/surface_fit.h"
 
-#include <ceres/ceres.h>
-
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
-#include "pipeline/statistics.h"
+#include "pipeline/magnitude_histogram.h"
+#include "pipeline/surface_pass.h"
 #include "pipeline/surface_sums.h"
 #include "pipeline/tube_parameters.h"
 
@@ -17,296 +16,178 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-// Full weight up to 3.5 sigma, none beyond 5: keeps 99.9 % of the efficiency under normal noise.
-constexpr double kFullWeight = 3.5;
-constexpr double kNoWeight = 5.0;
-constexpr int kLocal = kLocalState;
-constexpr int kCondensed = kCondensedRow;
+constexpr double kMadToSigma = 1.4826;
 constexpr double kMinAngleRad = 1e-4;
-constexpr double kHardly = 0.04;  // of a variance
+// Steps that make chi square less by less than this, a tenth of a standard error long, are the
+// last.
+constexpr double kHardly = 0.03;
+constexpr double kFirstDamping = 1e-4;  // of the normal matrix's diagonal
+constexpr double kNoDamping = 1e-10;
+constexpr double kMostDamping = 1e6;
+// A step over all points leaves less than a thousandth of what it made chi square less by.
+constexpr double kLittle = 30;
+constexpr int kFullPasses = 4;
 constexpr std::size_t kCoarsePoints = 10'000;
+constexpr std::size_t kFewPoints = 10;
 
-using Augmented = CondensedSum;
-using Row = Eigen::Matrix<double, kCondensed, 1>;
-
-// The points of one segment.
-using SegmentPoints = std::vector<WeightedPoint>;
-
-// All residuals at once. The rows of one segment depend on the parameters through the segment's
-// eight local coordinates only, so their sum of outer products (9 x 9) says all that least squares
-// needs: its root has the same cost, gradient and Gauss-Newton matrix as the many rows.
-class SurfaceCost final : public ceres::CostFunction {
- public:
-  SurfaceCost(const TubeParameters& parameters, const std::vector<SegmentPoints>& points)
-      : parameters_(parameters), points_(points) {
-    set_num_residuals(static_cast<int>(points.size()) * kCondensed);
-    mutable_parameter_block_sizes()->push_back(parameters.size());
-  }
-
-  bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
-    const Eigen::VectorXd at = Eigen::Map<const Eigen::VectorXd>(blocks[0], parameters_.size());
-    const hal::Tube tube = parameters_.TubeAt(at);
-    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-    const bool wants_jacobian = jacobians != nullptr && jacobians[0] != nullptr;
-    if (!wants_jacobian) {
-      // A step is tried: only the cost is asked for, and one residual a segment holds it.
-      std::fill_n(residuals, num_residuals(), 0.0);
-      for (std::size_t k = 0; k < segments.size(); ++k) {
-        residuals[k * kCondensed] =
-            std::sqrt(SumOfSquares(points_[k], segments[k], tube.pipe_radius_mm));
-      }
-      return true;
-    }
-    const std::vector<Eigen::MatrixXd> derivatives = parameters_.FrameDerivatives(at, segments);
+// The least squares around a tube. The rows of one segment depend on the parameters through the
+// segment's eight local coordinates only, so their sum of outer products (9 x 9) says all that is
+// needed of its points.
+struct NormalEquations {
+  NormalEquations(const TubeParameters& parameters, const std::vector<hal::SpineSegment>& segments,
+                  std::span<const CondensedSum> sums)
+      : at(parameters.Initial()),
+        matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
+        right(Eigen::VectorXd::Zero(parameters.size())) {
+    const auto derivatives = parameters.FrameDerivatives(at, segments);
     for (std::size_t k = 0; k < segments.size(); ++k) {
-      const Augmented sum = SumOfRows(points_[k], segments[k], tube.pipe_radius_mm);
-      // Pivoting, because a line does not feel its own direction and the sum is singular.
-      const Eigen::LDLT<Augmented> ldlt(sum);
-      Augmented root = ldlt.transpositionsP() * Augmented::Identity();
-      root = (ldlt.matrixU() * root).eval();
-      root = ldlt.vectorD().cwiseMax(0.0).cwiseSqrt().asDiagonal() * root.eval();
-      const auto first = static_cast<Eigen::Index>(k) * kCondensed;
-      Eigen::Map<Row>(residuals + first) = root.col(kLocal);
-      using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-      Eigen::Map<RowMajor> jacobian(jacobians[0], num_residuals(), parameters_.size());
-      jacobian.middleRows<kCondensed>(first) = root.leftCols<kLocal>() * derivatives[k];
+      const Eigen::Matrix<double, kLocalState, Eigen::Dynamic> weighted =
+          sums[k].topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
+      matrix.noalias() += derivatives[k].transpose() * weighted;
+      right.noalias() -= derivatives[k].transpose() * sums[k].col(kLocalState).head<kLocalState>();
+      squares_mm2 += sums[k](kLocalState, kLocalState);
+      weight += sums[k](kLocalState - 1, kLocalState - 1);
     }
-    return true;
+    scale = matrix.diagonal().cwiseSqrt();
+    for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
+    scaled = scale.asDiagonal() * matrix * scale.asDiagonal();
+    for (Eigen::Index i = 0; i < scale.size(); ++i) {
+      if (scale[i] == 0) scaled(i, i) = 1.0;  // no point feels it: it stays
+    }
   }
 
- private:
-  const TubeParameters& parameters_;
-  const std::vector<SegmentPoints>& points_;
+  Eigen::VectorXd at;
+  Eigen::MatrixXd matrix, scaled;  // with a diagonal of ones
+  Eigen::VectorXd right, scale;
+  double squares_mm2 = 0;  // weighted
+  double weight = 0;
 };
 
-double WeightOf(double distance_mm, double sigma_mm) {
-  const double u = std::abs(distance_mm) / sigma_mm;
-  if (u <= kFullWeight) return 1.0;
-  if (u >= kNoWeight) return 0.0;
-  const double fade = (kNoWeight - u) / (kNoWeight - kFullWeight);
-  return fade * fade * (3.0 - 2.0 * fade);
+// The solution stays a tube: no negative straights, no angle of nothing, no bend tighter than the
+// pipe.
+struct Bounds {
+  Bounds(const TubeParameters& parameters, double pipe_radius_mm)
+      : low(Eigen::VectorXd::Constant(parameters.size(), -1e9)),
+        high(Eigen::VectorXd::Constant(parameters.size(), 1e9)) {
+    const auto bound = [&](int index, double from, double to) {
+      low[index] = from;
+      high[index] = to;
+    };
+    for (std::size_t i = 0; i < parameters.bends(); ++i) {
+      bound(parameters.length(i), 0.0, 1e6);
+      bound(parameters.angle(i), kMinAngleRad, 2.0 * std::numbers::pi);
+      bound(parameters.bend_radius(i), pipe_radius_mm, 1e4 * pipe_radius_mm);
+    }
+    if (parameters.pipe_radius() >= 0) {
+      bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
+    }
+  }
+  Eigen::VectorXd Inside(const Eigen::VectorXd& x) const { return x.cwiseMax(low).cwiseMin(high); }
+
+  Eigen::VectorXd low, high;
+};
+
+// The damped Gauss-Newton step within bounds: what would leave them goes as far as they are, and
+// the others are solved for again.
+Eigen::VectorXd BoundedStep(const NormalEquations& equations, const Bounds& bounds,
+                            double damping) {
+  const Eigen::Index size = equations.right.size();
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(size);  // in units of `scale`
+  std::vector<bool> held(static_cast<std::size_t>(size), false);
+  const auto is_held = [&held](Eigen::Index i) { return held[static_cast<std::size_t>(i)]; };
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd right;
+  for (Eigen::Index round = 0; round < size; ++round) {
+    matrix = equations.scaled;
+    matrix.diagonal().array() += damping;
+    right = equations.scale.asDiagonal() * equations.right;
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (!is_held(i)) continue;
+      right -= step[i] * matrix.col(i);
+    }
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (!is_held(i)) continue;
+      matrix.row(i).setZero();
+      matrix.col(i).setZero();
+      matrix(i, i) = 1.0;
+      right[i] = step[i];
+    }
+    const Eigen::VectorXd solved = matrix.ldlt().solve(right);
+    if (!solved.allFinite()) return Eigen::VectorXd::Zero(size);
+    bool again = false;
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (is_held(i)) continue;
+      step[i] = solved[i];
+      if (equations.scale[i] <= 0) continue;
+      const double to = equations.at[i] + equations.scale[i] * step[i];
+      if (to >= bounds.low[i] && to <= bounds.high[i]) continue;
+      step[i] =
+          (std::clamp(to, bounds.low[i], bounds.high[i]) - equations.at[i]) / equations.scale[i];
+      held[static_cast<std::size_t>(i)] = true;
+      again = true;
+    }
+    if (!again) break;
+  }
+  return equations.scale.asDiagonal() * step;
 }
 
-// Gives every point to the segment whose spine is nearest.
-struct Assignment {
-  std::vector<SegmentPoints> points;
-  std::vector<double> distances_mm;     // of points within reach
-  std::vector<std::size_t> block_ends;  // in these
-  double cost_mm2 = 0;
-  std::vector<double> segment_mean_square_mm2;
-  std::size_t used = 0;
-  std::size_t total = 0;
+// Square root of the diagonal of sigma^2 (J^T J)^-1, with directions that no point feels (a
+// straight's roll) left out.
+Eigen::VectorXd StandardErrors(const NormalEquations& equations, double design_effect) {
+  const Eigen::Index size = equations.right.size();
+  const double freedom = std::max(1.0, equations.weight - static_cast<double>(size));
+  const double variance = design_effect * equations.squares_mm2 / freedom;
+  Eigen::VectorXd diagonal(size);
+  const Eigen::LDLT<Eigen::MatrixXd> ldlt(equations.scaled);
+  if (ldlt.vectorD().minCoeff() > 1e-9) {
+    diagonal = ldlt.solve(Eigen::MatrixXd::Identity(size, size)).diagonal();
+  } else {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(equations.scaled);
+    Eigen::VectorXd inverse = eigen.eigenvalues();
+    for (double& value : inverse) value = value > 1e-14 ? 1.0 / value : 0.0;
+    diagonal =
+        (eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose()).diagonal();
+  }
+  return (equations.scale.array().square() * diagonal.array().max(0.0) * variance).sqrt();
+}
+
+// Where a fit stands: a tube and what the points say of it.
+struct State {
+  hal::Tube tube;
+  std::vector<hal::SpineSegment> segments;
+  SurfaceAssignment assignment;
   double sigma_mm = 0;
-  double design_effect = 1;
+
+  void MoveTo(const hal::Tube& to, std::span<const PointBlock> blocks,
+              const SurfaceFitOptions& options) {
+    tube = to;
+    segments = hal::SpineSegments(tube.program, tube.X_WT);
+    AssignPoints(SegmentFrames(segments), tube.pipe_radius_mm, blocks, options.reach_mm,
+                 assignment);
+    MagnitudeHistogram magnitudes;
+    for (const double d : assignment.distances_mm) magnitudes.Add(d);
+    sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * magnitudes.Quantile(0.5));
+  }
+  std::vector<CondensedSum> Sums() const {
+    const auto frames = SegmentFrames(segments);
+    std::vector<CondensedSum> sums;
+    for (std::size_t k = 0; k < frames.size(); ++k) {
+      sums.push_back(SumOfRows(assignment.segments[k], frames[k], tube.pipe_radius_mm, sigma_mm));
+    }
+    return sums;
+  }
+  // Points out of reach cost as much as if they were just there.
+  double ChiSquare(double sigma, double reach_mm) const {
+    const auto out_of_reach =
+        static_cast<double>(assignment.total - assignment.distances_mm.size());
+    return RobustSum(assignment.distances_mm, sigma) + out_of_reach * RobustSum(reach_mm, sigma);
+  }
 };
 
-// How many times more the block means scatter than independent noise would have it: the ratio of
-// the mean squares between and within blocks. Pose errors, ovality and dents move neighbours
-// together, and n such samples tell less than n independent ones. `ends`: where each block's
-// distances end.
-double DesignEffect(std::span<const double> distances_mm, std::span<const std::size_t> ends,
-                    double limit_mm) {
-  double between = 0, within = 0, block_count = 0, freedom = 0;
-  std::size_t i = 0;
-  for (const std::size_t end : ends) {
-    double n = 0, sum = 0, sum2 = 0;
-    for (; i < end; ++i) {
-      const double d = distances_mm[i];
-      if (std::abs(d) > limit_mm) continue;
-      n += 1;
-      sum += d;
-      sum2 += d * d;
-    }
-    if (n < 2) continue;
-    between += sum * sum / n;
-    within += sum2 - sum * sum / n;
-    block_count += 1;
-    freedom += n - 1;
-  }
-  if (freedom < 1 || within <= 0) return 1.0;
-  return std::max(1.0, (between / block_count) / (within / freedom));
-}
-
-// Median of |d| for |d| < limit: sorted into drawers first, then within one of them.
-double MedianMagnitude(std::span<const double> distances_mm, double limit_mm) {
-  constexpr std::size_t kDrawers = 1024;
-  const auto drawer_of = [scale = kDrawers / limit_mm](double d) {
-    return std::min(kDrawers - 1, static_cast<std::size_t>(std::abs(d) * scale));
-  };
-  std::array<std::size_t, kDrawers> counts{};
-  for (const double d : distances_mm) ++counts[drawer_of(d)];
-  if (distances_mm.empty()) return 0.0;
-  std::size_t below = 0, drawer = 0;
-  const std::size_t middle = distances_mm.size() / 2;
-  while (below + counts[drawer] <= middle) below += counts[drawer++];
-  std::vector<double> within;
-  within.reserve(counts[drawer]);
-  for (const double d : distances_mm) {
-    if (drawer_of(d) == drawer) within.push_back(std::abs(d));
-  }
-  const auto place = within.begin() + static_cast<std::ptrdiff_t>(middle - below);
-  std::nth_element(within.begin(), place, within.end());
-  return *place;
-}
-
-// Fills `result`, whose memory is used again from round to round.
-void Assign(const hal::Tube& tube, std::span<const PointBlock> blocks, double reach_mm,
-            double min_sigma_mm, Assignment& result) {
-  const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
-  result.points.resize(frames.size());
-  for (SegmentPoints& points : result.points) points.clear();
-  result.distances_mm.clear();
-  result.block_ends.clear();
-  result.used = result.total = 0;
-  std::vector<double> segment_count(frames.size(), 0.0);
-  result.segment_mean_square_mm2.assign(frames.size(), 0.0);
-  std::vector<std::int32_t> candidates;
-  for (const PointBlock& block : blocks) {
-    result.total += block.points.size();
-    CandidateSegments(block, frames, tube.pipe_radius_mm + reach_mm, candidates);
-    if (candidates.empty()) continue;
-    for (const Eigen::Vector3d& point : block.points) {
-      const NearSegment near = NearestSegment(point, frames, candidates);
-      const double d = near.distance_mm - tube.pipe_radius_mm;
-      const auto k = static_cast<std::size_t>(near.segment);
-      segment_count[k] += 1.0;
-      result.segment_mean_square_mm2[k] += std::min(d * d, reach_mm * reach_mm);
-      if (std::abs(d) >= reach_mm) continue;
-      result.distances_mm.push_back(d);
-      result.points[k].push_back({point, d});  // the weight follows when sigma is known
-    }
-    result.block_ends.push_back(result.distances_mm.size());
-  }
-  for (std::size_t k = 0; k < frames.size(); ++k) {
-    result.segment_mean_square_mm2[k] /= std::max(1.0, segment_count[k]);
-  }
-  result.sigma_mm = std::max(min_sigma_mm, 1.4826 * MedianMagnitude(result.distances_mm, reach_mm));
-  result.design_effect =
-      DesignEffect(result.distances_mm, result.block_ends, kNoWeight * result.sigma_mm);
-  result.cost_mm2 =
-      static_cast<double>(result.total - result.distances_mm.size()) * reach_mm * reach_mm;
-  for (const double d : result.distances_mm) result.cost_mm2 += d * d;
-  for (SegmentPoints& points : result.points) {
-    std::size_t kept = 0;
-    for (const WeightedPoint& p : points) {
-      const double weight = WeightOf(p.weight, result.sigma_mm);
-      if (weight > 0) points[kept++] = {p.point, weight};
-    }
-    points.resize(kept);
-    result.used += kept;
-  }
-}
-
-// Bounds keep the solution a tube: no negative straights, no angle of nothing, no bend tighter than
-// the pipe.
-void SetBounds(const TubeParameters& parameters, double pipe_radius_mm, double* x,
-               ceres::Problem& problem) {
-  const auto bound = [&](int index, double low, double high) {
-    x[index] = std::clamp(x[index], low, high);
-    problem.SetParameterLowerBound(x, index, low);
-    problem.SetParameterUpperBound(x, index, high);
-  };
-  for (std::size_t i = 0; i < parameters.bends(); ++i) {
-    bound(parameters.length(i), 0.0, 1e6);
-    bound(parameters.angle(i), kMinAngleRad, 2.0 * std::numbers::pi);
-    bound(parameters.bend_radius(i), pipe_radius_mm, 1e4 * pipe_radius_mm);
-  }
-  if (parameters.pipe_radius() >= 0) {
-    bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
-  }
-}
-
-// sigma^2 (J^T J)^-1, with directions that no point feels (a straight's roll) left out.
-Eigen::VectorXd StandardErrors(const TubeParameters& parameters, const Eigen::VectorXd& at,
-                               const Assignment& assignment) {
-  const hal::Tube tube = parameters.TubeAt(at);
-  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-  const auto derivatives = parameters.FrameDerivatives(at, segments);
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(parameters.size(), parameters.size());
-  double sum_d2 = 0;
-  double sum_weight = 0;
-  for (std::size_t k = 0; k < segments.size(); ++k) {
-    const Augmented sum = SumOfRows(assignment.points[k], segments[k], tube.pipe_radius_mm);
-    information.noalias() +=
-        derivatives[k].transpose() * sum.topLeftCorner<kLocal, kLocal>() * derivatives[k];
-    sum_d2 += sum(kLocal, kLocal);
-    for (const auto& p : assignment.points[k]) sum_weight += p.weight;
-  }
-  const double freedom = std::max(1.0, sum_weight - parameters.size());
-  const double variance = assignment.design_effect * sum_d2 / freedom;
-  Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
-  for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-  Eigen::VectorXd inverse = eigen.eigenvalues();
-  for (double& value : inverse) value = value > 1e-14 ? 1.0 / value : 0.0;
-  const Eigen::MatrixXd covariance =
-      eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
-  return (scale.array().square() * covariance.diagonal().array() * variance).sqrt();
-}
-
-std::size_t CoarseStride(std::span<const PointBlock> blocks) {
-  const std::size_t points = CountPoints(blocks);
-  return points > 4 * kCoarsePoints ? points / kCoarsePoints : 1;
-}
-
-}  // namespace
-
-SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
-                      const SurfaceFitOptions& options) {
-  SurfaceFit fit;
-  fit.tube = start;
-  if (const std::size_t stride = CoarseStride(blocks); stride > 1) {
-    // A part of many points leads so near to the solution that all of them need few rounds.
-    fit.tube = FitSurface(start, Thinned(blocks, stride), options).tube;
-  }
-  const double reach_mm = options.reach_mm;
-  double last_cost = -1;
-  Assignment assignment;
-  bool fresh = false;
-  for (int round = 0; round < options.max_rounds; ++round) {
-    Assign(fit.tube, blocks, reach_mm, options.min_sigma_mm, assignment);
-    if (assignment.used < 10) break;
-    const bool settled =
-        last_cost >= 0 && std::abs(assignment.cost_mm2 - last_cost) <= 1e-4 * last_cost;
-    last_cost = assignment.cost_mm2;
-
-    const TubeParameters parameters(fit.tube, options.free_pipe_radius);
-    Eigen::VectorXd x = parameters.Initial();
-    ceres::Problem problem;
-    problem.AddParameterBlock(x.data(), parameters.size());
-    SetBounds(parameters, fit.tube.pipe_radius_mm, x.data(), problem);
-    problem.AddResidualBlock(new SurfaceCost(parameters, assignment.points), nullptr, x.data());
-    ceres::Solver::Options solver;
-    solver.linear_solver_type = ceres::DENSE_QR;
-    solver.max_num_iterations = options.max_iterations;
-    solver.function_tolerance = 1e-7;
-    solver.parameter_tolerance = 1e-9;
-    solver.logging_type = ceres::SILENT;
-    solver.num_threads = 1;
-    ceres::Solver::Summary summary;
-    ceres::Solve(solver, &problem, &summary);
-    if (!x.allFinite()) break;
-    fit.tube = parameters.TubeAt(x);
-    fit.converged = summary.termination_type == ceres::CONVERGENCE;
-    // When twice the logarithm of the likelihood hardly grew, the tube moved by less than a fifth
-    // of a standard error: the assignment is as good as a fresh one.
-    const double gain = (summary.initial_cost - summary.final_cost) *
-                        static_cast<double>(assignment.used) / summary.initial_cost;
-    fresh = gain < kHardly;
-    if (settled || fresh) break;
-  }
-
-  if (!fresh) Assign(fit.tube, blocks, options.reach_mm, options.min_sigma_mm, assignment);
-  fit.sigma_mm = assignment.sigma_mm;
-  fit.design_effect = assignment.design_effect;
-  fit.distances_mm = assignment.distances_mm;
-  fit.segment_mean_square_mm2 = assignment.segment_mean_square_mm2;
-  fit.used = assignment.used;
-  fit.points = assignment.total;
-  const TubeParameters parameters(fit.tube, options.free_pipe_radius);
+void Report(const TubeParameters& parameters, const NormalEquations& equations, SurfaceFit& fit) {
   fit.parameters = parameters.size();
-  const Eigen::VectorXd sigma = StandardErrors(parameters, parameters.Initial(), assignment);
+  fit.used = static_cast<std::size_t>(equations.weight + 0.5);
+  const Eigen::VectorXd sigma = StandardErrors(equations, fit.design_effect);
   if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];
   fit.sigma = fit.tube.program;
   for (std::size_t i = 0; i < fit.sigma.rows.size(); ++i) {
@@ -318,6 +199,97 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
     row.angle_deg = sigma[parameters.angle(i)] * kDegrees;
     row.bend_radius_mm = sigma[parameters.bend_radius(i)];
   }
+}
+
+void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> count,
+                    SurfaceFit& fit) {
+  fit.segment_mean_square_mm2.clear();
+  for (std::size_t k = 0; k < sum_mm2.size(); ++k) {
+    fit.segment_mean_square_mm2.push_back(sum_mm2[k] / std::max(1.0, count[k]));
+  }
+}
+
+// Levenberg-Marquardt on few points. Points are given to segments, and weights to points, again at
+// every step.
+SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
+                  const SurfaceFitOptions& options) {
+  SurfaceFit fit;
+  fit.tube = start;
+  const Bounds bounds(TubeParameters(start, options.free_pipe_radius), start.pipe_radius_mm);
+  State state, next;
+  {
+    const TubeParameters parameters(start, options.free_pipe_radius);
+    state.MoveTo(parameters.TubeAt(bounds.Inside(parameters.Initial())), blocks, options);
+  }
+  double damping = kFirstDamping;
+  std::optional<NormalEquations> equations;
+  for (int i = 0; state.assignment.distances_mm.size() >= kFewPoints; ++i) {
+    const TubeParameters parameters(state.tube, options.free_pipe_radius);
+    if (!equations) equations.emplace(parameters, state.segments, state.Sums());
+    fit.tube = state.tube;
+    if (i >= options.max_steps || damping > kMostDamping) break;
+    const double chi_square = state.ChiSquare(state.sigma_mm, options.reach_mm);
+    const double hardly_mm2 =
+        std::max(kHardly, options.tolerance * chi_square) * state.sigma_mm * state.sigma_mm;
+    Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
+    if (step.dot(equations->right) < hardly_mm2) {
+      step = BoundedStep(*equations, bounds, kNoDamping);
+      fit.converged = step.dot(equations->right) < hardly_mm2;
+    }
+    const hal::Tube moved = parameters.TubeAt(equations->at + step);
+    if (fit.converged) {
+      fit.tube = moved;
+      break;
+    }
+    next.MoveTo(moved, blocks, options);
+    if (next.ChiSquare(state.sigma_mm, options.reach_mm) < chi_square) {
+      std::swap(state, next);
+      equations.reset();
+      damping = std::max(kNoDamping, 0.1 * damping);
+    } else {
+      damping = 10.0 * std::max(damping, kFirstDamping);
+    }
+  }
+  fit.points = state.assignment.total;
+  fit.sigma_mm = state.sigma_mm;
+  DesignEffect design_effect;
+  design_effect.Add(state.assignment, kNoWeight * state.sigma_mm);
+  fit.design_effect = design_effect.Value();
+  SetMeanSquares(state.assignment.segment_sum_mm2, state.assignment.segment_count, fit);
+  const TubeParameters parameters(state.tube, options.free_pipe_radius);
+  if (!equations) equations.emplace(parameters, state.segments, state.Sums());
+  Report(parameters, *equations, fit);
+  fit.distances_mm = std::move(state.assignment.distances_mm);
+  return fit;
+}
+
+}  // namespace
+
+// A part of many points leads so near to the solution that all of them hardly need more than one
+// step.
+SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
+                      const SurfaceFitOptions& options) {
+  const std::size_t points = CountPoints(blocks);
+  if (points <= 4 * kCoarsePoints) return FitFew(start, blocks, options);
+  SurfaceFit fit = FitFew(start, Thinned(blocks, points / kCoarsePoints), options);
+  const Bounds bounds(TubeParameters(start, options.free_pipe_radius), start.pipe_radius_mm);
+  for (int i = 0; i < kFullPasses; ++i) {
+    const TubeParameters parameters(fit.tube, options.free_pipe_radius);
+    const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+    const SurfacePass pass = PassOverSurface(SegmentFrames(segments), fit.tube.pipe_radius_mm,
+                                             blocks, options.reach_mm, fit.sigma_mm);
+    const NormalEquations equations(parameters, segments, pass.sums);
+    const Eigen::VectorXd step = BoundedStep(equations, bounds, kNoDamping);
+    fit.tube = parameters.TubeAt(equations.at + step);
+    fit.points = pass.total;
+    fit.design_effect = pass.design_effect.Value();
+    SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
+    Report(parameters, equations, fit);
+    fit.sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * pass.magnitudes.Quantile(0.5));
+    fit.converged = step.dot(equations.right) < kLittle * fit.sigma_mm * fit.sigma_mm;
+    if (fit.converged) break;
+  }
+  fit.distances_mm.clear();
   return fit;
 }
 

@@ -16,8 +16,9 @@ struct SurfaceFitOptions {
   // The least standard deviation that is believed [mm]: keeps noise-free data from rejecting all.
   double min_sigma_mm = 1e-4;
   bool free_pipe_radius = true;
-  int max_rounds = 8;       // of assigning points, weighting and solving
-  int max_iterations = 20;  // of Levenberg-Marquardt in a round
+  int max_steps = 40;  // of Levenberg-Marquardt
+  // A step that makes chi square less by no more than this part is the last.
+  double tolerance = 0;
 };
 
 struct SurfaceFit {
@@ -27,7 +28,7 @@ struct SurfaceFit {
   double sigma_mm = 0;  // robust standard deviation of the distances
   // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
   double design_effect = 1;
-  std::vector<double> distances_mm;             // of the points within reach
+  std::vector<double> distances_mm;  // of the points within reach; none if they are very many
   std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
   std::size_t used = 0;                         // points with weight
   std::size_t points = 0;                       // all points looked at
@@ -37,9 +38,9 @@ struct SurfaceFit {
 
 // Least squares of the orthogonal distance of the tube's surface from the points, in the LRA
 // parameters (start pose across the first tangent, lengths, rotations, angles, bend radii, pipe
-// radius) by Levenberg-Marquardt (Ceres) with analytic Jacobians and weights that fade out beyond
-// 3.5 sigma. First and last length are not determined by distances and stay as they are.
-// Source: Bauer & Polthier 2009, section 6; the parametrisation of section 5.3.
+// radius) by Levenberg-Marquardt with analytic Jacobians and weights that fade out beyond 3.5
+// sigma. First and last length are not determined by distances and stay as they are. Source: Bauer
+// & Polthier 2009, section 6; the parametrisation of section 5.3.
 SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
                       const SurfaceFitOptions& options);
 

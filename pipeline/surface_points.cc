@@ -67,7 +67,10 @@ SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, b
       bend_radius_mm(segment.is_arc() ? segment.bend_radius_mm : 0.0),
       sine(segment.is_arc() ? std::sin(segment.angle_rad()) : 0.0),
       cosine(segment.is_arc() ? std::cos(segment.angle_rad()) : 1.0),
-      beyond_half_turn(segment.angle_rad() > std::numbers::pi) {}
+      beyond_half_turn(segment.angle_rad() > std::numbers::pi),
+      middle_mm(segment.PointAt(0.5 * segment.length_mm)),
+      around_mm(open_before || open_after ? std::numeric_limits<double>::infinity()
+                                          : 0.5 * segment.length_mm) {}
 
 double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d v = point - start_mm;
@@ -113,6 +116,8 @@ void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> fr
   out.clear();
   const double reach = reach_mm + block.half_diagonal_mm;
   for (std::size_t k = 0; k < frames.size(); ++k) {
+    const double most_mm = frames[k].around_mm + reach;
+    if ((block.center_mm - frames[k].middle_mm).squaredNorm() > most_mm * most_mm) continue;
     if (frames[k].Distance(block.center_mm) <= reach) out.push_back(static_cast<std::int32_t>(k));
   }
 }

@@ -65,6 +65,8 @@ struct SegmentFrame {
   double bend_radius_mm;   // 0: a line
   double sine, cosine;     // of an arc's angle
   bool beyond_half_turn;
+  Eigen::Vector3d middle_mm;  // a ball that the segment lies in
+  double around_mm;
 };
 // All segments of a tube; the end straights go on beyond their ends.
 std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments);

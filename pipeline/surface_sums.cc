@@ -1,112 +1,263 @@
 // SPDX-License-Identifier: Apache-2.0
-// The innermost loops of the fit: batches of points in structure-of-arrays form, so that roots,
-// quotients and sums run several points at a time.
+// The innermost loops of the fit.
 #include "pipeline/surface_sums.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cstddef>
+#include <cmath>
+#include <limits>
+
+#include "pipeline/wide.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-constexpr int kBatch = 64;
 constexpr double kTiny = 1e-300;  // keeps a point on the axis from being divided by nothing
-using Lane = Eigen::Array<double, kBatch, 1>;
 
-struct Batch {
-  Lane x, y, z, weight;  // in the segment's frame; an arc's y from its centre
+BENDLOOP_LOOP double Least(double a, double b) { return a < b ? a : b; }
+BENDLOOP_LOOP double Most(double a, double b) { return a > b ? a : b; }
+
+// 1 where the weight is full, 0 where there is none.
+BENDLOOP_LOOP double Fade(double magnitude, double inverse_sigma) {
+  const double fade = (kNoWeight - magnitude * inverse_sigma) * (1.0 / (kNoWeight - kFullWeight));
+  return Least(Most(fade, 0.0), 1.0);
+}
+BENDLOOP_LOOP double Weight(double magnitude, double inverse_sigma) {
+  const double fade = Fade(magnitude, inverse_sigma);
+  return fade * fade * (3.0 - 2.0 * fade);
+}
+// The integral of 2 u weight(u): u^2 while the weight is full, constant where there is none.
+BENDLOOP_LOOP double Robust(double magnitude, double inverse_sigma) {
+  constexpr double kWidth = kNoWeight - kFullWeight;
+  const double u = Least(magnitude * inverse_sigma, kFullWeight);
+  const double f = Fade(magnitude, inverse_sigma);
+  // Integral from f to 1 of 2 (5 - width f) (3 f^2 - 2 f^3) width df.
+  const auto part = [](double g) {
+    constexpr double kCube = kNoWeight, kFourth = -(2.0 * kNoWeight + 3.0 * kWidth) / 4.0;
+    constexpr double kFifth = 2.0 * kWidth / 5.0;
+    return g * g * g * (kCube + g * (kFourth + g * kFifth));
+  };
+  return u * u + 2.0 * kWidth * (part(1.0) - part(f));
+}
+
+struct Axes {
+  explicit Axes(const SegmentFrame& f)
+      : start{f.start_mm.x(), f.start_mm.y(), f.start_mm.z()},
+        x{f.tangent.x(), f.tangent.y(), f.tangent.z()},
+        y{f.across.x(), f.across.y(), f.across.z()},
+        z{f.normal.x(), f.normal.y(), f.normal.z()} {}
+  double start[3], x[3], y[3], z[3];
 };
 
-// Calls `visit` with batch after batch; the last is filled up with points of weight 0.
-template <class Visit>
-void ForBatches(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                Visit visit) {
-  Eigen::Matrix3d to_local;
-  to_local.row(0) = segment.tangent;
-  to_local.row(1) = segment.normal.cross(segment.tangent);
-  to_local.row(2) = segment.normal;
-  const double offset = segment.is_arc() ? segment.bend_radius_mm : 0.0;
-  Batch batch;
-  for (std::size_t first = 0; first < points.size(); first += kBatch) {
-    const auto count =
-        static_cast<Eigen::Index>(std::min<std::size_t>(kBatch, points.size() - first));
-    for (Eigen::Index i = 0; i < count; ++i) {
-      const WeightedPoint& p = points[first + static_cast<std::size_t>(i)];
-      const Eigen::Vector3d local = to_local * (p.point - segment.start_mm);
-      batch.x[i] = local.x();
-      batch.y[i] = local.y() - offset;
-      batch.z[i] = local.z();
-      batch.weight[i] = p.weight;
+BENDLOOP_LOOP void ToLineBody(const SegmentFrame& frame, const PointLanes& points,
+                              std::size_t count, LocalLanes& local) {
+  const Axes a(frame);
+  const double low = frame.low_mm, high = frame.high_mm;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double vx = points.x[i] - a.start[0];
+    const double vy = points.y[i] - a.start[1];
+    const double vz = points.z[i] - a.start[2];
+    const double x = vx * a.x[0] + vy * a.x[1] + vz * a.x[2];
+    const double y = vx * a.y[0] + vy * a.y[1] + vz * a.y[2];
+    const double z = vx * a.z[0] + vy * a.z[1] + vz * a.z[2];
+    const double beyond = x - Least(Most(x, low), high);
+    local.x[i] = x;
+    local.y[i] = y;
+    local.z[i] = z;
+    local.distance[i] = std::sqrt(beyond * beyond + y * y + z * z);
+  }
+}
+BENDLOOP_WIDE(void, ToLine,
+              (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+               LocalLanes& local),
+              (frame, points, count, local))
+
+BENDLOOP_LOOP void ToArcBody(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+                             LocalLanes& local) {
+  const Axes a(frame);
+  const double radius = frame.bend_radius_mm, sine = frame.sine, cosine = frame.cosine;
+  const bool long_way = frame.beyond_half_turn;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double vx = points.x[i] - a.start[0];
+    const double vy = points.y[i] - a.start[1];
+    const double vz = points.z[i] - a.start[2];
+    const double x = vx * a.x[0] + vy * a.x[1] + vz * a.x[2];
+    const double y = vx * a.y[0] + vy * a.y[1] + vz * a.y[2] - radius;
+    const double z = vx * a.z[0] + vy * a.z[1] + vz * a.z[2];
+    const double u = std::sqrt(x * x + y * y) - radius;
+    // Inside the sector: after the first plane and before the last, or either beyond a half turn.
+    const double after_first = x;
+    const double before_last = -(x * cosine + y * sine);
+    const double inside =
+        long_way ? Most(after_first, before_last) : Least(after_first, before_last);
+    const double sx = x, sy = y + radius;
+    const double ex = x - radius * sine, ey = y + radius * cosine;
+    const double end2 = Least(sx * sx + sy * sy, ex * ex + ey * ey);
+    const double across2 = inside >= 0 ? u * u : end2;
+    local.x[i] = x;
+    local.y[i] = y;
+    local.z[i] = z;
+    local.distance[i] = std::sqrt(across2 + z * z);
+  }
+}
+BENDLOOP_WIDE(void, ToArc,
+              (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+               LocalLanes& local),
+              (frame, points, count, local))
+
+// Up to kBatch points of a segment; those that are missing have no weight.
+struct Batch {
+  const double *x, *y, *z, *distance;
+};
+
+template <int kFunctions>
+struct Sums {
+  alignas(32) double functions[kFunctions][kBatch];
+  alignas(32) double weight[kBatch];
+  alignas(32) double weighted[kBatch];
+  double sum[kFunctions][kFunctions] = {};  // lower triangle
+};
+
+// Four sums at a time, so that none waits for another.
+template <int kFunctions>
+BENDLOOP_LOOP void AddProducts(Sums<kFunctions>& sums) {
+  for (int j = 0; j < kFunctions; ++j) {
+    const double* fj = sums.functions[j];
+    for (std::size_t l = 0; l < kBatch; ++l) sums.weighted[l] = fj[l] * sums.weight[l];
+    for (int i = j; i < kFunctions; i += 4) {
+      const double* f0 = sums.functions[i];
+      const double* f1 = sums.functions[std::min(i + 1, kFunctions - 1)];
+      const double* f2 = sums.functions[std::min(i + 2, kFunctions - 1)];
+      const double* f3 = sums.functions[std::min(i + 3, kFunctions - 1)];
+      double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+#pragma omp simd reduction(+ : s0, s1, s2, s3)
+      for (std::size_t l = 0; l < kBatch; ++l) {
+        s0 += f0[l] * sums.weighted[l];
+        s1 += f1[l] * sums.weighted[l];
+        s2 += f2[l] * sums.weighted[l];
+        s3 += f3[l] * sums.weighted[l];
+      }
+      sums.sum[i][j] += s0;
+      if (i + 1 < kFunctions) sums.sum[i + 1][j] += s1;
+      if (i + 2 < kFunctions) sums.sum[i + 2][j] += s2;
+      if (i + 3 < kFunctions) sums.sum[i + 3][j] += s3;
     }
-    for (Eigen::Index i = count; i < kBatch; ++i) {
-      batch.x[i] = batch.y[i] = batch.z[i] = 1.0;
-      batch.weight[i] = 0.0;
-    }
-    visit(batch);
   }
 }
 
-// The rows are linear in few functions of the point; these are summed, and `rows_of` takes them to
-// the rows. `fill` writes the functions of a batch.
-template <int kFunctions, class Fill>
-CondensedSum SumThrough(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                        const Eigen::Matrix<double, kCondensedRow, kFunctions>& rows_of,
-                        Fill fill) {
-  using Functions = Eigen::Matrix<double, kBatch, kFunctions>;
-  Functions functions;
-  Functions weighted;
-  Eigen::Matrix<double, kFunctions, kFunctions> sum =
-      Eigen::Matrix<double, kFunctions, kFunctions>::Zero();
-  ForBatches(points, segment, [&](const Batch& batch) {
-    fill(batch, functions);
-    weighted.array() = functions.array().colwise() * batch.weight;
-    // The triangle as dot products: packing so small a product costs more than it saves.
-    for (int j = 0; j < kFunctions; ++j) {
-      for (int i = j; i < kFunctions; ++i) {
-        sum(i, j) += functions.col(i).dot(weighted.col(j));
-      }
-    }
-  });
+enum LineFunction { kOy, kOz, kXOy, kXOz, kLineOne, kLineDistance, kLineFunctions };
+
+BENDLOOP_LOOP void AddLineBody(const Batch& p, double pipe_radius_mm, double inverse_sigma,
+                               Sums<kLineFunctions>& sums) {
+  auto& f = sums.functions;
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double distance = std::sqrt(p.y[l] * p.y[l] + p.z[l] * p.z[l]);
+    const double inverse = 1.0 / Most(distance, kTiny);
+    const double oy = p.y[l] * inverse;
+    const double oz = p.z[l] * inverse;
+    f[kOy][l] = oy;
+    f[kOz][l] = oz;
+    f[kXOy][l] = p.x[l] * oy;
+    f[kXOz][l] = p.x[l] * oz;
+    f[kLineOne][l] = 1.0;
+    f[kLineDistance][l] = distance - pipe_radius_mm;
+    sums.weight[l] = Weight(std::abs(p.distance[l]), inverse_sigma);
+  }
+  AddProducts<kLineFunctions>(sums);
+}
+BENDLOOP_WIDE(void, AddLine,
+              (const Batch& p, double pipe_radius_mm, double inverse_sigma,
+               Sums<kLineFunctions>& sums),
+              (p, pipe_radius_mm, inverse_sigma, sums))
+
+enum ArcFunction { kCa, kCb, kC, kSa, kSb, kS, kArcOne, kArcDistance, kArcFunctions };
+
+BENDLOOP_LOOP void AddArcBody(const Batch& p, double bend_radius_mm, double pipe_radius_mm,
+                              double inverse_sigma, Sums<kArcFunctions>& sums) {
+  auto& f = sums.functions;
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double rho = std::sqrt(p.x[l] * p.x[l] + p.y[l] * p.y[l]);
+    const double inverse_rho = 1.0 / Most(rho, kTiny);
+    const double a = p.x[l] * inverse_rho;
+    const double b = p.y[l] * inverse_rho;
+    const double u = rho - bend_radius_mm;
+    const double distance = std::sqrt(u * u + p.z[l] * p.z[l]);
+    const double inverse = 1.0 / Most(distance, kTiny);
+    const double c = u * inverse;
+    const double s = p.z[l] * inverse;
+    f[kCa][l] = c * a;
+    f[kCb][l] = c * b;
+    f[kC][l] = c;
+    f[kSa][l] = s * a;
+    f[kSb][l] = s * b;
+    f[kS][l] = s;
+    f[kArcOne][l] = 1.0;
+    f[kArcDistance][l] = distance - pipe_radius_mm;
+    sums.weight[l] = Weight(std::abs(p.distance[l]), inverse_sigma);
+  }
+  AddProducts<kArcFunctions>(sums);
+}
+BENDLOOP_WIDE(void, AddArc,
+              (const Batch& p, double bend_radius_mm, double pipe_radius_mm, double inverse_sigma,
+               Sums<kArcFunctions>& sums),
+              (p, bend_radius_mm, pipe_radius_mm, inverse_sigma, sums))
+
+// The rows are linear in few functions of the point; these are summed by `add`, batch after batch,
+// and `rows_of` takes them to the rows.
+template <int kFunctions, class Add>
+CondensedSum SumThrough(const SegmentPoints& points,
+                        const Eigen::Matrix<double, kCondensedRow, kFunctions>& rows_of, Add add) {
+  Sums<kFunctions> sums;
+  std::size_t first = 0;
+  for (; first + kBatch <= points.size; first += kBatch) {
+    add(Batch{points.x.data() + first, points.y.data() + first, points.z.data() + first,
+              points.distance.data() + first},
+        sums);
+  }
+  if (const std::size_t left = points.size - first; left > 0) {
+    LocalLanes rest;
+    rest.x.fill(1.0);
+    rest.y.fill(1.0);
+    rest.z.fill(1.0);
+    rest.distance.fill(std::numeric_limits<double>::max());
+    const auto copy = [first, left](const std::vector<double>& from, auto& to) {
+      std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(first), left, to.begin());
+    };
+    copy(points.x, rest.x);
+    copy(points.y, rest.y);
+    copy(points.z, rest.z);
+    copy(points.distance, rest.distance);
+    add(Batch{rest.x.data(), rest.y.data(), rest.z.data(), rest.distance.data()}, sums);
+  }
+  Eigen::Matrix<double, kFunctions, kFunctions> sum;
   for (int j = 0; j < kFunctions; ++j) {
-    for (int i = j + 1; i < kFunctions; ++i) sum(j, i) = sum(i, j);
+    for (int i = j; i < kFunctions; ++i) sum(i, j) = sum(j, i) = sums.sum[i][j];
   }
   return rows_of * sum * rows_of.transpose();
 }
 
 // d = |(y, z)| - r, outward o = (0, oy, oz), torque x * (0, -oz, oy).
-CondensedSum SumOfLine(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                       double pipe_radius_mm) {
-  enum { kOy, kOz, kXOy, kXOz, kOne, kDistance, kCount };
-  Eigen::Matrix<double, kCondensedRow, kCount> rows_of =
-      Eigen::Matrix<double, kCondensedRow, kCount>::Zero();
+CondensedSum SumOfLine(const SegmentPoints& points, double pipe_radius_mm, double inverse_sigma) {
+  Eigen::Matrix<double, kCondensedRow, kLineFunctions> rows_of =
+      Eigen::Matrix<double, kCondensedRow, kLineFunctions>::Zero();
   rows_of(1, kOy) = -1;
   rows_of(2, kOz) = -1;
   rows_of(4, kXOz) = 1;
   rows_of(5, kXOy) = -1;
-  rows_of(7, kOne) = -1;
-  rows_of(8, kDistance) = 1;
-  return SumThrough<kCount>(points, segment, rows_of, [&](const Batch& batch, auto& f) {
-    const Lane distance = (batch.y.square() + batch.z.square()).sqrt().max(kTiny);
-    const Lane inverse = distance.inverse();
-    f.col(kOy) = batch.y * inverse;
-    f.col(kOz) = batch.z * inverse;
-    f.col(kXOy) = batch.x * f.col(kOy).array();
-    f.col(kXOz) = batch.x * f.col(kOz).array();
-    f.col(kOne).setOnes();
-    f.col(kDistance) = distance - pipe_radius_mm;
+  rows_of(7, kLineOne) = -1;
+  rows_of(8, kLineDistance) = 1;
+  return SumThrough<kLineFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
+    AddLine(batch, pipe_radius_mm, inverse_sigma, sums);
   });
 }
 
 // In the plane of the bend (a, b) is the unit vector from the centre, u the distance beyond the
 // spine's circle; (c, s) = (u, z) / |(u, z)|. Outward is (c a, c b, s), the torque about the start
 // R (s + s b, -s a, -c a). Moving the centre by dR along +y changes u by -b dR - dR.
-CondensedSum SumOfArc(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                      double pipe_radius_mm) {
-  enum { kCa, kCb, kC, kSa, kSb, kS, kOne, kDistance, kCount };
-  const double bend_radius_mm = segment.bend_radius_mm;
-  Eigen::Matrix<double, kCondensedRow, kCount> rows_of =
-      Eigen::Matrix<double, kCondensedRow, kCount>::Zero();
+CondensedSum SumOfArc(const SegmentPoints& points, double bend_radius_mm, double pipe_radius_mm,
+                      double inverse_sigma) {
+  Eigen::Matrix<double, kCondensedRow, kArcFunctions> rows_of =
+      Eigen::Matrix<double, kCondensedRow, kArcFunctions>::Zero();
   rows_of(0, kCa) = -1;
   rows_of(1, kCb) = -1;
   rows_of(2, kS) = -1;
@@ -114,49 +265,56 @@ CondensedSum SumOfArc(const std::vector<WeightedPoint>& points, const hal::Spine
   rows_of(4, kSa) = bend_radius_mm;
   rows_of(5, kCa) = bend_radius_mm;
   rows_of(6, kCb) = rows_of(6, kC) = -1;
-  rows_of(7, kOne) = -1;
-  rows_of(8, kDistance) = 1;
-  return SumThrough<kCount>(points, segment, rows_of, [&](const Batch& batch, auto& f) {
-    const Lane rho = (batch.x.square() + batch.y.square()).sqrt().max(kTiny);
-    const Lane inverse_rho = rho.inverse();
-    const Lane a = batch.x * inverse_rho;
-    const Lane b = batch.y * inverse_rho;
-    const Lane u = rho - bend_radius_mm;
-    const Lane distance = (u.square() + batch.z.square()).sqrt().max(kTiny);
-    const Lane inverse = distance.inverse();
-    const Lane c = u * inverse;
-    const Lane s = batch.z * inverse;
-    f.col(kCa) = c * a;
-    f.col(kCb) = c * b;
-    f.col(kC) = c;
-    f.col(kSa) = s * a;
-    f.col(kSb) = s * b;
-    f.col(kS) = s;
-    f.col(kOne).setOnes();
-    f.col(kDistance) = distance - pipe_radius_mm;
+  rows_of(7, kArcOne) = -1;
+  rows_of(8, kArcDistance) = 1;
+  return SumThrough<kArcFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
+    AddArc(batch, bend_radius_mm, pipe_radius_mm, inverse_sigma, sums);
   });
 }
+
+BENDLOOP_LOOP double RobustSumOfBody(const double* distances_mm, std::size_t count,
+                                     double inverse_sigma) {
+  double sum = 0;
+#pragma omp simd reduction(+ : sum)
+  for (std::size_t i = 0; i < count; ++i) sum += Robust(std::abs(distances_mm[i]), inverse_sigma);
+  return sum;
+}
+BENDLOOP_WIDE(double, RobustSumOf,
+              (const double* distances_mm, std::size_t count, double inverse_sigma),
+              (distances_mm, count, inverse_sigma))
 
 }  // namespace
 
-CondensedSum SumOfRows(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                       double pipe_radius_mm) {
-  return segment.is_arc() ? SumOfArc(points, segment, pipe_radius_mm)
-                          : SumOfLine(points, segment, pipe_radius_mm);
+void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+               LocalLanes& local) {
+  // Whole registers; what lies beyond `count` is calculated and not looked at.
+  const std::size_t rounded = std::min((count + 3) / 4 * 4, kBatch);
+  if (frame.bend_radius_mm > 0) {
+    ToArc(frame, points, rounded, local);
+  } else {
+    ToLine(frame, points, rounded, local);
+  }
 }
 
-double SumOfSquares(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                    double pipe_radius_mm) {
-  const double bend_radius_mm = segment.bend_radius_mm;
-  const bool is_arc = segment.is_arc();
-  double sum = 0;
-  ForBatches(points, segment, [&](const Batch& batch) {
-    Lane u = batch.y;
-    if (is_arc) u = (batch.x.square() + batch.y.square()).sqrt() - bend_radius_mm;
-    const Lane d = (u.square() + batch.z.square()).sqrt() - pipe_radius_mm;
-    sum += (batch.weight * d.square()).sum();
-  });
-  return sum;
+void SegmentPoints::MakeRoom(std::size_t more) {
+  if (size + more <= x.size()) return;
+  const std::size_t room = std::max(2 * x.size(), size + more);
+  for (std::vector<double>* lane : {&x, &y, &z, &distance}) lane->resize(room);
+}
+
+CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,
+                       double pipe_radius_mm, double sigma_mm) {
+  return frame.bend_radius_mm > 0
+             ? SumOfArc(points, frame.bend_radius_mm, pipe_radius_mm, 1.0 / sigma_mm)
+             : SumOfLine(points, pipe_radius_mm, 1.0 / sigma_mm);
+}
+
+double RobustSum(std::span<const double> distances_mm, double sigma_mm) {
+  return RobustSumOf(distances_mm.data(), distances_mm.size(), 1.0 / sigma_mm);
+}
+
+double RobustSum(double distance_mm, double sigma_mm) {
+  return Robust(std::abs(distance_mm), 1.0 / sigma_mm);
 }
 
 }  // namespace bendloop::pipeline

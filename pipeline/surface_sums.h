@@ -2,9 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <span>
 #include <vector>
 
-#include "hal/spine.h"
+#include "pipeline/surface_points.h"
 
 namespace bendloop::pipeline {
 
@@ -14,18 +17,47 @@ constexpr int kLocalState = 8;
 constexpr int kCondensedRow = kLocalState + 1;  // and the residual
 using CondensedSum = Eigen::Matrix<double, kCondensedRow, kCondensedRow>;
 
-struct WeightedPoint {
-  Eigen::Vector3d point;
-  double weight;
+// Full weight up to 3.5 sigma, none beyond 5: keeps 99.9 % of the efficiency under normal noise.
+constexpr double kFullWeight = 3.5;
+constexpr double kNoWeight = 5.0;
+
+// Points as arrays, so that roots, quotients and sums run several points at a time.
+constexpr std::size_t kBatch = 64;
+struct PointLanes {
+  alignas(32) std::array<double, kBatch> x{}, y{}, z{};
+};
+// The same in a segment's frame (tangent, normal x tangent, normal; an arc's y from its centre),
+// with the distance from its spine; beyond its ends from them, unless it is open there.
+struct LocalLanes : PointLanes {
+  alignas(32) std::array<double, kBatch> distance{};
+};
+void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+               LocalLanes& local);
+
+// Any number of points of one segment in its frame, with their distance from the surface.
+struct SegmentPoints {
+  std::size_t size = 0;
+  std::vector<double> x, y, z, distance;  // at least `size` long
+
+  void Clear() { size = 0; }
+  void MakeRoom(std::size_t more);
+  void Add(const LocalLanes& from, std::size_t i, double from_surface_mm) {
+    x[size] = from.x[i];
+    y[size] = from.y[i];
+    z[size] = from.z[i];
+    distance[size++] = from_surface_mm;
+  }
 };
 
 // Sum over the points of weight * row * row^T, where a row is the derivative of the point's
-// distance from the segment's surface by the local state, then that distance.
-CondensedSum SumOfRows(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                       double pipe_radius_mm);
+// distance from the segment's surface by the local state, then that distance. The weight goes by
+// the distance in units of `sigma_mm`.
+CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,
+                       double pipe_radius_mm, double sigma_mm);
 
-// Sum of weight * distance^2: the last entry of the above alone.
-double SumOfSquares(const std::vector<WeightedPoint>& points, const hal::SpineSegment& segment,
-                    double pipe_radius_mm);
+// What least squares with these weights make less: the sum of squares of distance over sigma, less
+// and less steep where the weight fades. `reach_mm` bounds the distances.
+double RobustSum(std::span<const double> distances_mm, double sigma_mm);
+double RobustSum(double distance_mm, double sigma_mm);
 
 }  // namespace bendloop::pipeline

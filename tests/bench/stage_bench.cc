@@ -137,8 +137,8 @@ void SurfaceFitRound(benchmark::State& state) {
   const auto blocks = Blocks(scan);
   const double reach_mm = 0.2 * scan.truth.pipe_radius_mm;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(pipeline::FitSurface(
-        scan.truth, blocks, {.reach_mm = reach_mm, .max_rounds = 1, .max_iterations = 1}));
+    benchmark::DoNotOptimize(
+        pipeline::FitSurface(scan.truth, blocks, {.reach_mm = reach_mm, .max_steps = 1}));
   }
   state.SetItemsProcessed(state.iterations() * state.range(0));
 }

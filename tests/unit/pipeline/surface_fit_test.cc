@@ -41,8 +41,7 @@ hal::Tube Perturbed(hal::Tube tube, Random& random) {
 SurfaceFitOptions Wide(const hal::Tube& tube) {
   return {.reach_mm = 0.6 * tube.pipe_radius_mm,
           .min_sigma_mm = 1e-4 * tube.pipe_radius_mm,
-          .max_rounds = 30,
-          .max_iterations = 50};
+          .max_steps = 100};
 }
 
 // With exact points the least squares end where all distances are nothing, which they do only if

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/surface_pass.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr std::size_t kChunk = 8192;  // points: what they need stays in the processor's cache
+
+// The points of a block in the frame of the nearest of several segments.
+class NearestLanes {
+ public:
+  // Nearest segment and distance from its spine are valid up to `count`.
+  void Find(const PointLanes& points, std::size_t count, std::span<const SegmentFrame> frames,
+            std::span<const std::int32_t> candidates) {
+    if (locals_.size() < candidates.size()) locals_.resize(candidates.size());
+    for (std::size_t c = 0; c < candidates.size(); ++c) {
+      ToSegment(frames[static_cast<std::size_t>(candidates[c])], points, count, locals_[c]);
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      std::size_t best = 0;
+      for (std::size_t c = 1; c < candidates.size(); ++c) {
+        if (locals_[c].distance[i] < locals_[best].distance[i]) best = c;
+      }
+      nearest_[i] = best;
+    }
+  }
+  std::size_t Candidate(std::size_t i) const { return nearest_[i]; }
+  const LocalLanes& Local(std::size_t candidate) const { return locals_[candidate]; }
+
+ private:
+  std::vector<LocalLanes> locals_;
+  std::array<std::size_t, kBatch> nearest_{};
+};
+
+}  // namespace
+
+void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
+                  std::span<const PointBlock> blocks, double reach_mm, SurfaceAssignment& result) {
+  result.segments.resize(frames.size());
+  for (SegmentPoints& points : result.segments) points.Clear();
+  result.distances_mm.clear();
+  result.block_ends.clear();
+  result.total = 0;
+  result.segment_count.assign(frames.size(), 0.0);
+  result.segment_sum_mm2.assign(frames.size(), 0.0);
+  std::vector<std::int32_t> candidates;
+  NearestLanes nearest;
+  PointLanes lanes;
+  for (const PointBlock& block : blocks) {
+    result.total += block.points.size();
+    CandidateSegments(block, frames, pipe_radius_mm + reach_mm, candidates);
+    if (candidates.empty()) continue;
+    for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, block.points.size() - first);
+      for (std::size_t i = 0; i < count; ++i) {
+        const Eigen::Vector3d& p = block.points[first + i];
+        lanes.x[i] = p.x();
+        lanes.y[i] = p.y();
+        lanes.z[i] = p.z();
+      }
+      nearest.Find(lanes, count, frames, candidates);
+      for (const std::int32_t k : candidates) {
+        result.segments[static_cast<std::size_t>(k)].MakeRoom(count);
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::size_t c = nearest.Candidate(i);
+        const auto k = static_cast<std::size_t>(candidates[c]);
+        const double d = nearest.Local(c).distance[i] - pipe_radius_mm;
+        const double magnitude = std::min(std::abs(d), reach_mm);
+        result.segment_count[k] += 1.0;
+        result.segment_sum_mm2[k] += magnitude * magnitude;
+        if (!(magnitude < reach_mm)) continue;
+        result.distances_mm.push_back(d);
+        result.segments[k].Add(nearest.Local(c), i, d);
+      }
+    }
+    result.block_ends.push_back(result.distances_mm.size());
+  }
+}
+
+void DesignEffect::Add(const SurfaceAssignment& assignment, double limit_mm) {
+  std::size_t i = 0;
+  for (const std::size_t end : assignment.block_ends) {
+    double n = 0, sum = 0, sum2 = 0;
+    for (; i < end; ++i) {
+      const double d = assignment.distances_mm[i];
+      if (std::abs(d) > limit_mm) continue;
+      n += 1;
+      sum += d;
+      sum2 += d * d;
+    }
+    if (n < 2) continue;
+    between += sum * sum / n;
+    within += sum2 - sum * sum / n;
+    blocks += 1;
+    freedom += n - 1;
+  }
+}
+
+void DesignEffect::Add(const DesignEffect& other) {
+  between += other.between;
+  within += other.within;
+  blocks += other.blocks;
+  freedom += other.freedom;
+}
+
+double DesignEffect::Value() const {
+  if (freedom < 1 || within <= 0) return 1.0;
+  return std::max(1.0, (between / blocks) / (within / freedom));
+}
+
+void SurfacePass::Add(const SurfacePass& other) {
+  for (std::size_t k = 0; k < sums.size(); ++k) {
+    sums[k] += other.sums[k];
+    segment_count[k] += other.segment_count[k];
+    segment_sum_mm2[k] += other.segment_sum_mm2[k];
+  }
+  magnitudes.Add(other.magnitudes);
+  design_effect.Add(other.design_effect);
+  total += other.total;
+}
+
+SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_radius_mm,
+                            std::span<const PointBlock> blocks, double reach_mm, double sigma_mm) {
+  SurfacePass pass;
+  pass.sums.assign(frames.size(), CondensedSum::Zero());
+  pass.segment_count.assign(frames.size(), 0.0);
+  pass.segment_sum_mm2.assign(frames.size(), 0.0);
+  SurfaceAssignment chunk;
+  for (std::size_t begin = 0; begin < blocks.size();) {
+    std::size_t end = begin;
+    for (std::size_t points = 0; end < blocks.size() && points < kChunk; ++end) {
+      points += blocks[end].points.size();
+    }
+    AssignPoints(frames, pipe_radius_mm, blocks.subspan(begin, end - begin), reach_mm, chunk);
+    for (std::size_t k = 0; k < frames.size(); ++k) {
+      if (chunk.segments[k].size > 0) {
+        pass.sums[k] += SumOfRows(chunk.segments[k], frames[k], pipe_radius_mm, sigma_mm);
+      }
+      pass.segment_count[k] += chunk.segment_count[k];
+      pass.segment_sum_mm2[k] += chunk.segment_sum_mm2[k];
+    }
+    for (const double d : chunk.distances_mm) pass.magnitudes.Add(d);
+    pass.design_effect.Add(chunk, kNoWeight * sigma_mm);
+    pass.total += chunk.total;
+    begin = end;
+  }
+  return pass;
+}
+
+}  // namespace bendloop::pipeline
