@@ -86,8 +86,9 @@ void Acquisition::TakeProfile(Slot& slot) {
     Count(counters_.missing_profiles, profile.sequence - *last_sequence_ - 1);
   }
   last_sequence_ = profile.sequence;
+  slot.arrived_ns = clock_.Now().count();
   if (is_live_) {
-    const std::int64_t delay = clock_.Now().count() - profile.t_ns;
+    const std::int64_t delay = slot.arrived_ns - profile.t_ns;
     quickest_ns_ = std::min(delay, quickest_ns_.value_or(delay));
     counters_.lateness_last_ns.store(delay - *quickest_ns_, std::memory_order_relaxed);
     Raise(counters_.lateness_peak_ns, delay - *quickest_ns_);

@@ -25,6 +25,7 @@ enum class SlotKind : std::uint8_t {
 struct Slot {
   SlotKind kind = SlotKind::kProfile;
   std::uint32_t dropped_before = 0;  // profiles lost between the slot before and this one
+  std::int64_t arrived_ns = 0;       // on the host's clock
   hal::LaserProfile profile;
   hal::ScanEvent event;
 };

@@ -176,6 +176,7 @@ void CellLoop::BeginScan() {
 
 void CellLoop::GrowScan() {
   if (slot_->kind == SlotKind::kProfile) {
+    last_arrival_ns_ = slot_->arrived_ns;
     reconstruction_->Add(slot_->profile);
     if (ports_.recorder) ports_.recorder->Add(slot_->profile);
   } else if (slot_->kind == SlotKind::kEvent && ports_.recorder) {
@@ -193,6 +194,7 @@ void CellLoop::FinishScan() {
   ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kDeciding; });
   const RunContext base = base_.get();
   auto measurement = reconstruction_->Finish();
+  const auto measured = ports_.clock->Now();
   reconstruction_.reset();
   if (ports_.recorder) ports_.recorder->Finish({{kContextKey, WriteRunContext(base)}});
   ++parts_;
@@ -213,7 +215,12 @@ void CellLoop::FinishScan() {
   }
   PartOutcome outcome =
       DecidePart(plan_, identity_, facts, base, std::move(*measurement), *ports_.desk);
-  const double ms = Milliseconds(ports_.clock->Now() - ended);
+  const auto decided = ports_.clock->Now();
+  const double ms = Milliseconds(decided - ended);
+  if (options_.scan.is_live) {
+    const std::chrono::nanoseconds arrived(last_arrival_ns_);
+    outcome.latency = {Milliseconds(measured - arrived), Milliseconds(decided - arrived)};
+  }
   const PartEnd what = outcome.end;
   const LastPart last{identity_.session, Word(what),
                       std::string(pipeline::Name(outcome.result.inspection->verdict)),
@@ -263,6 +270,7 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
     live_ = reconstruction_->View();
     const auto taken = ports_.clock->Now() - now;
     view_due_ = now + taken + std::max<std::chrono::nanoseconds>(kViewPeriod, 9 * taken);
+    if (ports_.viewed) ports_.viewed(live_);
   }
   const AcquisitionCounters& counters = acquisition.counters();
   ports_.board->Update([&](CellSnapshot& s) {

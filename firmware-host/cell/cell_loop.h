@@ -41,6 +41,8 @@ struct CellPorts {
   std::function<std::optional<pipeline::LotState>()> lot;
   std::function<void(PartOutcome)> part_done;
   std::function<void(const FailedScan&)> scan_failed;
+  // Several times a second while a scan runs: what it shows so far.
+  std::function<void(const pipeline::LiveView&)> viewed;
   // Between scans, about once a second.
   std::function<void(const BenderReading&)> bender_heard;
   // At every turn, from the loop's own thread (watchdog).
@@ -110,6 +112,7 @@ class CellLoop {
   std::future<RunContext> base_;
   pipeline::LiveView live_;
   std::chrono::nanoseconds view_due_{0};
+  std::int64_t last_arrival_ns_ = 0;  // of a profile of the scan
 };
 
 }  // namespace bendloop::host

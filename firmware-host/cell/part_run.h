@@ -34,12 +34,19 @@ enum class PartEnd : std::uint8_t {
   kLinkDown,   // measured; the bender could not be reached, or what it holds is unknown
 };
 
+// How long the answer took, from the arrival of the scan's last profile.
+struct PartLatency {
+  double lra_ms = 0;  // to the final LRA
+  double end_ms = 0;  // to the bender's answer, or the decision not to ask it
+};
+
 // What became of one part.
 struct PartOutcome {
   PartEnd end = PartEnd::kUnchanged;
   RunResult result;
   std::vector<std::string> reasons;        // why it was refused, or is out of tolerance
   std::optional<pipeline::LotState> next;  // to be kept when the part counts
+  PartLatency latency;                     // 0 for a replay
 
   bool out_of_tolerance() const;
   // Of a command that ran this one part.
