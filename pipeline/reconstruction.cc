@@ -66,7 +66,7 @@ class Reconstruction::Impl {
  private:
   void StartWith(double radius_mm) {
     radius_mm_ = radius_mm;
-    grid_.emplace(MlsProjection::BlockMm(radius_mm));
+    grid_.emplace(MlsProjection::BlockMm(radius_mm), options_.max_points);
     projection_.emplace(radius_mm);
   }
 
@@ -285,7 +285,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   measurement.noise_mm = fit.sigma_mm;
   timer.Done("ends");
-  DescribeSamples(blocks, grid_->point_count(), fit.sigma_mm, measurement);
+  DescribeSamples(blocks, grid_->kept_count(), fit.sigma_mm, measurement);
   timer.Done("description");
   if (const auto units = CheckUnits(measurement.tube.pipe_radius_mm); !units) {
     return hal::Fail(units.error());

@@ -26,6 +26,9 @@ struct ReconstructionOptions {
   // The tube that the samples should show, in any pose: a hint for pipe radius and coverage, never
   // for the number or size of the bends.
   std::optional<hal::BendProgram> nominal;
+  // Of the points that come to a place again and again so many are kept for the final fit, evenly
+  // over the scan: memory and the final fit are bounded by this and by the tube.
+  std::size_t max_points = 4'000'000;
   // For the final result; the live view always projects with moving least squares.
   SpineMethod spine_method = SpineMethod::kMls;
 };

@@ -9,6 +9,7 @@ namespace {
 
 // 21 bits an axis; points that are a million blocks away belong to no tube.
 constexpr double kMaxCell = 1'000'000;
+constexpr std::uint32_t kMaxStride = 1u << 30;
 
 std::uint64_t Key(const Eigen::Vector3i& cell) {
   const auto part = [](int c) { return static_cast<std::uint64_t>(c + (1 << 20)); };
@@ -87,12 +88,31 @@ SampleGrid::Insertion SampleGrid::Insert(const Eigen::Vector3d& point, std::int3
     ++sample_count_;
     return Insertion::kSample;
   }
-  if (point_count_ <= kMaxPoints &&
-      block.points.size() < (kMaxPointsOfVoxel + 1) * block.sample_count) {
-    block.points.push_back(point);
-    return Insertion::kOther;
+  if ((block.arrived++ & (block.stride - 1)) != 0) return Insertion::kDropped;
+  if (IsFull(block)) {
+    Thin(block);
+    if (((block.arrived - 1) & (block.stride - 1)) != 0) return Insertion::kDropped;
   }
-  return Insertion::kDropped;
+  block.points.push_back(point);
+  ++other_count_;
+  while (other_count_ > max_points_ && points_of_voxel_ > 1) {
+    points_of_voxel_ /= 2;
+    for (Block& full : blocks_) {
+      while (full.stride < kMaxStride && IsFull(full)) Thin(full);
+    }
+  }
+  return Insertion::kOther;
+}
+
+void SampleGrid::Thin(Block& block) {
+  if (block.stride >= kMaxStride) return;
+  std::size_t kept = block.sample_count;
+  for (std::size_t i = block.sample_count; i < block.points.size(); i += 2) {
+    block.points[kept++] = block.points[i];
+  }
+  other_count_ -= block.points.size() - kept;
+  block.points.resize(kept);
+  block.stride *= 2;
 }
 
 void SampleGrid::GatherNeighbourhood(std::int32_t block, std::vector<Eigen::Vector3d>& out) const {

@@ -13,7 +13,9 @@ namespace bendloop::pipeline {
 // The scanned points, sorted into cubes ("blocks") as they arrive. Each block is divided into
 // kSubdivisions^3 voxels; the first point of a voxel becomes a sample, and the local estimates look
 // at samples only. So the work grows with the tube's surface and not with the density of the scan.
-// The other points wait for the final fit, which uses all of them.
+// The other points wait for the final fit. There may be `max_points` of them; when more come, every
+// block keeps every second, then every fourth and so on of its points, evenly over the whole scan,
+// so that memory and the time of the final fit are bounded however long the scan is.
 class SampleGrid {
  public:
   static constexpr int kSubdivisions = 5;
@@ -28,12 +30,15 @@ class SampleGrid {
     std::bitset<kSubdivisions * kSubdivisions * kSubdivisions> seen;
     std::vector<Eigen::Vector3d> points;  // first the samples, then the others
     std::uint32_t sample_count = 0;
+    std::uint32_t stride = 1;   // of the others only every so many-th is kept: a power of two
+    std::uint32_t arrived = 0;  // others, kept or not
 
     std::span<const Eigen::Vector3d> samples() const { return {points.data(), sample_count}; }
   };
 
   // `block_mm`: edge of a block, at least the radius of the local paraboloid.
-  explicit SampleGrid(double block_mm) : block_mm_(block_mm) {}
+  explicit SampleGrid(double block_mm, std::size_t max_points = kMaxPoints)
+      : block_mm_(block_mm), max_points_(max_points) {}
 
   enum class Insertion { kSample, kOther, kDropped };
   // Returns what became of the point; `block` receives its block's index unless it was dropped.
@@ -42,7 +47,8 @@ class SampleGrid {
   const std::vector<Block>& blocks() const { return blocks_; }
   double block_mm() const { return block_mm_; }
   std::size_t sample_count() const { return sample_count_; }
-  std::size_t point_count() const { return point_count_; }
+  std::size_t point_count() const { return point_count_; }                 // that came
+  std::size_t kept_count() const { return sample_count_ + other_count_; }  // that are here
 
   // Samples in the 27 blocks around `block`, in a fixed order.
   void GatherNeighbourhood(std::int32_t block, std::vector<Eigen::Vector3d>& out) const;
@@ -69,14 +75,22 @@ class SampleGrid {
   };
   std::size_t SlotOf(std::uint64_t key) const;
   void Grow();
+  // Drops every second of the block's others.
+  void Thin(Block& block);
+  bool IsFull(const Block& block) const {
+    return block.points.size() >= (points_of_voxel_ + 1) * block.sample_count;
+  }
 
   double block_mm_;
+  std::size_t max_points_;
+  std::size_t points_of_voxel_ = kMaxPointsOfVoxel;  // fewer when there are too many
   std::vector<Slot> slots_ = std::vector<Slot>(64);  // a power of two, at most half full
   int shift_ = 64 - 6;
   std::vector<Block> blocks_;
   std::int32_t last_block_ = -1;
   std::size_t sample_count_ = 0;
   std::size_t point_count_ = 0;
+  std::size_t other_count_ = 0;
 };
 
 }  // namespace bendloop::pipeline

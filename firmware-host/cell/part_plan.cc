@@ -8,6 +8,10 @@
 namespace bendloop::host {
 namespace {
 
+// For the final fit of a scan: 1 sigma of an angle from so many points is a thousandth of a degree,
+// well below what any scanner is true to, and the answer is ready in time.
+constexpr std::size_t kMostPoints = 150'000;
+
 pipeline::DirectionChoice ChoiceOf(config::ScanDirection direction) {
   switch (direction) {
     case config::ScanDirection::kForward:
@@ -83,6 +87,7 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
 
   plan.reconstruction.pipe_radius_mm = plan.pipe_radius_mm;
   plan.reconstruction.nominal = plan.nominal;
+  plan.reconstruction.max_points = kMostPoints;
 
   const config::Tolerances& tolerance = cell.part.tolerance;
   plan.inspection.tolerances.length_mm = tolerance.length_mm;

@@ -83,12 +83,38 @@ TEST(SampleGrid, KeepsOnePointOfAVoxelAndTheOthersApart) {
   EXPECT_EQ(grid.Insert({-0.1, 0.1, 0.1}, block), SampleGrid::Insertion::kSample);
   EXPECT_EQ(grid.blocks().size(), 2U);
   // A dense scan of one place does not grow without bound.
-  std::size_t kept = 0;
-  for (int i = 0; i < 5000; ++i) {
-    if (grid.Insert({0.5, 0.5, 0.5}, block) == SampleGrid::Insertion::kOther) ++kept;
-  }
-  EXPECT_LT(kept, 2 * SampleGrid::kMaxPointsOfVoxel + 1);
+  for (int i = 0; i < 5000; ++i) grid.Insert({0.5, 0.5, 0.5}, block);
+  EXPECT_LE(grid.kept_count(), 3 * (SampleGrid::kMaxPointsOfVoxel + 1));
+  EXPECT_GT(grid.kept_count(), SampleGrid::kMaxPointsOfVoxel);
   EXPECT_EQ(grid.point_count(), 5004U);
+}
+
+TEST(SampleGrid, ALongScanIsThinnedEvenlyToItsBound) {
+  constexpr std::size_t kMost = 2000;
+  constexpr int kPasses = 400;  // over the same places, each a little higher
+  SampleGrid grid(5.0, kMost);
+  std::int32_t block = -1;
+  std::size_t most = 0;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    for (int i = 0; i < 200; ++i) {
+      grid.Insert({0.25 * i, 0.5, 0.5 + 0.4 * pass / kPasses}, block);
+      most = std::max(most, grid.kept_count() - grid.sample_count());
+    }
+  }
+  EXPECT_LE(most, kMost + 1);
+  EXPECT_EQ(grid.point_count(), 200U * kPasses);
+  std::size_t held = 0;
+  std::size_t early = 0;  // of the first half of the passes
+  for (const auto& b : grid.blocks()) {
+    for (const Eigen::Vector3d& p : b.points) {
+      ++held;
+      if (p.z() < 0.7) ++early;
+    }
+  }
+  EXPECT_EQ(held, grid.kept_count());
+  EXPECT_GT(held, kMost / 4);
+  EXPECT_NEAR(static_cast<double>(early), 0.5 * static_cast<double>(held),
+              0.15 * static_cast<double>(held));
 }
 
 TEST(SampleGrid, DropsWhatIsNoPlace) {
