@@ -176,7 +176,7 @@ Result<void> SessionWriter::Write(const hal::LaserProfile& profile) {
     sqlite3_bind_blob64(insert, 5, profile.intensity.data(), profile.intensity.size(),
                         SQLITE_STATIC);
   }
-  const auto done = Step(insert, "table profile, seq " + std::to_string(profile.sequence));
+  auto done = Step(insert, "table profile, seq " + std::to_string(profile.sequence));
   if (!done) return done;
   ++profiles_;
   ++waiting_;
@@ -210,7 +210,7 @@ Result<void> SessionWriter::Tick() {
 
 Result<void> SessionWriter::Commit() {
   if (!in_transaction_) return {};
-  const auto committed = Execute(database_.get(), path_, "COMMIT");
+  auto committed = Execute(database_.get(), path_, "COMMIT");
   if (!committed && sqlite3_get_autocommit(database_.get()) == 0) {
     (void)Execute(database_.get(), path_, "ROLLBACK");
   }

@@ -115,7 +115,7 @@ hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOp
   acquisition.Stop();
   if (decided) return replay;
   if (end == CellEnd::kSourceFault) return hal::Fail(acquisition.fault());
-  if (end == CellEnd::kPartsDone && failed && acquisition.fault().message.size() > 0) {
+  if (end == CellEnd::kPartsDone && failed && !acquisition.fault().message.empty()) {
     return hal::Fail(acquisition.fault());
   }
   const std::string where = options.session.string() + ": ";
