@@ -37,13 +37,25 @@ struct ScanConfig {
   std::uint32_t min_profiles = 20;  // a shorter one is not a scan
 };
 
-enum class BenderKind : std::uint8_t { kNone, kModbusTcp, kSimulated };
+enum class BenderKind : std::uint8_t { kNone, kModbusTcp, kModbusRtu, kSimulated };
+// A machine behind it that really bends.
+constexpr bool IsReal(BenderKind kind) {
+  return kind == BenderKind::kModbusTcp || kind == BenderKind::kModbusRtu;
+}
+enum class SerialParity : std::uint8_t { kNone, kEven, kOdd };
 
 // How the bender is reached.
 struct BenderConfig {
   BenderKind link = BenderKind::kNone;
   std::string host = "127.0.0.1";  // numeric: a name's look-up has no bounded time
   std::uint16_t port = 502;
+  std::string device;  // kModbusRtu, as the four below: the serial port
+  int baud = 19200;
+  SerialParity parity = SerialParity::kEven;
+  int stop_bits = 1;
+  bool rs485 = false;  // the port switches the line's direction, with pauses around each request
+  std::chrono::milliseconds rs485_delay_before_send{0};
+  std::chrono::milliseconds rs485_delay_after_send{0};
   std::uint8_t unit_id = 1;
   std::filesystem::path register_map_file;
   hal::RegisterMap register_map;  // loaded from register_map_file; unused when link is kNone

@@ -15,8 +15,10 @@ constexpr Choice<ScanEnd> kEnds[] = {{"event", ScanEnd::kEvent}, {"coverage", Sc
 constexpr Choice<BenderKind> kBenderKinds[] = {{"none", BenderKind::kNone},
                                                {"modbus-tcp", BenderKind::kModbusTcp},
                                                {"simulated", BenderKind::kSimulated},
-                                               {"modbus-rtu", std::nullopt},
+                                               {"modbus-rtu", BenderKind::kModbusRtu},
                                                {"can", std::nullopt}};
+constexpr Choice<SerialParity> kParities[] = {
+    {"none", SerialParity::kNone}, {"even", SerialParity::kEven}, {"odd", SerialParity::kOdd}};
 constexpr Choice<LogLevel> kLogLevels[] = {{"debug", LogLevel::kDebug},
                                            {"info", LogLevel::kInfo},
                                            {"warning", LogLevel::kWarning},
@@ -50,6 +52,13 @@ void VisitBender(FieldVisitor& v, BenderConfig& bender) {
   v.Enum("link", bender.link, kBenderKinds, Need::kRequired);
   v.Text("host", bender.host);
   v.Integer("port", bender.port, 1, 65535);
+  v.Text("device", bender.device);
+  v.Integer("baud", bender.baud, 1200, 921600);
+  v.Enum("parity", bender.parity, kParities);
+  v.Integer("stop_bits", bender.stop_bits, 1, 2);
+  v.Bool("rs485", bender.rs485);
+  Milliseconds(v, "rs485_delay_before_send_ms", bender.rs485_delay_before_send, 0, 100);
+  Milliseconds(v, "rs485_delay_after_send_ms", bender.rs485_delay_after_send, 0, 100);
   v.Integer("unit_id", bender.unit_id, 0, 255);
   v.Path("register_map", bender.register_map_file);
   Milliseconds(v, "connect_timeout_ms", bender.connect_timeout, 10, 60000);

@@ -9,10 +9,27 @@
 namespace bendloop::config {
 
 std::string EffectiveText(const CellConfig& cell) {
-  TextWriter writer({"part", "state_dir", "scanner", "record", "log", "realtime", "bender.host",
-                     "bender.port", "bender.unit_id", "bender.register_map",
-                     "bender.connect_timeout_ms", "bender.response_timeout_ms",
-                     "bender.byte_timeout_ms", "bender.commit_timeout_ms"});
+  TextWriter writer({"part",
+                     "state_dir",
+                     "scanner",
+                     "record",
+                     "log",
+                     "realtime",
+                     "bender.host",
+                     "bender.port",
+                     "bender.device",
+                     "bender.baud",
+                     "bender.parity",
+                     "bender.stop_bits",
+                     "bender.rs485",
+                     "bender.rs485_delay_before_send_ms",
+                     "bender.rs485_delay_after_send_ms",
+                     "bender.unit_id",
+                     "bender.register_map",
+                     "bender.connect_timeout_ms",
+                     "bender.response_timeout_ms",
+                     "bender.byte_timeout_ms",
+                     "bender.commit_timeout_ms"});
   CellConfig copy = cell;  // visitors may change what they visit; this one does not
   VisitCell(writer, copy);
   writer.Table("part_file", Need::kRequired, [&](FieldVisitor& v) { VisitPart(v, copy.part); });

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <arpa/inet.h>
 
+#include <algorithm>
 #include <array>
+#include <iterator>
 
 #include "config/fields.h"
 #include "config/load.h"
@@ -21,6 +23,25 @@ void CheckAddress(TomlDocument& document, const std::string& path, const std::st
   document.Report(path, "found '" + Printable(host) +
                             "', expected a numeric address such as 192.168.0.10 (looking up a "
                             "name has no bounded time)");
+}
+
+void CheckSerialLine(TomlDocument& document, const BenderConfig& bender) {
+  constexpr int kBauds[] = {1200,  2400,   4800,   9600,   19200, 38400,
+                            57600, 115200, 230400, 460800, 921600};
+  if (bender.device.empty()) {
+    document.Report("bender.device",
+                    "found nothing, expected the serial port of link = 'modbus-rtu', such as "
+                    "/dev/ttyS1 or /dev/serial/by-id/...");
+  }
+  if (std::find(std::begin(kBauds), std::end(kBauds), bender.baud) == std::end(kBauds)) {
+    document.Report("bender.baud", "found " + std::to_string(bender.baud) +
+                                       ", expected a usual rate: 1200, 2400, 4800, 9600, 19200, "
+                                       "38400, 57600, 115200, 230400, 460800 or 921600");
+  }
+  if (bender.unit_id < 1 || bender.unit_id > 247) {
+    document.Report("bender.unit_id", "found " + std::to_string(bender.unit_id) +
+                                          ", expected 1 to 247 on a serial line");
+  }
 }
 
 void CheckStep(TomlDocument& document, const char* name, double step, double total) {
@@ -45,6 +66,9 @@ void CheckCell(TomlDocument& document, CellConfig& cell) {
     document.Report("bender.register_map",
                     "found nothing, expected the register map file that says how the bender is "
                     "addressed");
+  }
+  if (bender.link == BenderKind::kModbusRtu && document.IsGood("bender")) {
+    CheckSerialLine(document, bender);
   }
   CheckStep(document, "length_mm", correction.max_step.length_mm, correction.max_total.length_mm);
   CheckStep(document, "rotation_deg", correction.max_step.rotation_deg,

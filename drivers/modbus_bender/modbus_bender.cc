@@ -32,7 +32,8 @@ class ModbusBender final : public hal::BenderLink {
     if (auto ok = CheckRegisterMap(map_); !ok) return hal::Fail(ok.error());
     if (auto ok = connection_.Connect(); !ok) return hal::Fail(ok.error());
     hal::BenderInfo info;
-    info.description = "Modbus TCP " + connection_.peer() + ", register map \"" + map_.name + "\"";
+    info.description =
+        connection_.carrier() + " " + connection_.peer() + ", register map \"" + map_.name + "\"";
     info.max_rows = map_.max_rows;
     info.atomic_commit = map_.commit.has_value();
     info.has_heartbeat = map_.heartbeat.has_value();

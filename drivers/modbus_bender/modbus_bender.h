@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "hal/bender_link.h"
@@ -12,9 +13,25 @@
 
 namespace bendloop::drivers {
 
+enum class SerialParity : char { kNone = 'N', kEven = 'E', kOdd = 'O' };
+
+// A serial port with the bender's Modbus RTU line on it.
+struct SerialLine {
+  std::string device;  // "/dev/ttyS1"
+  int baud = 19200;    // one of the usual ones
+  SerialParity parity = SerialParity::kEven;
+  int stop_bits = 1;
+  // The port's driver switches the direction of an RS-485 line by RTS, with these pauses around
+  // each request. false: RS-232, or an adapter that switches by itself.
+  bool rs485 = false;
+  std::chrono::milliseconds delay_before_send{0};
+  std::chrono::milliseconds delay_after_send{0};
+};
+
 struct ModbusBenderOptions {
   std::string host = "127.0.0.1";  // numeric address (looking up a name has no bounded time)
   std::uint16_t port = 502;
+  std::optional<SerialLine> serial;  // Modbus RTU on this line instead of TCP
   std::uint8_t unit_id = 1;
   std::chrono::milliseconds connect_timeout{1000};
   std::chrono::milliseconds response_timeout{500};
@@ -25,7 +42,7 @@ struct ModbusBenderOptions {
   std::chrono::milliseconds max_backoff{2000};
 };
 
-// A bender behind Modbus TCP; the PLC's addresses and conventions come from `map`.
+// A bender behind Modbus TCP or RTU; the PLC's addresses and conventions come from `map`.
 // drivers/README.md tells the PLC programmer's side. Not thread-safe: one thread talks to one
 // bender.
 std::unique_ptr<hal::BenderLink> MakeModbusBender(hal::RegisterMap map, ModbusBenderOptions options,

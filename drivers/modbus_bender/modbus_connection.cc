@@ -2,7 +2,9 @@
 #include "drivers/modbus_bender/modbus_connection.h"
 
 #include <arpa/inet.h>
+#include <linux/serial.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/select.h>
 #include <sys/socket.h>
 
@@ -17,7 +19,9 @@ namespace {
 using hal::ErrorKind;
 using Bytes = std::vector<std::uint8_t>;
 
-constexpr std::size_t kHeaderSize = 7;  // transaction 2, protocol 2, length 2, unit 1
+constexpr std::size_t kHeaderSize = 7;     // transaction 2, protocol 2, length 2, unit 1
+constexpr std::size_t kRtuHeaderSize = 1;  // unit
+constexpr std::size_t kRtuCrcSize = 2;
 constexpr std::uint8_t kReadHolding = 0x03;
 constexpr std::uint8_t kReadInput = 0x04;
 constexpr std::uint8_t kWriteSingle = 0x06;
@@ -104,7 +108,10 @@ ModbusConnection::ModbusConnection(ModbusBenderOptions options, hal::Clock& cloc
   if (options_.host == "localhost") options_.host = "127.0.0.1";
 }
 
+std::string ModbusConnection::carrier() const { return rtu() ? "Modbus RTU" : "Modbus TCP"; }
+
 std::string ModbusConnection::peer() const {
+  if (rtu()) return options_.serial->device + " unit " + std::to_string(options_.unit_id);
   return options_.host + ":" + std::to_string(options_.port) + " unit " +
          std::to_string(options_.unit_id);
 }
@@ -114,18 +121,63 @@ void ModbusConnection::Close() {
   connected_ = false;
 }
 
+hal::Result<void> ModbusConnection::MakeContext() {
+  if (rtu()) {
+    const SerialLine& line = *options_.serial;
+    constexpr int kDataBits = 8;
+    context_.reset(modbus_new_rtu(line.device.c_str(), line.baud, static_cast<char>(line.parity),
+                                  kDataBits, line.stop_bits));
+    if (context_ && modbus_set_slave(context_.get(), options_.unit_id) != 0) {
+      context_.reset();
+      return hal::Fail(ErrorKind::kBadInput, "bender unit " + std::to_string(options_.unit_id) +
+                                                 ": 1 to 247 was expected for Modbus RTU");
+    }
+  } else if (IsNumericAddress(options_.host)) {
+    context_.reset(modbus_new_tcp_pi(options_.host.c_str(), std::to_string(options_.port).c_str()));
+  } else {
+    return hal::Fail(ErrorKind::kBadInput, "bender host \"" + options_.host +
+                                               "\": a numeric address such as 192.168.0.10 "
+                                               "was expected");
+  }
+  if (context_) return {};
+  return hal::Fail(ErrorKind::kInternal, std::string("libmodbus: ") + modbus_strerror(errno));
+}
+
+hal::Result<void> ModbusConnection::PrepareLine() {
+  const SerialLine& line = *options_.serial;
+  const int port = modbus_get_socket(context_.get());
+  if (line.rs485) {
+    serial_rs485 mode{};
+    mode.flags = SER_RS485_ENABLED | SER_RS485_RTS_ON_SEND;
+    mode.delay_rts_before_send = static_cast<std::uint32_t>(line.delay_before_send.count());
+    mode.delay_rts_after_send = static_cast<std::uint32_t>(line.delay_after_send.count());
+    if (ioctl(port, TIOCSRS485, &mode) != 0) {
+      return hal::Fail(Device("bender " + peer() + ": the port cannot switch an RS-485 line (" +
+                              modbus_strerror(errno) +
+                              "); use a port that can, or one that switches by itself with rs485 "
+                              "= false"));
+    }
+  }
+  ListenUntilQuiet();
+  modbus_flush(context_.get());
+  return {};
+}
+
+void ModbusConnection::ListenUntilQuiet() {
+  if (!quiet_at_) return;
+  pollfd line{modbus_get_socket(context_.get()), POLLIN, 0};
+  for (;;) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(*quiet_at_ - clock_.Now());
+    if (left.count() <= 0 || poll(&line, 1, static_cast<int>(left.count())) <= 0) break;
+    if (line.revents != POLLIN || modbus_flush(context_.get()) < 0) break;
+  }
+  quiet_at_.reset();
+}
+
 hal::Result<void> ModbusConnection::Connect() {
   if (connected_) return {};
   if (!context_) {
-    if (!IsNumericAddress(options_.host)) {
-      return hal::Fail(ErrorKind::kBadInput, "bender host \"" + options_.host +
-                                                 "\": a numeric address such as 192.168.0.10 "
-                                                 "was expected");
-    }
-    context_.reset(modbus_new_tcp_pi(options_.host.c_str(), std::to_string(options_.port).c_str()));
-    if (!context_) {
-      return hal::Fail(ErrorKind::kInternal, std::string("libmodbus: ") + modbus_strerror(errno));
-    }
+    if (auto ok = MakeContext(); !ok) return ok;
   }
   const std::chrono::nanoseconds now = clock_.Now();
   if (failed_connects_ > 1 && now < next_connect_) {
@@ -142,12 +194,14 @@ hal::Result<void> ModbusConnection::Connect() {
     modbus_close(context_.get());  // libmodbus waits with select()
     return hal::Fail(ErrorKind::kInternal, "bender " + peer() + ": too many open files");
   }
-  if (rc != 0) {
+  const auto line = rc == 0 && rtu() ? PrepareLine() : hal::Result<void>{};
+  if (rc != 0 || !line) {
     modbus_close(context_.get());
     ++failed_connects_;
     const int doublings = std::clamp(failed_connects_ - 2, 0, 16);
     next_connect_ = clock_.Now() + std::min<std::chrono::nanoseconds>(
                                        kFirstBackoff * (1 << doublings), options_.max_backoff);
+    if (!line) return line;
     const std::string why =
         error == ETIMEDOUT || error == EINPROGRESS
             ? "no answer within " + std::to_string(options_.connect_timeout.count()) + " ms"
@@ -168,16 +222,27 @@ hal::Result<Bytes> ModbusConnection::Transact(const Bytes& request, const std::s
     // Nothing may be waiting now: bytes are an answer nobody asked for, an end of file is a
     // connection that the bender closed while we did not look. Both are cured by a new connection.
     pollfd idle{modbus_get_socket(context_.get()), POLLIN, 0};
-    if (poll(&idle, 1, 0) != 0) Close();
+    if (poll(&idle, 1, 0) != 0) Close();  // an RTU line is emptied when it is opened
   }
   if (auto ok = Connect(); !ok) return hal::Fail(ok.error());
   auto answer = Exchange(request, what);
-  if (!answer) Close();
+  if (!answer) {
+    Close();
+    if (rtu()) quiet_at_ = clock_.Now() + options_.response_timeout;
+  }
   return answer;
 }
 
-hal::Result<Bytes> ModbusConnection::Exchange(const Bytes& request, const std::string& what) {
-  const std::string where = "bender " + peer() + ": " + what + ": ";
+hal::Result<void> ModbusConnection::Send(const Bytes& request) {
+  if (rtu()) {
+    Bytes frame{options_.unit_id};
+    frame.insert(frame.end(), request.begin(), request.end());
+    if (modbus_send_raw_request(context_.get(), frame.data(), static_cast<int>(frame.size())) ==
+        static_cast<int>(frame.size() + kRtuCrcSize)) {
+      return {};
+    }
+    return hal::Fail(Device(modbus_strerror(errno)));
+  }
   ++transaction_;
   // libmodbus gives raw requests transaction 0 and its own calls do not check the unit, so the
   // header is made and checked here; libmodbus connects, frames and times.
@@ -189,11 +254,33 @@ hal::Result<Bytes> ModbusConnection::Exchange(const Bytes& request, const std::s
   frame.insert(frame.end(), request.begin(), request.end());
   const ssize_t sent = send(modbus_get_socket(context_.get()), frame.data(), frame.size(),
                             MSG_NOSIGNAL | MSG_DONTWAIT);
-  if (sent != static_cast<ssize_t>(frame.size())) {
-    return hal::Fail(Device(
-        where + "cannot send: " + (sent < 0 ? modbus_strerror(errno) : "connection is stuck")));
+  if (sent == static_cast<ssize_t>(frame.size())) return {};
+  return hal::Fail(Device(sent < 0 ? modbus_strerror(errno) : "connection is stuck"));
+}
+
+hal::Result<void> ModbusConnection::CheckHeader(const std::uint8_t* answer,
+                                                std::size_t size) const {
+  if (rtu()) return {};  // libmodbus has checked the crc
+  if (Load16(answer) != transaction_) {
+    return hal::Fail(Device("answer to transaction " + std::to_string(Load16(answer)) +
+                            ", expected " + std::to_string(transaction_)));
   }
-  std::uint8_t answer[MODBUS_TCP_MAX_ADU_LENGTH];
+  if (Load16(answer + 2) != 0 || Load16(answer + 4) != size - kHeaderSize + 1) {
+    return hal::Fail(Device("garbled Modbus header"));
+  }
+  if (answer[6] != options_.unit_id) {
+    return hal::Fail(Device("answer from unit " + std::to_string(answer[6]) + ", expected unit " +
+                            std::to_string(options_.unit_id)));
+  }
+  return {};
+}
+
+hal::Result<Bytes> ModbusConnection::Exchange(const Bytes& request, const std::string& what) {
+  const std::string where = "bender " + peer() + ": " + what + ": ";
+  if (auto sent = Send(request); !sent) {
+    return hal::Fail(Device(where + "cannot send: " + sent.error().message));
+  }
+  std::uint8_t answer[MODBUS_TCP_MAX_ADU_LENGTH] = {};  // RTU's are shorter
   const int received = modbus_receive_confirmation(context_.get(), answer);
   if (received < 0) {
     if (errno == ETIMEDOUT) {
@@ -203,29 +290,30 @@ hal::Result<Bytes> ModbusConnection::Exchange(const Bytes& request, const std::s
     if (errno == ECONNRESET) return hal::Fail(Device(where + "the bender closed the connection"));
     return hal::Fail(Device(where + "no valid answer: " + modbus_strerror(errno)));
   }
-  const auto size = static_cast<std::size_t>(received);
+  const std::size_t header = rtu() ? kRtuHeaderSize : kHeaderSize;
+  const std::size_t trailer = rtu() ? kRtuCrcSize : 0;
+  // libmodbus says 0 for an RTU answer of another unit.
+  const auto size = received > 0 ? static_cast<std::size_t>(received) : std::size_t{1};
   const std::string came = "; the answer was " + Hex(answer, size);
-  if (size < kHeaderSize + 2) return hal::Fail(Device(where + "answer too short" + came));
-  if (Load16(answer) != transaction_) {
-    return hal::Fail(Device(where + "answer to transaction " + std::to_string(Load16(answer)) +
-                            ", expected " + std::to_string(transaction_) + came));
-  }
-  if (Load16(answer + 2) != 0 || Load16(answer + 4) != size - kHeaderSize + 1) {
-    return hal::Fail(Device(where + "garbled Modbus header" + came));
-  }
-  if (answer[6] != options_.unit_id) {
-    return hal::Fail(Device(where + "answer from unit " + std::to_string(answer[6]) +
+  const std::uint8_t unit = answer[header - 1];
+  if (received == 0 || (rtu() && unit != options_.unit_id)) {
+    return hal::Fail(Device(where + "answer from unit " + std::to_string(unit) +
                             ", expected unit " + std::to_string(options_.unit_id)));
   }
-  if (answer[7] == (request[0] | kExceptionBit)) {
-    return hal::Fail(Device(where + "the bender answers exception " + std::to_string(answer[8]) +
-                            ", " + ExceptionName(answer[8])));
+  if (size < header + 2 + trailer) return hal::Fail(Device(where + "answer too short" + came));
+  if (auto ok = CheckHeader(answer, size); !ok) {
+    return hal::Fail(Device(where + ok.error().message + came));
   }
-  if (answer[7] != request[0]) {
-    return hal::Fail(Device(where + "answer to function " + std::to_string(answer[7]) +
+  const std::uint8_t* const function = answer + header;
+  if (*function == (request[0] | kExceptionBit)) {
+    return hal::Fail(Device(where + "the bender answers exception " + std::to_string(function[1]) +
+                            ", " + ExceptionName(function[1])));
+  }
+  if (*function != request[0]) {
+    return hal::Fail(Device(where + "answer to function " + std::to_string(*function) +
                             ", expected " + std::to_string(request[0]) + came));
   }
-  return Bytes(answer + kHeaderSize, answer + size);
+  return Bytes(function, function + size - header - trailer);
 }
 
 hal::Result<void> ModbusConnection::Read(const RegisterRange& range, std::uint16_t* to) {

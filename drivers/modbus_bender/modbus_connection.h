@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,9 +17,11 @@
 
 namespace bendloop::drivers {
 
-// One Modbus TCP connection: transactions of bounded time, each answer checked down to transaction
-// and unit id. A transaction that fails closes the connection, so that a late answer can never be
-// taken for a later one's; the next call connects again. Errors are kDevice and name address,
+// One Modbus connection: transactions of bounded time, each answer checked down to transaction and
+// unit id. A transaction that fails closes the connection, so that a late answer can never be taken
+// for a later one's; the next call connects again. RTU numbers no transactions: there the line is
+// listened to until it has been given up for one more response timeout, and what comes is thrown
+// away. Errors are kDevice and name address,
 // function and registers.
 class ModbusConnection {
  public:
@@ -34,13 +37,21 @@ class ModbusConnection {
   hal::Result<void> Write(const RegisterRange& range, const std::uint16_t* from);
   void Close();
 
-  std::string peer() const;  // "127.0.0.1:502 unit 1"
+  std::string peer() const;     // "127.0.0.1:502 unit 1", "/dev/ttyS1 unit 1"
+  std::string carrier() const;  // "Modbus TCP", "Modbus RTU"
 
  private:
   struct Free {
     void operator()(modbus_t* context) const;
   };
 
+  bool rtu() const { return options_.serial.has_value(); }
+  hal::Result<void> MakeContext();
+  hal::Result<void> PrepareLine();  // after the port was opened
+  void ListenUntilQuiet();
+
+  hal::Result<void> Send(const std::vector<std::uint8_t>& request);
+  hal::Result<void> CheckHeader(const std::uint8_t* answer, std::size_t size) const;
   // Sends a request (function and data) and returns the checked answer (function and data).
   hal::Result<std::vector<std::uint8_t>> Transact(const std::vector<std::uint8_t>& request,
                                                   const std::string& what);
@@ -54,6 +65,7 @@ class ModbusConnection {
   std::uint16_t transaction_ = 0;
   int failed_connects_ = 0;
   std::chrono::nanoseconds next_connect_{0};
+  std::optional<std::chrono::nanoseconds> quiet_at_;  // RTU: a late answer may come until then
 };
 
 }  // namespace bendloop::drivers

@@ -34,7 +34,7 @@ std::string_view MisbehaviourHelp() {
          "  garbage            answer noise\n"
          "  short              answer half an answer\n"
          "  wrong-unit         answer as another unit\n"
-         "  wrong-transaction  answer another transaction\n"
+         "  wrong-transaction  answer another transaction (RTU: another function)\n"
          "  drop-after-stage   hang up on the next commit without doing it\n"
          "  drop-after-commit  do the next commit, then hang up\n"
          "  half-write         keep only half of the next write to the staging area\n"

@@ -3,8 +3,10 @@
 
 #include <arpa/inet.h>
 #include <poll.h>
+#include <pty.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,18 +25,19 @@ std::uint16_t Load16(const std::vector<std::uint8_t>& bytes, std::size_t at) {
 }
 
 // Is the request as long as its function and counts say? libmodbus trusts them.
-bool IsWhole(const std::vector<std::uint8_t>& bytes) {
-  constexpr std::size_t kFixed = 12;
-  if (bytes.size() < 8) return false;
-  switch (bytes[7]) {
+bool IsWhole(const ModbusRequest& request) {
+  const std::size_t trailer = request.header == 1 ? 2 : 0;  // RTU's crc, which libmodbus checked
+  const std::size_t fixed = request.header + 5 + trailer;
+  if (request.bytes.size() <= request.header + trailer) return false;
+  switch (request.function()) {
     case 0x03:
     case 0x04:
     case 0x06:
-      return bytes.size() == kFixed;
+      return request.bytes.size() == fixed;
     case 0x10: {
-      if (bytes.size() <= kFixed) return false;
-      const std::size_t data = 2u * Load16(bytes, 10);
-      return bytes[12] == data && bytes.size() == kFixed + 1 + data;
+      if (request.bytes.size() <= fixed) return false;
+      const std::size_t data = 2u * Load16(request.bytes, request.header + 3);
+      return request.bytes[request.header + 5] == data && request.bytes.size() == fixed + 1 + data;
     }
     default:
       return true;  // will be answered by an exception
@@ -45,8 +48,8 @@ bool IsWhole(const std::vector<std::uint8_t>& bytes) {
 
 RegisterRange ModbusRequest::range() const {
   const auto space = function() == 0x04 ? hal::RegisterSpace::kInput : hal::RegisterSpace::kHolding;
-  const std::uint32_t count = function() == 0x06 ? 1 : Load16(bytes, 10);
-  return {space, Load16(bytes, 8), count};
+  const std::uint32_t count = function() == 0x06 ? 1 : Load16(bytes, header + 3);
+  return {space, Load16(bytes, header + 1), count};
 }
 
 hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::Listen(std::uint16_t port) {
@@ -70,8 +73,35 @@ hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::Listen(std::uint16_t po
   return server;
 }
 
+hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenLine(std::uint8_t unit_id) {
+  std::unique_ptr<ModbusServer> server(new ModbusServer);
+  termios raw{};
+  cfmakeraw(&raw);
+  char name[64] = "";
+  server->wake_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  if (server->wake_ < 0 ||
+      openpty(&server->line_, &server->far_line_, nullptr, &raw, nullptr) != 0 ||
+      ttyname_r(server->far_line_, name, sizeof name) != 0) {
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     std::string("cannot open a pseudo-terminal: ") + modbus_strerror(errno));
+  }
+  server->device_ = name;
+  constexpr int kBaud = 115200;  // a pseudo-terminal has none
+  server->context_.reset(modbus_new_rtu(name, kBaud, 'N', 8, 1));
+  if (!server->context_ || modbus_set_slave(server->context_.get(), unit_id) != 0) {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     "unit " + std::to_string(unit_id) + ": 1 to 247 was expected for Modbus RTU");
+  }
+  modbus_set_indication_timeout(server->context_.get(), 0, kPartialRequestMs * 1000);
+  modbus_set_response_timeout(server->context_.get(), 0, 1000);
+  server->clients_.push_back({server->next_id_++, server->line_});
+  return server;
+}
+
 ModbusServer::~ModbusServer() {
   HangUpAll();
+  if (line_ >= 0) close(line_);
+  if (far_line_ >= 0) close(far_line_);
   if (listener_ >= 0) close(listener_);
   if (wake_ >= 0) close(wake_);
 }
@@ -107,12 +137,12 @@ void ModbusServer::Accept() {
 
 bool ModbusServer::Receive(const Client& client,
                            const std::function<void(const ModbusRequest&)>& handle) {
-  std::uint8_t query[MODBUS_TCP_MAX_ADU_LENGTH];
+  std::uint8_t query[MODBUS_TCP_MAX_ADU_LENGTH];  // RTU's are shorter
   modbus_set_socket(context_.get(), client.socket);
   const int size = modbus_receive(context_.get(), query);
   if (size <= 0) return false;
-  ModbusRequest request{client.id, {query, query + size}};
-  if (!IsWhole(request.bytes)) return false;
+  ModbusRequest request{client.id, {query, query + size}, rtu() ? std::size_t{1} : std::size_t{7}};
+  if (!IsWhole(request)) return false;
   handle(request);
   return true;
 }
@@ -141,10 +171,16 @@ void ModbusServer::ReplyException(const ModbusRequest& request, std::uint8_t cod
 
 void ModbusServer::SendRaw(std::uint64_t client, const std::vector<std::uint8_t>& bytes) {
   const int socket = SocketOf(client);
-  if (socket >= 0) (void)!send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  if (socket < 0) return;
+  if (rtu()) {
+    (void)!write(socket, bytes.data(), bytes.size());
+  } else {
+    (void)!send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+  }
 }
 
 void ModbusServer::HangUp(std::uint64_t client) {
+  if (rtu()) return;  // nobody hangs up a serial line
   std::erase_if(clients_, [client](const Client& c) {
     if (c.id != client) return false;
     close(c.socket);
@@ -153,6 +189,7 @@ void ModbusServer::HangUp(std::uint64_t client) {
 }
 
 void ModbusServer::HangUpAll() {
+  if (rtu()) return;
   for (const Client& client : clients_) close(client.socket);
   clients_.clear();
 }

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "drivers/modbus_bender/register_image.h"
@@ -18,21 +19,27 @@ namespace bendloop::drivers {
 struct ModbusRequest {
   std::uint64_t client = 0;
   std::vector<std::uint8_t> bytes;
+  std::size_t header = 7;  // bytes before the function: 1 on a serial line
 
-  std::uint8_t function() const { return bytes[7]; }
+  std::uint8_t function() const { return bytes[header]; }
   RegisterRange range() const;  // that functions 3, 4, 6 and 16 ask for
   bool is_write() const { return function() == 0x06 || function() == 0x10; }
 };
 
-// Sockets of a Modbus TCP server on 127.0.0.1, without a thread: the owner polls.
+// A Modbus TCP server on 127.0.0.1, or an RTU one on a pseudo-terminal, without a thread: the owner
+// polls.
 class ModbusServer {
  public:
   static hal::Result<std::unique_ptr<ModbusServer>> Listen(std::uint16_t port);
+  // One end of a new pseudo-terminal, as unit `unit_id`; device() is the other.
+  static hal::Result<std::unique_ptr<ModbusServer>> OpenLine(std::uint8_t unit_id);
   ~ModbusServer();
   ModbusServer(const ModbusServer&) = delete;
   ModbusServer& operator=(const ModbusServer&) = delete;
 
   std::uint16_t port() const { return port_; }
+  const std::string& device() const { return device_; }
+  bool rtu() const { return line_ >= 0; }
 
   // Waits for requests, Wake or the timeout; well-formed requests go to `handle`.
   void Poll(std::chrono::milliseconds timeout,
@@ -62,6 +69,9 @@ class ModbusServer {
 
   std::unique_ptr<modbus_t, Free> context_;
   int listener_ = -1;
+  int line_ = -1;      // our end
+  int far_line_ = -1;  // the other end, held open so that the line never hangs up
+  std::string device_;
   int wake_ = -1;
   std::uint16_t port_ = 0;
   std::uint64_t next_id_ = 1;

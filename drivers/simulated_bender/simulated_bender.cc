@@ -53,6 +53,7 @@ class SimulatedBender::Impl {
   }
 
   std::uint16_t port() const { return server_->port(); }
+  const std::string& device() const { return server_->device(); }
 
   hal::Result<BentPart> Bend() {
     std::unique_lock lock(mutex_);
@@ -261,7 +262,8 @@ class SimulatedBender::Impl {
   // Reads or writes the registers and answers, well or badly.
   void Perform(const ModbusRequest& request, bool unanswered) {
     ModbusRequest seen = request;
-    if (wrong_.answer == Answer::kWrongUnit) ++seen.bytes[6];
+    if (wrong_.answer == Answer::kWrongUnit) ++seen.bytes[seen.header - 1];
+    // On a serial line nothing numbers a transaction: an answer to another function.
     if (wrong_.answer == Answer::kWrongTransaction) ++seen.bytes[1];
     if (wrong_.answer == Answer::kMute || wrong_.answer == Answer::kShort || unanswered) {
       seen.client = 0;
@@ -302,7 +304,8 @@ hal::Result<std::unique_ptr<SimulatedBender>> SimulatedBender::Start(
       options.physics.default_bend_radius_mm = *row.bend_radius_mm;
     }
   }
-  auto server = ModbusServer::Listen(options.port);
+  auto server =
+      options.rtu ? ModbusServer::OpenLine(options.unit_id) : ModbusServer::Listen(options.port);
   if (!server) return hal::Fail(server.error());
   auto impl = std::make_unique<Impl>(std::move(options), std::move(*server));
   if (auto ok = impl->Begin(); !ok) return hal::Fail(ok.error());
@@ -313,6 +316,7 @@ SimulatedBender::SimulatedBender(std::unique_ptr<Impl> impl) : impl_(std::move(i
 SimulatedBender::~SimulatedBender() { Stop(); }
 
 std::uint16_t SimulatedBender::port() const { return impl_->port(); }
+const std::string& SimulatedBender::device() const { return impl_->device(); }
 void SimulatedBender::Stop() { impl_->Stop(); }
 hal::Result<BentPart> SimulatedBender::Bend() { return impl_->Bend(); }
 hal::ProgramBlock SimulatedBender::Active() const { return impl_->Active(); }

@@ -16,7 +16,9 @@
 namespace bendloop::drivers {
 
 struct SimulatedBenderOptions {
-  std::uint16_t port = 0;  // on 127.0.0.1; 0 picks a free one
+  std::uint16_t port = 0;    // on 127.0.0.1; 0 picks a free one
+  bool rtu = false;          // instead: Modbus RTU on a pseudo-terminal, which device() names
+  std::uint8_t unit_id = 1;  // RTU; over TCP it answers any
   hal::RegisterMap map;
   hal::ProgramBlock program;  // active at start; its crc is computed
   double pipe_radius_mm = 0;
@@ -32,9 +34,9 @@ struct BentPart {
   std::filesystem::path file;  // on the tray; empty without one
 };
 
-// A bender on a Modbus TCP port: active program, staging area, state, handshake, heartbeat, and a
-// press that bends. It serves any number of clients on its own thread from Start until Stop.
-// All calls may come from any thread.
+// A bender on a Modbus TCP port or RTU line: active program, staging area, state, handshake,
+// heartbeat, and a press that bends. It serves any number of clients on its own thread from Start
+// until Stop. All calls may come from any thread.
 class SimulatedBender {
  public:
   static hal::Result<std::unique_ptr<SimulatedBender>> Start(SimulatedBenderOptions options);
@@ -42,7 +44,8 @@ class SimulatedBender {
   SimulatedBender(const SimulatedBender&) = delete;
   SimulatedBender& operator=(const SimulatedBender&) = delete;
 
-  std::uint16_t port() const;
+  std::uint16_t port() const;         // 0 on a serial line
+  const std::string& device() const;  // "/dev/pts/3"; empty over TCP
   void Stop();
 
   // Runs one cycle of the active program: mode bending for `cycle`, then the part lies on the tray.

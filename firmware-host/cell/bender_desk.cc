@@ -8,6 +8,23 @@
 
 namespace bendloop::host {
 
+namespace {
+
+drivers::SerialLine LineOf(const config::BenderConfig& bender) {
+  drivers::SerialLine line{.device = bender.device,
+                           .baud = bender.baud,
+                           .parity = drivers::SerialParity::kNone,
+                           .stop_bits = bender.stop_bits,
+                           .rs485 = bender.rs485,
+                           .delay_before_send = bender.rs485_delay_before_send,
+                           .delay_after_send = bender.rs485_delay_after_send};
+  if (bender.parity == config::SerialParity::kEven) line.parity = drivers::SerialParity::kEven;
+  if (bender.parity == config::SerialParity::kOdd) line.parity = drivers::SerialParity::kOdd;
+  return line;
+}
+
+}  // namespace
+
 struct BenderDesk::Simulator {
   std::unique_ptr<drivers::SimulatedBender> bender;
 };
@@ -33,6 +50,10 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
   link.response_timeout = bender.response_timeout;
   link.byte_timeout = bender.byte_timeout;
   desk->name_ = "modbus " + bender.host + ":" + std::to_string(bender.port);
+  if (bender.link == config::BenderKind::kModbusRtu) {
+    link.serial = LineOf(bender);
+    desk->name_ = "modbus " + bender.device;
+  }
   if (bender.link == config::BenderKind::kSimulated) {
     drivers::SimulatedBenderOptions simulated;
     simulated.map = bender.register_map;

@@ -48,7 +48,7 @@ hal::Result<std::unique_ptr<BenderDesk>> OpenDesk(const config::CellConfig& cell
                                                   const PartPlan& plan, const Recorded& recorded,
                                                   const ReplayOptions& options, hal::Clock& clock) {
   BenderDesk::Options desk;
-  desk.journal = cell.bender.link == config::BenderKind::kModbusTcp ? options.journal : ":memory:";
+  desk.journal = IsReal(cell.bender.link) ? options.journal : ":memory:";
   desk.pipe_radius_mm = plan.pipe_radius_mm;
   desk.commit = plan.commit;
   if (cell.bender.link != config::BenderKind::kSimulated) {

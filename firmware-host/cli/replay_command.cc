@@ -46,7 +46,7 @@ int ReplayOne(const ReplayArguments& arguments) {
   // A real bender is this cell's: its journal and lot are taken, and the daemon must not run.
   std::optional<StateStore> store;
   std::string lot_key;
-  if (cell->bender.link == config::BenderKind::kModbusTcp) {
+  if (IsReal(cell->bender.link)) {
     const auto plan = MakePartPlan(*cell);
     if (!plan) return Report(plan.error());
     lot_key = plan->config_digest;

@@ -88,7 +88,8 @@ int Run(int argc, char** argv) {
   std::vector<std::string> faults;
   unsigned cycle_ms = 200;
   CLI::App app{
-      "A CNC tube bender that is not there: a Modbus TCP server with a program, a press and its\n"
+      "A CNC tube bender that is not there: a Modbus TCP or RTU server with a program, a press and "
+      "its\n"
       "moods. Prints \"listening PORT\", then obeys one command a line on standard input:\n"
       "  bend                 run one cycle; prints \"bent part-0001.json\" when the part is on "
       "the\n"
@@ -103,6 +104,12 @@ int Run(int argc, char** argv) {
              "      --pipe-radius 10 --springback-20 0.8 --springback-120 3.1 --tray /tmp/tray");
   app.add_option("--port", options.port, "TCP port on 127.0.0.1; 0 picks a free one")
       ->capture_default_str();
+  app.add_flag("--rtu", options.rtu,
+               "Modbus RTU on a pseudo-terminal; prints \"listening /dev/pts/N\", which a cell "
+               "file\nnames as its bender's device");
+  app.add_option("--unit", options.unit_id, "with --rtu: its unit id")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 247));
   app.add_option("--map", map_file, "register map (TOML)")->required();
   app.add_option("--program", program_file,
                  "program that is active at start: JSON with \"rows\" or \"tube\", as in a result")
@@ -149,7 +156,11 @@ int Run(int argc, char** argv) {
   for (const std::string& fault : faults) {
     if (auto done = (*bender)->Misbehave(fault); !done) return Complain(done.error());
   }
-  std::cout << "listening " << (*bender)->port() << std::endl;
+  if ((*bender)->device().empty()) {
+    std::cout << "listening " << (*bender)->port() << std::endl;
+  } else {
+    std::cout << "listening " << (*bender)->device() << std::endl;
+  }
   std::string line;
   while (std::getline(std::cin, line) && Obey(**bender, line)) {
   }

@@ -13,10 +13,12 @@
 
 namespace bendloop::test {
 
-inline drivers::SimulatedBenderOptions SimulatorOptions(const hal::RegisterMap& map) {
+inline drivers::SimulatedBenderOptions SimulatorOptions(const hal::RegisterMap& map,
+                                                        bool rtu = false) {
   std::mt19937_64 random(3);
   drivers::SimulatedBenderOptions options;
   options.map = map;
+  options.rtu = rtu;
   options.program = {42, 3, RandomProgram(random, 4), 0};
   options.pipe_radius_mm = 10;
   options.cycle = std::chrono::milliseconds(1);
@@ -45,9 +47,15 @@ inline drivers::ModbusBenderOptions LinkOptions(std::uint16_t port) {
 // The Modbus link with the simulated bender on loopback.
 class ModbusBenderUnderTest final : public BenderUnderTest {
  public:
-  explicit ModbusBenderUnderTest(const hal::RegisterMap& map)
-      : bender_(StartBender(SimulatorOptions(map))),
-        link_(drivers::MakeModbusBender(map, LinkOptions(bender_->port()), clock_)) {}
+  explicit ModbusBenderUnderTest(const hal::RegisterMap& map, bool rtu = false)
+      : bender_(StartBender(SimulatorOptions(map, rtu))),
+        link_(drivers::MakeModbusBender(map, LinkOptions(*bender_), clock_)) {}
+
+  static drivers::ModbusBenderOptions LinkOptions(const drivers::SimulatedBender& bender) {
+    auto options = test::LinkOptions(bender.port());
+    if (!bender.device().empty()) options.serial = drivers::SerialLine{.device = bender.device()};
+    return options;
+  }
 
   hal::BenderLink& link() override { return *link_; }
   hal::ProgramBlock Active() override { return bender_->Active(); }

@@ -35,5 +35,33 @@ INSTANTIATE_TEST_SUITE_P(Modbus, BenderLinkConformance,
                                          Shipped("siemens-like")),
                          [](const auto& factory) { return factory.param.name; });
 
+BenderFactory Rtu(const hal::RegisterMap& map) {
+  return {map.name, [map] { return std::make_unique<ModbusBenderUnderTest>(map, true); }};
+}
+
+INSTANTIATE_TEST_SUITE_P(ModbusRtu, BenderLinkConformance,
+                         testing::Values(Rtu(PlainMap()), Rtu(OddMap())),
+                         [](const auto& factory) { return factory.param.name; });
+
+TEST(ModbusRtuLine, SaysWhatIsWrongWithThePort) {
+  hal::SteadyClock clock;
+  drivers::ModbusBenderOptions options;
+  options.serial = drivers::SerialLine{.device = "/dev/no-such-port"};
+  auto link = drivers::MakeModbusBender(PlainMap(), options, clock);
+  const auto missing = link->ReadState();
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().message,
+            "bender /dev/no-such-port unit 1: cannot connect: No such file or directory");
+
+  ModbusBenderUnderTest cell(PlainMap(), true);  // a pseudo-terminal knows no RS-485
+  options.serial = drivers::SerialLine{.device = cell.bender().device(), .rs485 = true};
+  link = drivers::MakeModbusBender(PlainMap(), options, clock);
+  const auto refused = link->ReadState();
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("cannot switch an RS-485 line"), std::string::npos)
+      << refused.error().message;
+  EXPECT_TRUE(cell.link().ReadState());
+}
+
 }  // namespace
 }  // namespace bendloop::test
