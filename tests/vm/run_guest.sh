@@ -1,0 +1,170 @@
+#!/bin/sh
+# Runs a shell script in a guest with Debian's own kernel under qemu: real CAN, whatever the host has.
+# usage: run_guest.sh CACHE MODULES SCRIPT [PROGRAM[:PLACE]]...
+#   CACHE    folder for the kernel, outside the sources; kept, and shared by all runs
+#   MODULES  kernel modules to load in the guest, with what they need: "vcan can-raw"
+#   SCRIPT   for busybox's sh; the exit code comes back
+#   PROGRAM  to take along, with its libraries; to /usr/bin or to PLACE
+# Exits with the script's code, 124 if the guest hangs, 125 if it dies, 77 if there is no qemu or no
+# kernel to be had.
+set -eu
+
+no_guest() {
+  echo "############ NOT TESTED IN A GUEST: $* ############" >&2
+  exit 77
+}
+say() { echo "run_guest: $*" >&2; }
+
+cache=$1
+modules=$2
+script=$3
+shift 3
+for tool in qemu-system-x86_64 busybox cpio modprobe dpkg-deb apt-get xz flock; do
+  command -v "$tool" >/dev/null || PATH=$PATH:/usr/sbin:/sbin command -v "$tool" >/dev/null ||
+    no_guest "$tool is missing; config/install-packages.sh test"
+done
+PATH=$PATH:/usr/sbin:/sbin
+[ "$(uname -m)" = x86_64 ] || no_guest "only x86_64 guests are made"
+
+mkdir -p "$cache"
+cache=$(realpath "$cache")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT INT TERM
+
+# vmlinux BZIMAGE: unpacks the kernel that Debian packs with xz; booting it so saves half the time.
+unpack_vmlinux() {
+  number() { od -An -v -j "$2" -N "$3" -t "u$3" "$1" | tr -d ' '; }
+  start=$((($(number "$1" 497 1) + 1) * 512 + $(number "$1" 584 4)))
+  size=$(number "$1" 588 4)
+  tail -c +$((start + 1)) "$1" | head -c "$size" | xz -dc --single-stream 2>/dev/null >"$2" || true
+  [ "$(head -c 4 "$2" | od -An -c | tr -d ' ')" = '177ELF' ]
+}
+
+fetch_kernel() {
+  package=$(apt-cache depends linux-image-amd64 2>/dev/null |
+    awk '/Depends: linux-image-/ { print $2; exit }')
+  if [ -z "$package" ]; then
+    # Without package lists (a machine off the net): what was fetched before does.
+    for old in "$cache"/linux-image-*; do [ -e "$old/vmlinux" ] && package=${old##*/}; done
+    [ -n "$package" ] || no_guest "apt knows no linux-image-amd64 (apt-get update?)"
+  fi
+  kernel=$cache/$package
+  [ ! -e "$kernel/vmlinux" ] || return 0
+  say "fetching $package"
+  rm -rf "$kernel" "$cache/new"
+  mkdir -p "$cache/new"
+  (cd "$cache/new" && apt-get -qq download "$package" 2>"$work/apt") ||
+    no_guest "$package cannot be fetched: $(tail -n 1 "$work/apt")"
+  dpkg-deb -x "$cache"/new/*.deb "$cache/new"
+  rm "$cache"/new/*.deb
+  [ -d "$cache/new/lib" ] || mv "$cache/new/usr/lib" "$cache/new/lib"
+  release=$(basename "$cache"/new/lib/modules/*)
+  depmod -b "$cache/new" "$release"
+  unpack_vmlinux "$cache/new/boot/vmlinuz-$release" "$cache/new/vmlinux" ||
+    cp "$cache/new/boot/vmlinuz-$release" "$cache/new/vmlinux"
+  mv "$cache/new" "$kernel"
+}
+
+# take FILE PLACE: with the libraries that it is linked with
+take() {
+  mkdir -p "$root$(dirname "$2")"
+  cp -L "$1" "$root$2"
+  ldd "$1" 2>/dev/null | grep -o '/[^ ]*' | while read -r library; do
+    mkdir -p "$root$(dirname "$library")"
+    [ -e "$root$library" ] || cp -L "$library" "$root$library"
+  done
+}
+
+pack() { (cd "$1" && find . -print0 | cpio --null -o -H newc --quiet) >"$2"; }
+
+# boot ACCELERATOR SECONDS INITRD: the guest writes its exit code c to a port; qemu exits with 2c+1
+boot() {
+  qemu=0
+  timeout "$2" qemu-system-x86_64 -accel "$1" -cpu max -M q35 -m 512 -smp 1 -nodefaults \
+    -no-user-config -display none -serial stdio -no-reboot \
+    -device isa-debug-exit,iobase=0xf4,iosize=0x04 -kernel "$kernel/vmlinux" -initrd "$3" \
+    -append "console=ttyS0 quiet panic=-1" </dev/null || qemu=$?
+  [ "$qemu" != 124 ] || return 124
+  [ $((qemu % 2)) = 1 ] || return 125
+  return $((qemu / 2))
+}
+
+# The host may offer KVM and yet not boot with it; once a start of the host it is tried.
+choose_accelerator() {
+  known=$cache/accelerator-$(cat /proc/sys/kernel/random/boot_id)
+  if [ ! -e "$known" ]; then
+    rm -f "$cache"/accelerator-*
+    echo tcg >"$work/accelerator"
+    if [ -r /dev/kvm ] && [ -w /dev/kvm ]; then
+      mkdir -p "$work/try/bin" "$work/try/dev"
+      cp "$(command -v busybox)" "$work/try/bin/busybox"
+      {
+        echo '#!/bin/busybox sh'
+        echo '/bin/busybox mount -t devtmpfs dev /dev'
+        echo 'echo -n "*" | /bin/busybox dd of=/dev/port bs=1 seek=244 count=1 2>/dev/null'  # 42
+      } >"$work/try/init"
+      chmod +x "$work/try/init"
+      pack "$work/try" "$work/try.cpio"
+      tried=0
+      boot kvm 10 "$work/try.cpio" >/dev/null 2>&1 || tried=$?
+      [ "$tried" != 42 ] || echo kvm >"$work/accelerator"
+    fi
+    cp "$work/accelerator" "$known"
+  fi
+  cat "$known"
+}
+
+(
+  flock 9
+  fetch_kernel
+  choose_accelerator >"$work/chosen"
+  echo "$kernel" >"$work/kernel"
+) 9>"$cache/lock"
+kernel=$(cat "$work/kernel")
+accelerator=$(cat "$work/chosen")
+
+root=$work/root
+mkdir -p "$root/bin" "$root/dev" "$root/proc" "$root/sys" "$root/tmp" "$root/run" "$root/modules"
+cp "$(command -v busybox)" "$root/bin/busybox"
+cp "$script" "$root/script"
+for program in "$@"; do
+  place=${program#*:}
+  program=${program%%:*}
+  [ "$place" != "$program" ] || place=/usr/bin/$(basename "$program")
+  take "$program" "$place"
+done
+release=$(basename "$kernel"/lib/modules/*)
+: >"$root/modules/order"
+for module in $modules; do
+  modprobe -d "$kernel" -S "$release" --show-depends "$module" |
+    awk '$1 == "insmod" { print $2 }' | while read -r file; do
+    name=$(basename "$file")
+    [ ! -e "$root/modules/$name" ] || continue
+    cp "$file" "$root/modules/$name"
+    echo "$name" >>"$root/modules/order"
+  done
+done
+cat >"$root/init" <<'INIT'
+#!/bin/busybox sh
+/bin/busybox mkdir -p /bin /sbin /usr/bin
+/bin/busybox --install -s /bin
+export PATH=/usr/bin:/bin HOME=/tmp
+mount -t proc proc /proc
+mount -t sysfs sys /sys
+mount -t devtmpfs dev /dev
+mount -t tmpfs tmp /tmp
+code=0
+while read -r module; do
+  insmod "/modules/$module" || code=126
+done </modules/order
+if [ "$code" = 0 ]; then sh /script || code=$?; fi
+echo "run_guest: exit $code after $(cut -d ' ' -f 1 /proc/uptime) s, Linux $(uname -r)"
+printf "\\x$(printf %02x "$code")" | dd of=/dev/port bs=1 seek=244 count=1 2>/dev/null
+poweroff -f
+INIT
+chmod +x "$root/init"
+pack "$root" "$work/initrd"
+code=0
+boot "$accelerator" "${GUEST_SECONDS:-120}" "$work/initrd" || code=$?
+say "$accelerator guest: $code"
+exit "$code"
