@@ -50,6 +50,7 @@ struct Words {
 template <class Map>
 CLI::Validator OneOf(const Map& map) {
   std::vector<std::string> words;
+  words.reserve(map.size());
   for (const auto& [word, value] : map) words.push_back(word);
   return CLI::IsMember(words);
 }

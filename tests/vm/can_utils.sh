@@ -1,3 +1,4 @@
+# shellcheck shell=sh
 # In the guest: the kernel has CAN, and can-utils see what can-utils send.
 set -e
 ip link add dev vcan0 type vcan
