@@ -3,6 +3,9 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <vector>
+
+#include "pipeline/wide.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -13,61 +16,84 @@ constexpr std::size_t kMinSamples = 10;
 constexpr double kMinAspect = 0.15;
 constexpr double kMinCondition = 3e-4;
 
-}  // namespace
-
-std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
-                                                  std::span<const Eigen::Vector3d> candidates,
-                                                  double radius_mm) {
-  // Weighted covariance of the neighbours (2.1), coordinates relative to the sample.
-  const double radius2 = radius_mm * radius_mm;
-  const auto weight = [radius2](double distance2) {
-    const double u = 1.0 - distance2 / radius2;
-    return u * u;
-  };
-  std::size_t samples = 0;
-  double sum_weight = 0;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d sum_outer = Eigen::Matrix3d::Zero();
-  for (const Eigen::Vector3d& candidate : candidates) {
-    const Eigen::Vector3d p = candidate - point;
-    const double distance2 = p.squaredNorm();
-    if (distance2 >= radius2) continue;
-    const double w = weight(distance2);
-    const Eigen::Vector3d wp = w * p;
-    ++samples;
-    sum_weight += w;
-    sum += wp;
-    sum_outer.noalias() += wp * p.transpose();
+// The neighbours relative to the sample as arrays, in units of the radius; filled up with points of
+// no weight to whole registers.
+class Neighbours {
+ public:
+  Neighbours(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> candidates,
+             double radius_mm)
+      : values_(3 * (candidates.size() + 3)), room_(candidates.size() + 3) {
+    const double inverse = 1.0 / radius_mm;
+    for (const Eigen::Vector3d& candidate : candidates) {
+      const Eigen::Vector3d p = inverse * (candidate - point);
+      lane(0)[count_] = p.x();
+      lane(1)[count_] = p.y();
+      lane(2)[count_] = p.z();
+      count_ += p.squaredNorm() < 1.0 ? 1 : 0;
+    }
+    size_ = (count_ + 3) / 4 * 4;
+    for (std::size_t i = count_; i < size_; ++i) lane(0)[i] = lane(1)[i] = lane(2)[i] = 1.0;
   }
-  if (samples < kMinSamples) return std::nullopt;
-  const Eigen::Vector3d mean = sum / sum_weight;
-  const Eigen::Matrix3d covariance = sum_outer / sum_weight - mean * mean.transpose();
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
-  eigen.computeDirect(covariance);
-  const Eigen::Vector3d spread = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  if (!(spread[1] > kMinAspect * spread[2])) return std::nullopt;
-  const Eigen::Vector3d nu = eigen.eigenvectors().col(0);
-  const Eigen::Vector3d ex = eigen.eigenvectors().col(2);
-  const Eigen::Vector3d ey = nu.cross(ex);
+  std::size_t count() const { return count_; }
+  std::size_t size() const { return size_; }
+  double* lane(std::size_t i) { return values_.data() + i * room_; }
+  const double* lane(std::size_t i) const { return values_.data() + i * room_; }
 
-  // z = a x^2 + b y^2 + c xy + d x + e y + f in units of the radius, which keeps the normal
-  // equations well scaled.
-  using Vector6d = Eigen::Matrix<double, 6, 1>;
-  using Matrix6d = Eigen::Matrix<double, 6, 6>;
-  // Weighted moments: m_ij of x^i y^j, z_ij of z x^i y^j.
-  double m00 = 0, m10 = 0, m01 = 0, m20 = 0, m11 = 0, m02 = 0, m30 = 0, m21 = 0, m12 = 0, m03 = 0,
-         m40 = 0, m31 = 0, m22 = 0, m13 = 0, m04 = 0;
-  double z00 = 0, z10 = 0, z01 = 0, z20 = 0, z11 = 0, z02 = 0;
-  double sum_z2 = 0;
-  const double inverse = 1.0 / radius_mm;
-  for (const Eigen::Vector3d& candidate : candidates) {
-    const Eigen::Vector3d p = candidate - point;
-    const double distance2 = p.squaredNorm();
-    if (distance2 >= radius2) continue;
-    const double w = weight(distance2);
-    const double x = p.dot(ex) * inverse;
-    const double y = p.dot(ey) * inverse;
-    const double z = p.dot(nu) * inverse;
+ private:
+  std::vector<double> values_;
+  std::size_t room_;
+  std::size_t count_ = 0;
+  std::size_t size_ = 0;
+};
+
+BENDLOOP_LOOP double Weight(double x, double y, double z) {
+  const double u = 1.0 - (x * x + y * y + z * z);
+  return u > 0 ? u * u : 0.0;
+}
+
+struct Covariance {
+  double w = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+};
+
+BENDLOOP_LOOP Covariance SumCovarianceBody(const Neighbours& points) {
+  const double *px = points.lane(0), *py = points.lane(1), *pz = points.lane(2);
+  double w0 = 0, sx = 0, sy = 0, sz = 0, xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
+  const std::size_t size = points.size();
+#pragma omp simd reduction(+ : w0, sx, sy, sz, xx, xy, xz, yy, yz, zz)
+  for (std::size_t i = 0; i < size; ++i) {
+    const double w = Weight(px[i], py[i], pz[i]);
+    const double wx = w * px[i], wy = w * py[i], wz = w * pz[i];
+    w0 += w, sx += wx, sy += wy, sz += wz;
+    xx += wx * px[i], xy += wx * py[i], xz += wx * pz[i];
+    yy += wy * py[i], yz += wy * pz[i], zz += wz * pz[i];
+  }
+  return {w0, sx, sy, sz, xx, xy, xz, yy, yz, zz};
+}
+BENDLOOP_WIDE(Covariance, SumCovariance, (const Neighbours& points), (points))
+
+// Weighted moments: m_ij of x^i y^j, z_ij of z x^i y^j.
+struct Moments {
+  double m00 = 0, m10 = 0, m01 = 0, m20 = 0, m11 = 0, m02 = 0, m30 = 0, m21 = 0, m12 = 0, m03 = 0;
+  double m40 = 0, m31 = 0, m22 = 0, m13 = 0, m04 = 0;
+  double z00 = 0, z10 = 0, z01 = 0, z20 = 0, z11 = 0, z02 = 0, zz = 0;
+};
+
+BENDLOOP_LOOP Moments SumMomentsBody(const Neighbours& points, const Eigen::Matrix3d& axes) {
+  const double *px = points.lane(0), *py = points.lane(1), *pz = points.lane(2);
+  const double ax = axes(0, 0), ay = axes(1, 0), az = axes(2, 0);
+  const double bx = axes(0, 1), by = axes(1, 1), bz = axes(2, 1);
+  const double cx = axes(0, 2), cy = axes(1, 2), cz = axes(2, 2);
+  double m00 = 0, m10 = 0, m01 = 0, m20 = 0, m11 = 0, m02 = 0, m30 = 0, m21 = 0, m12 = 0, m03 = 0;
+  double m40 = 0, m31 = 0, m22 = 0, m13 = 0, m04 = 0;
+  double z00 = 0, z10 = 0, z01 = 0, z20 = 0, z11 = 0, z02 = 0, zz = 0;
+  const std::size_t size = points.size();
+#pragma omp simd reduction(+ : m00, m10, m01, m20, m11, m02, m30, m21, m12, m03, m40, m31, m22, \
+                               m13, m04, z00, z10, z01, z20, z11, z02, zz)
+  for (std::size_t i = 0; i < size; ++i) {
+    const double w = Weight(px[i], py[i], pz[i]);
+    const double x = px[i] * ax + py[i] * ay + pz[i] * az;
+    const double y = px[i] * bx + py[i] * by + pz[i] * bz;
+    const double z = px[i] * cx + py[i] * cy + pz[i] * cz;
     const double x2 = x * x, xy = x * y, y2 = y * y;
     const double wx2 = w * x2, wxy = w * xy, wy2 = w * y2;
     m00 += w, m10 += w * x, m01 += w * y;
@@ -76,17 +102,50 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
     m40 += wx2 * x2, m31 += wx2 * xy, m22 += wx2 * y2, m13 += wxy * y2, m04 += wy2 * y2;
     z00 += w * z, z10 += w * z * x, z01 += w * z * y;
     z20 += wx2 * z, z11 += wxy * z, z02 += wy2 * z;
-    sum_z2 += w * z * z;
+    zz += w * z * z;
   }
+  return {m00, m10, m01, m20, m11, m02, m30, m21, m12, m03, m40,
+          m31, m22, m13, m04, z00, z10, z01, z20, z11, z02, zz};
+}
+BENDLOOP_WIDE(Moments, SumMoments, (const Neighbours& points, const Eigen::Matrix3d& axes),
+              (points, axes))
+
+}  // namespace
+
+std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
+                                                  std::span<const Eigen::Vector3d> candidates,
+                                                  double radius_mm) {
+  // Weighted covariance of the neighbours (2.1). Units of the radius keep all sums well scaled.
+  const Neighbours neighbours(point, candidates, radius_mm);
+  if (neighbours.count() < kMinSamples) return std::nullopt;
+  const Covariance c = SumCovariance(neighbours);
+  const Eigen::Vector3d mean = Eigen::Vector3d(c.x, c.y, c.z) / c.w;
+  Eigen::Matrix3d covariance;
+  covariance << c.xx, c.xy, c.xz, c.xy, c.yy, c.yz, c.xz, c.yz, c.zz;
+  covariance = covariance / c.w - mean * mean.transpose();
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+  eigen.computeDirect(covariance);
+  const Eigen::Vector3d spread = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  if (!(spread[1] > kMinAspect * spread[2])) return std::nullopt;
+  const Eigen::Vector3d nu = eigen.eigenvectors().col(0);
+  const Eigen::Vector3d ex = eigen.eigenvectors().col(2);
+  const Eigen::Vector3d ey = nu.cross(ex);
+
+  // z = a x^2 + b y^2 + c xy + d x + e y + f in units of the radius.
+  using Vector6d = Eigen::Matrix<double, 6, 1>;
+  using Matrix6d = Eigen::Matrix<double, 6, 6>;
+  Eigen::Matrix3d axes;
+  axes << ex, ey, nu;
+  const Moments m = SumMoments(neighbours, axes);
   Matrix6d normal_matrix;
-  normal_matrix << m40, m22, m31, m30, m21, m20,  //
-      m22, m04, m13, m12, m03, m02,               //
-      m31, m13, m22, m21, m12, m11,               //
-      m30, m12, m21, m20, m11, m10,               //
-      m21, m03, m12, m11, m02, m01,               //
-      m20, m02, m11, m10, m01, m00;
+  normal_matrix << m.m40, m.m22, m.m31, m.m30, m.m21, m.m20,  //
+      m.m22, m.m04, m.m13, m.m12, m.m03, m.m02,               //
+      m.m31, m.m13, m.m22, m.m21, m.m12, m.m11,               //
+      m.m30, m.m12, m.m21, m.m20, m.m11, m.m10,               //
+      m.m21, m.m03, m.m12, m.m11, m.m02, m.m01,               //
+      m.m20, m.m02, m.m11, m.m10, m.m01, m.m00;
   Vector6d right;
-  right << z20, z02, z11, z10, z01, z00;
+  right << m.z20, m.z02, m.z11, m.z10, m.z01, m.z00;
   const Eigen::LDLT<Matrix6d> ldlt(normal_matrix);
   // Two laser stripes leave the curvature across them open; a third one settles it.
   if (ldlt.info() != Eigen::Success || !(ldlt.rcond() > kMinCondition)) return std::nullopt;
@@ -94,8 +153,8 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   if (!k.allFinite()) return std::nullopt;
 
   LocalParaboloid fit;
-  fit.samples = samples;
-  fit.rms_mm = radius_mm * std::sqrt(std::max(0.0, sum_z2 - k.dot(right)) / sum_weight);
+  fit.samples = neighbours.count();
+  fit.rms_mm = radius_mm * std::sqrt(std::max(0.0, m.zz - k.dot(right)) / m.m00);
   const double d = k[3];
   const double e = k[4];
   fit.foot_mm = point + radius_mm * k[5] * nu;
@@ -106,7 +165,7 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   g << d * d + 1.0, d * e, d * e, e * e + 1.0;
   Eigen::Matrix2d h;
   h << 2.0 * k[0], k[2], k[2], 2.0 * k[1];
-  h *= inverse / std::sqrt(1.0 + d * d + e * e);
+  h *= 1.0 / radius_mm / std::sqrt(1.0 + d * d + e * e);
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::Matrix2d> shape(h, g);
   if (shape.info() != Eigen::Success) return std::nullopt;
   const int first = std::abs(shape.eigenvalues()[0]) > std::abs(shape.eigenvalues()[1]) ? 0 : 1;

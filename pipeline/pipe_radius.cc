@@ -24,8 +24,11 @@ constexpr double kAgreement = 0.2;  // of the trial's curvature
 constexpr double kMaxRms = 0.12;    // of the trial radius: noise of 0.12 mm on a 2 mm wire is half
 constexpr std::size_t kSeeds = 240;
 // Every so many seeds are asked first. When none of these agrees with the trial, hardly one in
-// twenty of all does, and the others are not asked.
+// twenty of all does, and the others are not asked; nor when so many agree that all is said.
 constexpr std::size_t kPilotStride = 3;
+constexpr std::size_t kEnoughVotes = 24;
+// Points in a cube of the neighbourhood's size, on the average: more are not looked at.
+constexpr std::size_t kDense = 12;
 constexpr std::size_t kWorkingPoints = 20'000;
 constexpr double kMinSupport = 0.04;
 constexpr double kStray = 0.01;  // part of the points at either end that may lie anywhere
@@ -44,11 +47,19 @@ std::vector<Eigen::Vector3d> Pick(std::span<const Eigen::Vector3d> points, std::
   return picked;
 }
 
-std::vector<Vote> VotesFor(double trial_mm, double neighbourhood_mm,
-                           std::span<const Eigen::Vector3d> seeds, const SampleGrid& grid) {
+// The votes for a trial radius, and how many seeds were asked.
+struct Votes {
   std::vector<Vote> votes;
+  std::size_t asked = 0;
+};
+
+Votes VotesFor(double trial_mm, double neighbourhood_mm, std::span<const Eigen::Vector3d> seeds,
+               const SampleGrid& grid) {
+  Votes result;
+  std::vector<Vote>& votes = result.votes;
   std::vector<Eigen::Vector3d> ball;
   const auto ask = [&](const Eigen::Vector3d& seed) {
+    ++result.asked;
     grid.GatherBall(seed, neighbourhood_mm, ball);
     const auto surface = FitLocalParaboloid(seed, ball, neighbourhood_mm);
     if (!surface || surface->rms_mm > kMaxRms * trial_mm) return;
@@ -61,11 +72,11 @@ std::vector<Vote> VotesFor(double trial_mm, double neighbourhood_mm,
     }
   };
   for (std::size_t i = 0; i < seeds.size(); i += kPilotStride) ask(seeds[i]);
-  if (votes.empty()) return votes;
+  if (votes.empty() || votes.size() >= kEnoughVotes) return result;
   for (std::size_t i = 0; i < seeds.size(); ++i) {
     if (i % kPilotStride != 0) ask(seeds[i]);
   }
-  return votes;
+  return result;
 }
 
 // Radii of free cylinder fits at the votes; keeps only those that agree with the trial.
@@ -85,7 +96,8 @@ Cylinders FitCylinders(double trial_mm, std::span<const Vote> votes, const Sampl
                                       {.radius_mm = trial_mm,
                                        .free_radius = true,
                                        .support_mm = kCylinderSupport * trial_mm,
-                                       .inlier_mm = 0.35 * trial_mm});
+                                       .inlier_mm = 0.35 * trial_mm,
+                                       .converged = 1e-4});
     if (!cylinder || cylinder->angular_coverage < 0.15 ||
         cylinder->axial_spread_mm < 0.15 * trial_mm ||
         std::abs(cylinder->radius_mm / trial_mm - 1.0) > 0.4 ||
@@ -104,25 +116,36 @@ struct Candidate {
   std::vector<double> rms_mm;
 };
 
+// Every `stride`-th point in cubes of the neighbourhood's size; a smaller stride if these are few.
+SampleGrid DenseGrid(std::span<const Eigen::Vector3d> working, double block_mm,
+                     std::size_t& stride) {
+  while (true) {
+    SampleGrid grid(block_mm);
+    std::int32_t block = 0;
+    for (std::size_t i = 0; i < working.size(); i += stride) grid.Insert(working[i], block);
+    if (stride == 1 || grid.sample_count() >= kDense * grid.blocks().size()) return grid;
+    stride = std::max<std::size_t>(1, stride / 2);
+  }
+}
+
 // From pipes as thick as the cloud down to where neighbourhoods are too small to be fitted.
 Candidate BestTrial(std::span<const Eigen::Vector3d> working,
                     std::span<const Eigen::Vector3d> seeds, double size_mm, double neighbourhood) {
   Candidate best;
   int worse = 0;
+  std::size_t stride = kWorkingPoints / kSeeds;
   for (double trial_mm = size_mm / 3.0; trial_mm > size_mm / 5000.0; trial_mm /= kLadderStep) {
-    SampleGrid grid(neighbourhood * trial_mm);
-    std::int32_t block = 0;
-    for (const Eigen::Vector3d& p : working) grid.Insert(p, block);
+    const SampleGrid grid = DenseGrid(working, neighbourhood * trial_mm, stride);
     if (grid.blocks().size() > working.size() / 2) break;  // too sparse from here on
     double score = 0;
-    const std::vector<Vote> votes = VotesFor(trial_mm, neighbourhood * trial_mm, seeds, grid);
+    const auto [votes, asked] = VotesFor(trial_mm, neighbourhood * trial_mm, seeds, grid);
     if (votes.size() >= std::max<std::size_t>(5, seeds.size() / 50)) {
       Cylinders cylinders = FitCylinders(trial_mm, votes, grid);
       // Agreement of the cylinders with each other counts, not only that they exist.
       const double center = Median(cylinders.radius_mm);
       std::size_t agree = 0;
       for (const double r : cylinders.radius_mm) agree += std::abs(r / center - 1.0) < 0.1 ? 1 : 0;
-      score = static_cast<double>(agree) / static_cast<double>(seeds.size());
+      score = static_cast<double>(agree) / static_cast<double>(asked);
       if (score > best.score && agree >= 5) {
         best = {score, std::move(cylinders.radius_mm), std::move(cylinders.rms_mm)};
         worse = 0;
@@ -130,7 +153,10 @@ Candidate BestTrial(std::span<const Eigen::Vector3d> working,
       }
     }
     // Well past a convincing peak the smaller trials, the costly ones, need not be looked at.
-    if (best.score > kConvincing && score < 0.3 * best.score && ++worse >= 3) break;
+    if (best.score > kConvincing && score < 0.3 * best.score &&
+        ++worse >= (best.score > 2.0 * kConvincing ? 2 : 3)) {
+      break;
+    }
   }
   return best;
 }
