@@ -19,6 +19,7 @@ namespace {
 constexpr std::array<double, 2> kParaboloidRadius = {2.0 / 3.0, 1.0};
 constexpr double kConvincing = 0.25;      // support at which the wider neighbourhood is not tried
 constexpr double kCylinderSupport = 1.2;  // of the pipe radius, section 3.2
+constexpr double kHighPeak = 0.5;         // at which the search ends
 constexpr double kLadderStep = 1.25;
 constexpr double kAgreement = 0.2;  // of the trial's curvature
 constexpr double kMaxRms = 0.12;    // of the trial radius: noise of 0.12 mm on a 2 mm wire is half
@@ -152,11 +153,9 @@ Candidate BestTrial(std::span<const Eigen::Vector3d> working,
         continue;
       }
     }
-    // Well past a convincing peak the smaller trials, the costly ones, need not be looked at.
-    if (best.score > kConvincing && score < 0.3 * best.score &&
-        ++worse >= (best.score > 2.0 * kConvincing ? 2 : 3)) {
-      break;
-    }
+    // Well past a high peak the smaller trials, the costly ones, need not be looked at. A whole
+    // bent tube may pass for a piece of a far thicker one, but never with so much support.
+    if (best.score > kHighPeak && score < 0.3 * best.score && ++worse >= 2) break;
   }
   return best;
 }

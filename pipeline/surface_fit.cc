@@ -26,6 +26,8 @@ constexpr double kNoDamping = 1e-10;
 constexpr double kMostDamping = 1e6;
 // A step over all points leaves less than a thousandth of what it made chi square less by.
 constexpr double kLittle = 30;
+// Of r_P: how far the end straights may go on beyond the nodes.
+constexpr double kBeyond = 3.0;
 constexpr int kFullPasses = 4;
 constexpr std::size_t kCoarsePoints = 10'000;
 constexpr std::size_t kFewPoints = 10;
@@ -162,14 +164,14 @@ struct State {
               const SurfaceFitOptions& options) {
     tube = to;
     segments = hal::SpineSegments(tube.program, tube.X_WT);
-    AssignPoints(SegmentFrames(segments), tube.pipe_radius_mm, blocks, options.reach_mm,
-                 assignment);
+    AssignPoints(SegmentFrames(segments, kBeyond * tube.pipe_radius_mm), tube.pipe_radius_mm,
+                 blocks, options.reach_mm, assignment);
     MagnitudeHistogram magnitudes;
     for (const double d : assignment.distances_mm) magnitudes.Add(d);
     sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * magnitudes.Quantile(0.5));
   }
   std::vector<CondensedSum> Sums() const {
-    const auto frames = SegmentFrames(segments);
+    const auto frames = SegmentFrames(segments, kBeyond * tube.pipe_radius_mm);
     std::vector<CondensedSum> sums;
     for (std::size_t k = 0; k < frames.size(); ++k) {
       sums.push_back(SumOfRows(assignment.segments[k], frames[k], tube.pipe_radius_mm, sigma_mm));
@@ -276,8 +278,9 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
   for (int i = 0; i < kFullPasses; ++i) {
     const TubeParameters parameters(fit.tube, options.free_pipe_radius);
     const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-    const SurfacePass pass = PassOverSurface(SegmentFrames(segments), fit.tube.pipe_radius_mm,
-                                             blocks, options.reach_mm, fit.sigma_mm);
+    const SurfacePass pass =
+        PassOverSurface(SegmentFrames(segments, kBeyond * fit.tube.pipe_radius_mm),
+                        fit.tube.pipe_radius_mm, blocks, options.reach_mm, fit.sigma_mm);
     const NormalEquations equations(parameters, segments, pass.sums);
     const Eigen::VectorXd step = BoundedStep(equations, bounds, kNoDamping);
     fit.tube = parameters.TubeAt(equations.at + step);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace bendloop::pipeline {
 namespace {
@@ -69,6 +70,7 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
         const std::size_t c = nearest.Candidate(i);
         const auto k = static_cast<std::size_t>(candidates[c]);
         const double d = nearest.Local(c).distance[i] - pipe_radius_mm;
+        if (!(d < std::numeric_limits<double>::max())) continue;  // beyond the tube's ends
         const double magnitude = std::min(std::abs(d), reach_mm);
         result.segment_count[k] += 1.0;
         result.segment_sum_mm2[k] += magnitude * magnitude;

@@ -10,6 +10,8 @@
 namespace bendloop::pipeline {
 namespace {
 
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
 double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, bool open_before,
                bool open_after) {
   const Eigen::Vector3d v = point - segment.start_mm;
@@ -57,13 +59,16 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
   return thinned;
 }
 
-SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after)
+SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,
+                           double beyond_mm)
     : start_mm(segment.start_mm),
       tangent(segment.tangent),
       across(segment.normal.cross(segment.tangent)),
       normal(segment.normal),
       low_mm(open_before ? -std::numeric_limits<double>::infinity() : 0.0),
       high_mm(open_after ? std::numeric_limits<double>::infinity() : segment.length_mm),
+      cut_low_mm(open_before ? -beyond_mm : low_mm - kNever),
+      cut_high_mm(open_after ? segment.length_mm + beyond_mm : high_mm + kNever),
       bend_radius_mm(segment.is_arc() ? segment.bend_radius_mm : 0.0),
       sine(segment.is_arc() ? std::sin(segment.angle_rad()) : 0.0),
       cosine(segment.is_arc() ? std::cos(segment.angle_rad()) : 1.0),
@@ -76,6 +81,7 @@ double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d v = point - start_mm;
   const double x = v.dot(tangent);
   if (bend_radius_mm <= 0) {
+    if (x < cut_low_mm || x > cut_high_mm) return kNever;
     return (v - std::min(std::max(x, low_mm), high_mm) * tangent).norm();
   }
   const double h = v.dot(normal);
@@ -92,11 +98,13 @@ double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
   return std::sqrt(std::min(v.squaredNorm(), ex * ex + ey * ey + h * h));
 }
 
-std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments) {
+std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
+                                        double beyond_mm) {
   std::vector<SegmentFrame> frames;
   frames.reserve(segments.size());
   for (const hal::SpineSegment& segment : segments) {
-    frames.emplace_back(segment, &segment == &segments.front(), &segment == &segments.back());
+    frames.emplace_back(segment, &segment == &segments.front(), &segment == &segments.back(),
+                        beyond_mm);
   }
   return frames;
 }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -56,20 +57,26 @@ struct NearSegment {
 
 // A segment with what the distance from it needs, worked out once for many points.
 struct SegmentFrame {
-  SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after);
-  // From the segment's spine; beyond its ends from them, unless it is open there.
+  // `beyond_mm`: how far an open end goes on.
+  SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,
+               double beyond_mm = std::numeric_limits<double>::infinity());
+  // From the segment's spine; beyond its ends from them, unless it is open there: then infinite
+  // where it no longer goes on.
   double Distance(const Eigen::Vector3d& point) const;
 
   Eigen::Vector3d start_mm, tangent, across, normal;
-  double low_mm, high_mm;  // of a line
-  double bend_radius_mm;   // 0: a line
-  double sine, cosine;     // of an arc's angle
+  double low_mm, high_mm;          // of a line
+  double cut_low_mm, cut_high_mm;  // of a line: nothing is near beyond
+  double bend_radius_mm;           // 0: a line
+  double sine, cosine;             // of an arc's angle
   bool beyond_half_turn;
   Eigen::Vector3d middle_mm;  // a ball that the segment lies in
   double around_mm;
 };
-// All segments of a tube; the end straights go on beyond their ends.
-std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments);
+// All segments of a tube; the end straights go on beyond their ends. Far enough (`beyond_mm`)
+// another part of the tube may lie in their way.
+std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
+                                        double beyond_mm = std::numeric_limits<double>::infinity());
 NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
                            std::span<const std::int32_t> candidates);
 void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,

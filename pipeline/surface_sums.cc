@@ -53,6 +53,8 @@ BENDLOOP_LOOP void ToLineBody(const SegmentFrame& frame, const PointLanes& point
                               std::size_t count, LocalLanes& local) {
   const Axes a(frame);
   const double low = frame.low_mm, high = frame.high_mm;
+  const double cut_low = frame.cut_low_mm, cut_high = frame.cut_high_mm;
+  const double never = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < count; ++i) {
     const double vx = points.x[i] - a.start[0];
     const double vy = points.y[i] - a.start[1];
@@ -64,7 +66,8 @@ BENDLOOP_LOOP void ToLineBody(const SegmentFrame& frame, const PointLanes& point
     local.x[i] = x;
     local.y[i] = y;
     local.z[i] = z;
-    local.distance[i] = std::sqrt(beyond * beyond + y * y + z * z);
+    const double distance = std::sqrt(beyond * beyond + y * y + z * z);
+    local.distance[i] = x < cut_low || x > cut_high ? never : distance;
   }
 }
 BENDLOOP_WIDE(void, ToLine,
