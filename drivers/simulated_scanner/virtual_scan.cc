@@ -63,7 +63,8 @@ Scene MakeScene(const hal::Tube& tube, const VirtualScanOptions& options) {
   const Vector3d up = options.path.up.normalized();
   if (options.clutter.table) {
     const double lowest_mm = LowestMm(SpinePoints(scene.part().segments()), up);
-    scene.Add(TablePlane{(lowest_mm - tube.pipe_radius_mm) * up, up});
+    scene.Add(
+        TablePlane{(lowest_mm - tube.pipe_radius_mm - options.clutter.table_gap_mm) * up, up});
   }
   AddClamps(scene.part(), options.clutter.clamps, scene);
   if (options.clutter.second_tube) {

@@ -16,7 +16,8 @@ namespace bendloop::drivers {
 
 // What stands around the part.
 struct Clutter {
-  bool table = false;        // a plane that the part touches from above
+  bool table = false;        // a plane below the part
+  double table_gap_mm = 0;   // the part lies on posts, this far above it; 0: it touches
   int clamps = 0;            // blocks around the part in its longest straights; they hide it there
   bool second_tube = false;  // the same program once more, lying beside the part
 };

@@ -118,6 +118,10 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
   command->add_option("--clutter", a->clutter, "In view as well: table, clamps, tube")
       ->delimiter(',')
       ->check(CLI::IsMember({"table", "clamps", "tube"}));
+  command
+      ->add_option("--table-gap", a->scan.clutter.table_gap_mm,
+                   "The tube lies on posts, so far above the table [mm]")
+      ->capture_default_str();
   command->add_option(
       "--springback-20", a->springback_20_deg,
       "True springback of a bend of 20 degrees [deg]; default: the part's material");

@@ -46,6 +46,12 @@ std::string Badge(const RunResult& run) {
          mark.mark + "</span> " + mark.word + "</span>";
 }
 
+// "2026-11-21 07:32:27 UTC" for ISO 8601 as recordings write it; anything else as it stands.
+std::string ReadableTime(const std::string& time) {
+  if (time.size() < 20 || time[10] != 'T' || time.back() != 'Z') return time;
+  return time.substr(0, 10) + " " + time.substr(11, 8) + " UTC";
+}
+
 // The row's number that is furthest from its nominal, in words.
 std::string Worst(const RunResult& run, pipeline::Deviation pipeline::RowInspection::*value,
                   const char* unit) {
@@ -70,11 +76,11 @@ std::string SelectorHtml(std::span<const RunResult> runs) {
     const bool compared = run.inspection && !run.inspection->rows.empty();
     html += "<tr data-part=\"" + std::to_string(i) +
             "\"><th scope=\"row\"><button type=\"button\">" + number + "</button></th><td>" +
-            Escape(run.time.empty() ? run.session : run.time) + "</td><td>" + Badge(run) +
-            "</td><td class=\"n\">" + Worst(run, &pipeline::RowInspection::angle_deg, "&#176;") +
-            "</td><td class=\"n\">" + Worst(run, &pipeline::RowInspection::length_mm, "mm") +
-            "</td><td class=\"n\">" + Worst(run, &pipeline::RowInspection::rotation_deg, "&#176;") +
-            "</td><td class=\"n\">" +
+            Escape(run.time.empty() ? run.session : ReadableTime(run.time)) + "</td><td>" +
+            Badge(run) + "</td><td class=\"n\">" +
+            Worst(run, &pipeline::RowInspection::angle_deg, "&#176;") + "</td><td class=\"n\">" +
+            Worst(run, &pipeline::RowInspection::length_mm, "mm") + "</td><td class=\"n\">" +
+            Worst(run, &pipeline::RowInspection::rotation_deg, "&#176;") + "</td><td class=\"n\">" +
             (compared ? Fixed(run.inspection->surface.p99_abs_mm, 3) + " mm" : "-") + "</td><td>" +
             Escape(OutcomeText(run)) + "</td></tr>\n";
   }
@@ -149,7 +155,7 @@ std::string ReportHtml(std::span<const RunResult> runs, const ReportOptions& opt
       html += "<div><dt>" + std::string(name) + "</dt><dd>" + Escape(value) + "</dd></div>";
     }
   };
-  fact("Scan", last.time);
+  fact("Scan", ReadableTime(last.time));
   fact("Session", last.session);
   fact("Parts in this report", std::to_string(runs.size()));
   fact("Software", last.software);

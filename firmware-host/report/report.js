@@ -25,7 +25,10 @@
   }
 
   // ---- which part is shown -------------------------------------------------------------------
+  // The last one, or report.html#part-2.
   var chosen = data.parts.length - 1, show = function () {};
+  var asked = /^#part-(\d+)$/.exec(location.hash);
+  if (asked && asked[1] >= 1 && asked[1] <= data.parts.length) chosen = asked[1] - 1;
   function choose(index) {
     chosen = index;
     document.querySelectorAll('article.part').forEach(function (article) {
@@ -183,12 +186,12 @@
     });
   }
 
-  var asked = false;
+  var waitsForFrame = false;
   function draw() {
-    if (asked) return;
-    asked = true;
+    if (waitsForFrame) return;
+    waitsForFrame = true;
     requestAnimationFrame(function () {
-      asked = false;
+      waitsForFrame = false;
       camera.updateMatrixWorld();
       renderer.render(scene, camera);
       placeLabels();

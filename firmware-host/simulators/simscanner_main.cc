@@ -233,6 +233,10 @@ int Run(int argc, char** argv) {
   app.add_option("--clutter", clutter, "in view: table, clamps, second-tube (with commas)")
       ->delimiter(',')
       ->check(CLI::IsMember({"table", "clamps", "second-tube"}));
+  app.add_option("--table-gap", options.clutter.table_gap_mm,
+                 "the tube lies on posts, so far above the table [mm]")
+      ->check(CLI::Range(0.0, 1000.0).description("0 to 1000"))
+      ->capture_default_str();
   app.add_option("--clamps", clamps, "how many, if they are in view")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();

@@ -9,10 +9,21 @@
 #include "firmware-host/text/table.h"
 
 namespace bendloop::host {
+namespace {
+
+// A bend is whole when the straight after it has begun; the one at the scan's front still grows.
+std::size_t WholeBends(const pipeline::LiveView& view) {
+  const std::size_t bends = view.program.bend_count();
+  if (bends == 0) return 0;
+  const bool grows = view.program.rows.back().length_mm < 2.0 * view.pipe_radius_mm;
+  return grows ? bends - 1 : bends;
+}
+
+}  // namespace
 
 std::string ProgressText(const pipeline::LiveView& view, std::optional<double> expected_mm) {
   std::string text;
-  const std::size_t bends = view.program.bend_count();
+  const std::size_t bends = WholeBends(view);
   if (bends == 0) {
     text = view.spine_samples == 0 ? "waiting for the tube" : "first straight seen";
   } else {
@@ -43,7 +54,7 @@ void Progress::Show(const pipeline::LiveView& view, std::optional<double> expect
     out_ << "\r  " << text.substr(0, most) << "\x1b[K" << std::flush;
     return;
   }
-  const std::size_t bends = view.program.bend_count();
+  const std::size_t bends = WholeBends(view);
   const double part =
       expected_mm && *expected_mm > 0 ? std::clamp(view.covered_mm / *expected_mm, 0.0, 1.0) : 0;
   const int quarters = static_cast<int>(4 * part);

@@ -10,7 +10,7 @@
 namespace bendloop::host {
 
 // "bend 3 seen, 41.2 +- 0.1 deg; 180 mm of 620 still missing". `expected_mm` is the length of the
-// nominal's spine; empty: only what was seen is told.
+// nominal's spine; empty: only what was seen is told. A bend is told of once it is whole.
 std::string ProgressText(const pipeline::LiveView& view, std::optional<double> expected_mm);
 
 // The one line that shows a running scan. On a terminal it is written over itself; elsewhere (a

@@ -132,13 +132,14 @@ hal::Result<void> Demo::StartProcesses() {
   const auto bender_port = bender_->Expect("listening", kStartTimeout);
   if (!bender_port) return hal::Fail(bender_port.error());
 
-  // Clamps hide the tube in two places. Half a millimetre between profiles: the tube's ends are
-  // known no better than that.
-  std::vector<std::string> scanner = {"--seed",    std::to_string(options_.seed),
-                                      "--clutter", "clamps",
-                                      "--spacing", "0.5",
-                                      "--views",   options_.quick ? "2" : "3",
-                                      "--rate",    options_.quick ? "4000" : "800"};
+  // Posts hold the tube above a table, which is in view, and clamps hide it in two places. Half a
+  // millimetre between profiles: the tube's ends are known no better than that.
+  std::vector<std::string> scanner = {"--seed",      std::to_string(options_.seed),
+                                      "--clutter",   "table,clamps",
+                                      "--table-gap", "30",
+                                      "--spacing",   "0.5",
+                                      "--views",     options_.quick ? "2" : "3",
+                                      "--rate",      options_.quick ? "4000" : "800"};
   if (auto started = Launch(scanner_, "bendloop-simscanner", scanner); !started) return started;
   const auto scanner_port = scanner_->Expect("listening", kStartTimeout);
   if (!scanner_port) return hal::Fail(scanner_port.error());

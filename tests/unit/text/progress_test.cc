@@ -12,6 +12,7 @@ pipeline::LiveView View(std::size_t bends, double covered_mm) {
   pipeline::LiveView view;
   view.spine_samples = 10;
   view.covered_mm = covered_mm;
+  view.pipe_radius_mm = 4;
   for (std::size_t i = 0; i < bends; ++i) {
     view.program.rows.push_back({10, 0, 41.2, 20.0});
     view.sigma.rows.push_back({0.1, 0, 0.12, 0.1});
@@ -27,6 +28,15 @@ TEST(ProgressText, SaysWhatIsSeenAndWhatIsMissing) {
   EXPECT_EQ(ProgressText(View(0, 12), std::nullopt), "first straight seen; 12 mm seen");
   EXPECT_EQ(ProgressText({}, 620), "waiting for the tube; 620 mm of 620 still missing");
   EXPECT_THAT(ProgressText(View(3, 700), 620), testing::HasSubstr("0 mm of 620"));
+}
+
+TEST(ProgressText, DoesNotTellOfABendThatStillGrows) {
+  pipeline::LiveView view = View(2, 100);
+  view.program.rows.back().length_mm = 1;
+  EXPECT_THAT(ProgressText(view, 620), testing::HasSubstr("bend 1 seen"));
+  view = View(1, 100);
+  view.program.rows.back().length_mm = 1;
+  EXPECT_THAT(ProgressText(view, 620), testing::HasSubstr("first straight seen"));
 }
 
 TEST(Progress, WritesOverItselfOnATerminal) {
