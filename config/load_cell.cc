@@ -116,24 +116,39 @@ hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
   const hal::Result<std::string> text = ReadTextFile(file);
   if (!text) return hal::Fail(text.error());
   const std::filesystem::path absolute = std::filesystem::absolute(file).lexically_normal();
-  hal::Result<CellConfig> cell = ParseCell(*text, file.string(), absolute.parent_path());
+  std::string part_place;
+  std::string map_place;
+  const auto check = [&](TomlDocument& document, CellConfig& parsed) {
+    CheckCell(document, parsed);
+    part_place = document.Place("part") + ": key 'part'";
+    map_place = document.Place("bender.register_map") + ": key 'bender.register_map'";
+  };
+  hal::Result<CellConfig> cell =
+      ParseDocument(*text, file.string(), FileKind::kCell, absolute.parent_path(), VisitCell, check,
+                    CellConfig());
   if (!cell) return cell;
   cell->file = absolute;
   // A setter who mends one file wants to know of the other, too.
   std::string problems;
-  const auto add = [&](const hal::Error& error) {
-    problems += (problems.empty() ? "" : "\n") + error.message;
+  const auto add = [&](const std::string& place, const std::filesystem::path& named,
+                       const hal::Error& error) {
+    std::error_code unknown;
+    problems += (problems.empty() ? "" : "\n") +
+                (std::filesystem::exists(named, unknown)
+                     ? error.message
+                     : place + ": found '" + Printable(named.string(), 200) +
+                           "', which does not exist (relative paths start at this file's folder)");
   };
   if (hal::Result<PartConfig> part = LoadPart(cell->part_file)) {
     cell->part = std::move(*part);
   } else {
-    add(part.error());
+    add(part_place, cell->part_file, part.error());
   }
   if (cell->bender.link != BenderKind::kNone) {
     if (hal::Result<hal::RegisterMap> map = LoadRegisterMap(cell->bender.register_map_file)) {
       cell->bender.register_map = std::move(*map);
     } else {
-      add(map.error());
+      add(map_place, cell->bender.register_map_file, map.error());
     }
   }
   if (!problems.empty()) return hal::Fail(hal::ErrorKind::kBadInput, problems);

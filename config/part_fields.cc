@@ -38,8 +38,8 @@ void VisitPart(FieldVisitor& v, PartConfig& part) {
   });
   v.Table("material", Need::kOptional, [&](FieldVisitor& m) {
     m.Number("springback_at_20_deg", part.material.springback_at_20_deg, {-5, 15});
-    m.Number("springback_at_120_deg", part.material.springback_at_120_deg, {-10, 60});
-    m.Number("elongation_percent", part.material.elongation_percent, {-10, 30});
+    m.Number("springback_at_120_deg", part.material.springback_at_120_deg, {-10, 45});
+    m.Number("elongation_percent", part.material.elongation_percent, {-5, 25});
   });
 }
 

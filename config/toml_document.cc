@@ -85,9 +85,7 @@ hal::Result<std::string> ReadTextFile(const std::filesystem::path& file) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::exists(status)) {
-    return fail(
-        "no such file, expected a TOML file (relative paths start at the current folder; "
-        "inside a cell file at its own)");
+    return fail("no such file, expected a TOML file (relative paths start at the current folder)");
   }
   if (std::filesystem::is_directory(status)) return fail("found a folder, expected a TOML file");
   std::ifstream stream(file, std::ios::binary);

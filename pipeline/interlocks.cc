@@ -90,6 +90,9 @@ void CheckScan(const InterlockInput& in, const InterlockOptions& options, Checks
              "check cable, queue and load of the machine, and scan again");
 }
 
+// From here on [mm, degrees] a number says no more than that nothing is known.
+constexpr double kUnknownSigma = 1000.0;
+
 // The row whose sigma is largest in one axis.
 void CheckSigma(const InterlockInput& in, const InterlockOptions& options, Checks& checks) {
   struct Worst {
@@ -126,8 +129,11 @@ void CheckSigma(const InterlockInput& in, const InterlockOptions& options, Check
     }
     if (worst.name.empty()) return;  // the tube has no such number
     checks.Add(kind, worst.sigma <= limit, worst.sigma, limit,
-               worst.name + " is known to " + Fixed(worst.sigma, 3) + " " + unit +
-                   " (1 sigma, the worst " + axis + "), limit " + Fixed(limit, 3) + " " + unit,
+               worst.name +
+                   (worst.sigma < kUnknownSigma ? " is known to " + Fixed(worst.sigma, 3) + " " +
+                                                      unit + " (1 sigma, the worst " + axis + ")"
+                                                : std::string(" is not known at all")) +
+                   ", limit " + Fixed(limit, 3) + " " + unit,
                "scan this part of the tube again, slower or from more sides");
   };
   add(InterlockKind::kUncertaintyLength, length, options.most_sigma.length_mm, "length", "mm");
@@ -138,8 +144,10 @@ void CheckSigma(const InterlockInput& in, const InterlockOptions& options, Check
 
 void CheckCorrection(const InterlockInput& in, Checks& checks) {
   if (!in.correction) {
-    checks.Add(InterlockKind::kCorrection, !in.sends, kNoNumber, kNoNumber,
-               "there is no correction", "the part could not be compared with the nominal");
+    checks.Add(
+        InterlockKind::kCorrection, !in.sends, kNoNumber, kNoNumber, "there is no correction",
+        "the part could not be compared with the nominal, or the program that bent it is not "
+        "known");
     return;
   }
   const Correction& correction = *in.correction;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <cmath>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -27,6 +28,9 @@ struct ReconstructArguments {
   std::string json;
   std::string spine_out;
 };
+
+// A known radius is measured to a few percent even through paint and noise.
+constexpr double kRadiusDoubt = 0.05;
 
 constexpr const char* kFooter = R"(
 Examples:
@@ -80,6 +84,25 @@ std::string SpineCsv(const pipeline::Measurement& measurement) {
   return csv;
 }
 
+// What the numbers alone do not show: points that are not of this tube, a radius that is not its.
+std::vector<std::string> Doubts(const pipeline::Measurement& measurement,
+                                std::optional<double> given_radius_mm) {
+  std::vector<std::string> doubts;
+  const pipeline::FitQuality& fit = measurement.fit;
+  if (fit.outliers > fit.samples) {
+    doubts.push_back("only " + std::to_string(fit.samples) + " of " +
+                     std::to_string(fit.samples + fit.outliers) +
+                     " points lie on the measured tube: is the rest a table or a fixture, or were "
+                     "the laser lines too far apart to follow the tube?");
+  }
+  const double radius_mm = measurement.tube.pipe_radius_mm;
+  if (given_radius_mm && std::abs(radius_mm - *given_radius_mm) > kRadiusDoubt * *given_radius_mm) {
+    doubts.push_back("--pipe-radius says " + Fixed(*given_radius_mm, 3) + " mm, the points show " +
+                     Fixed(radius_mm, 3) + " mm");
+  }
+  return doubts;
+}
+
 std::string BaseName(const std::string& path) {
   const std::size_t slash = path.rfind('/');
   return slash == std::string::npos ? path : path.substr(slash + 1);
@@ -100,6 +123,9 @@ int Reconstruct(const ReconstructArguments& arguments) {
       error.message = arguments.cloud + ": " + error.message;
     }
     return Report(error);
+  }
+  for (std::string& doubt : Doubts(*measurement, arguments.pipe_radius_mm)) {
+    measurement->warnings.push_back(std::move(doubt));
   }
   for (const std::string& warning : measurement->warnings) {
     std::cerr << "bendloop: warning: " << warning << "\n";
@@ -139,7 +165,7 @@ CLI::App* AddReconstructCommand(CLI::App& app, Run& run) {
       ->check(CLI::IsMember({"mm", "m", "in"}))
       ->capture_default_str();
   command->add_option("--pipe-radius", arguments->pipe_radius_mm, "Known; estimated when not given")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(0.2, 300.0).description("0.2 to 300"))
       ->type_name("MM");
   command->add_option("--model", arguments->model, "What the points show")
       ->check(CLI::IsMember({"auto", "tube", "canal", "freeform"}))

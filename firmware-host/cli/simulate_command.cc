@@ -110,7 +110,7 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
       ->capture_default_str();
   command->add_flag("--all-around", a->all_around, "Views on all sides, not from above only");
   command->add_option("--spacing", a->scan.path.profile_spacing_mm, "Between profiles [mm]")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(0.01, 1000.0).description("0.01 to 1000"))
       ->capture_default_str();
   command->add_option("--rays", a->scan.rays, "Points of one laser line at most")
       ->capture_default_str();
@@ -121,6 +121,7 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
   command
       ->add_option("--table-gap", a->scan.clutter.table_gap_mm,
                    "The tube lies on posts, so far above the table [mm]")
+      ->check(CLI::Range(0.0, 1000.0).description("0 to 1000"))
       ->capture_default_str();
   command->add_option(
       "--springback-20", a->springback_20_deg,
@@ -134,7 +135,7 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
   command->add_option("--scatter-length", a->scatter_length_mm, "1 sigma [mm]")
       ->capture_default_str();
   command->add_option("--serial", a->serial, "Which part of the scatter's sequence")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(1, 1'000'000'000).description("1 or more"))
       ->capture_default_str();
   command->callback([a, &run] { run = [a] { return Simulate(*a); }; });
   return command;

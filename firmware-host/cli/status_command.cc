@@ -21,7 +21,7 @@ constexpr const char* kFooter = R"(
 Examples:
   bendloop status
   bendloop status --config /etc/bendloop/cell.toml
-  bendloop status --state-dir demo-out/state --json
+  bendloop status --state-dir /var/lib/bendloop --json
 
 Exit code 4 when no daemon answers.)";
 

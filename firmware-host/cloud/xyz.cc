@@ -52,7 +52,7 @@ std::vector<std::string_view> Split(std::string_view line, char delimiter) {
 }
 
 bool IsComment(std::string_view line) {
-  return line.substr(0, 1) == "#" || line.substr(0, 2) == "//";
+  return line.substr(0, 1) == "#" || line.substr(0, 1) == "%" || line.substr(0, 2) == "//";
 }
 
 // At least three numbers when split so.
@@ -124,7 +124,8 @@ std::optional<Columns> ColumnsFrom(const std::vector<std::string_view>& cells) {
 
 // Columns named by a header line over lines of `width` cells.
 std::optional<Columns> ParseNames(std::string_view header, char delimiter, std::size_t width) {
-  while (!header.empty() && (header.front() == '#' || header.front() == '/')) {
+  while (!header.empty() &&
+         (header.front() == '#' || header.front() == '%' || header.front() == '/')) {
     header.remove_prefix(1);
   }
   if (delimiter != kWhitespace) {
@@ -172,7 +173,7 @@ tl::unexpected<hal::Error> NoPoint(std::string_view name, std::size_t where,
       name, where,
       "found " + Found(line) +
           ", expected three numbers, or a header that names x, y and z (comments begin with "
-          "# or //)");
+          "#, % or //)");
 }
 
 bool NamesColumns(std::string_view header) {
@@ -326,8 +327,10 @@ hal::Result<PointCloud> ParseXyz(std::string_view bytes, std::string_view name,
                        std::to_string(layout->stated_line) + " states; copy or export it again");
   }
   if (layout->columns.unit_mm > 0 && layout->columns.unit_mm != mm_per_unit) {
-    cloud.warnings.push_back(
-        "the column names state another unit than the one that was asked for; check --units");
+    const double stated = layout->columns.unit_mm;
+    const std::string unit = stated == 1 ? "mm" : stated == 1000 ? "m" : "in";
+    cloud.warnings.push_back("the column names say " + unit +
+                             ", the coordinates were read as something else; check --units");
   }
   if (!layout->named && layout->width > 3 && CountsLines(cloud, mm_per_unit)) {
     cloud.warnings.push_back(

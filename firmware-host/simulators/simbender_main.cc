@@ -119,7 +119,7 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--pipe-radius", options.pipe_radius_mm, "of the tube [mm]")
       ->required()
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(0.1, 1000.0).description("0.1 to 1000"));
   auto& physics = options.physics;
   app.add_option("--springback-20", physics.springback_20_deg, "of a bend of 20 degrees [deg]");
   app.add_option("--springback-120", physics.springback_120_deg, "of a bend of 120 degrees [deg]");

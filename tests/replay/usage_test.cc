@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 
 #include "program.h"
@@ -50,6 +51,23 @@ TEST(Usage, BadInputIsThreeAndNamesTheFile) {
     EXPECT_THAT(ran.err, StartsWith("bendloop: ")) << arguments;
   }
   EXPECT_THAT(scratch.Bendloop("check " + cell).err, HasSubstr(cell + ":"));
+}
+
+TEST(Usage, AKnownRadiusThatThePointsContradictIsSaid) {
+  const Scratch scratch;
+  std::ofstream cloud(scratch / "straight.xyz");
+  cloud << "% a straight of radius 5\n";
+  for (int i = 0; i < 3000; ++i) {
+    cloud << i * 0.04 << " " << 5 * std::cos(i * 0.7) << " " << 5 * std::sin(i * 0.7) << "\n";
+  }
+  cloud.close();
+  const std::string file = (scratch / "straight.xyz").string();
+  const Ran right = scratch.Bendloop("reconstruct " + file + " --pipe-radius 5");
+  EXPECT_EQ(right.code, 0) << right.err;
+  EXPECT_EQ(right.err, "");
+  const Ran wrong = scratch.Bendloop("reconstruct " + file + " --pipe-radius 6");
+  EXPECT_EQ(wrong.code, 0) << wrong.err;
+  EXPECT_THAT(wrong.err, HasSubstr("says 6.000 mm, the points show 5.000 mm"));
 }
 
 TEST(Usage, NoDaemonIsFour) {
