@@ -37,10 +37,11 @@ struct ScanConfig {
   std::uint32_t min_profiles = 20;  // a shorter one is not a scan
 };
 
-enum class BenderKind : std::uint8_t { kNone, kModbusTcp, kModbusRtu, kSimulated };
+enum class BenderKind : std::uint8_t { kNone, kModbusTcp, kModbusRtu, kCanIsotp, kSimulated };
 // A machine behind it that really bends.
 constexpr bool IsReal(BenderKind kind) {
-  return kind == BenderKind::kModbusTcp || kind == BenderKind::kModbusRtu;
+  return kind == BenderKind::kModbusTcp || kind == BenderKind::kModbusRtu ||
+         kind == BenderKind::kCanIsotp;
 }
 enum class SerialParity : std::uint8_t { kNone, kEven, kOdd };
 
@@ -56,6 +57,9 @@ struct BenderConfig {
   bool rs485 = false;  // the port switches the line's direction, with pauses around each request
   std::chrono::milliseconds rs485_delay_before_send{0};
   std::chrono::milliseconds rs485_delay_after_send{0};
+  std::string can_interface;  // kCanIsotp, as the two below
+  std::uint32_t can_request_id = 0x7e0;
+  std::uint32_t can_reply_id = 0x7e8;
   std::uint8_t unit_id = 1;
   std::filesystem::path register_map_file;
   hal::RegisterMap register_map;  // loaded from register_map_file; unused when link is kNone

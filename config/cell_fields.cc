@@ -14,8 +14,9 @@ constexpr Choice<ScanDirection> kDirections[] = {{"auto", ScanDirection::kAuto},
 constexpr Choice<ScanEnd> kEnds[] = {{"event", ScanEnd::kEvent}, {"coverage", ScanEnd::kCoverage}};
 constexpr Choice<BenderKind> kBenderKinds[] = {{"none", BenderKind::kNone},
                                                {"modbus-tcp", BenderKind::kModbusTcp},
-                                               {"simulated", BenderKind::kSimulated},
                                                {"modbus-rtu", BenderKind::kModbusRtu},
+                                               {"can-isotp", BenderKind::kCanIsotp},
+                                               {"simulated", BenderKind::kSimulated},
                                                {"can", std::nullopt}};
 constexpr Choice<SerialParity> kParities[] = {
     {"none", SerialParity::kNone}, {"even", SerialParity::kEven}, {"odd", SerialParity::kOdd}};
@@ -59,6 +60,9 @@ void VisitBender(FieldVisitor& v, BenderConfig& bender) {
   v.Bool("rs485", bender.rs485);
   Milliseconds(v, "rs485_delay_before_send_ms", bender.rs485_delay_before_send, 0, 100);
   Milliseconds(v, "rs485_delay_after_send_ms", bender.rs485_delay_after_send, 0, 100);
+  v.Text("can_interface", bender.can_interface);
+  v.Integer("can_request_id", bender.can_request_id, 0, 0x1fffffff);
+  v.Integer("can_reply_id", bender.can_reply_id, 0, 0x1fffffff);
   v.Integer("unit_id", bender.unit_id, 0, 255);
   v.Path("register_map", bender.register_map_file);
   Milliseconds(v, "connect_timeout_ms", bender.connect_timeout, 10, 60000);

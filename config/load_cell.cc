@@ -44,6 +44,19 @@ void CheckSerialLine(TomlDocument& document, const BenderConfig& bender) {
   }
 }
 
+void CheckCanChannel(TomlDocument& document, const BenderConfig& bender) {
+  constexpr std::size_t kLongestName = 15;
+  if (bender.can_interface.empty() || bender.can_interface.size() > kLongestName) {
+    document.Report("bender.can_interface", "found '" + Printable(bender.can_interface) +
+                                                "', expected the CAN interface of link = "
+                                                "'can-isotp', such as can0");
+  }
+  if (bender.can_request_id == bender.can_reply_id) {
+    document.Report("bender.can_reply_id", "found " + std::to_string(bender.can_reply_id) +
+                                               " as in can_request_id, expected another one");
+  }
+}
+
 void CheckStep(TomlDocument& document, const char* name, double step, double total) {
   if (step <= total) return;
   document.Report(std::string("correction.max_step_") + name, "found " + NumberText(step) +
@@ -69,6 +82,9 @@ void CheckCell(TomlDocument& document, CellConfig& cell) {
   }
   if (bender.link == BenderKind::kModbusRtu && document.IsGood("bender")) {
     CheckSerialLine(document, bender);
+  }
+  if (bender.link == BenderKind::kCanIsotp && document.IsGood("bender")) {
+    CheckCanChannel(document, bender);
   }
   CheckStep(document, "length_mm", correction.max_step.length_mm, correction.max_total.length_mm);
   CheckStep(document, "rotation_deg", correction.max_step.rotation_deg,

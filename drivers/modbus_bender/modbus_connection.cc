@@ -7,11 +7,14 @@
 #include <sys/ioctl.h>
 #include <sys/select.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <utility>
+
+#include "drivers/modbus_bender/isotp_socket.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -108,16 +111,24 @@ ModbusConnection::ModbusConnection(ModbusBenderOptions options, hal::Clock& cloc
   if (options_.host == "localhost") options_.host = "127.0.0.1";
 }
 
-std::string ModbusConnection::carrier() const { return rtu() ? "Modbus RTU" : "Modbus TCP"; }
+std::string ModbusConnection::carrier() const {
+  return can() ? "Modbus on CAN" : rtu() ? "Modbus RTU" : "Modbus TCP";
+}
 
 std::string ModbusConnection::peer() const {
+  if (can()) {
+    char ids[32];
+    std::snprintf(ids, sizeof ids, " 0x%x/0x%x", options_.can->request_id, options_.can->reply_id);
+    return options_.can->interface + ids + " unit " + std::to_string(options_.unit_id);
+  }
   if (rtu()) return options_.serial->device + " unit " + std::to_string(options_.unit_id);
   return options_.host + ":" + std::to_string(options_.port) + " unit " +
          std::to_string(options_.unit_id);
 }
 
 void ModbusConnection::Close() {
-  if (connected_) modbus_close(context_.get());
+  if (connected_ && can()) close(can_socket_);
+  if (connected_ && !can()) modbus_close(context_.get());
   connected_ = false;
 }
 
@@ -174,8 +185,19 @@ void ModbusConnection::ListenUntilQuiet() {
   quiet_at_.reset();
 }
 
+// Opening asks nobody, so there is nothing to wait for and nothing to back off from.
+hal::Result<void> ModbusConnection::ConnectCan() {
+  const CanChannel& channel = *options_.can;
+  const auto opened = OpenIsotpSocket(channel.interface, channel.request_id, channel.reply_id);
+  if (!opened) return hal::Fail(Device("bender " + peer() + ": " + opened.error().message));
+  can_socket_ = *opened;
+  connected_ = true;
+  return {};
+}
+
 hal::Result<void> ModbusConnection::Connect() {
   if (connected_) return {};
+  if (can()) return ConnectCan();
   if (!context_) {
     if (auto ok = MakeContext(); !ok) return ok;
   }
@@ -221,7 +243,7 @@ hal::Result<Bytes> ModbusConnection::Transact(const Bytes& request, const std::s
   if (connected_) {
     // Nothing may be waiting now: bytes are an answer nobody asked for, an end of file is a
     // connection that the bender closed while we did not look. Both are cured by a new connection.
-    pollfd idle{modbus_get_socket(context_.get()), POLLIN, 0};
+    pollfd idle{Socket(), POLLIN, 0};
     if (poll(&idle, 1, 0) != 0) Close();  // an RTU line is emptied when it is opened
   }
   if (auto ok = Connect(); !ok) return hal::Fail(ok.error());
@@ -252,10 +274,30 @@ hal::Result<void> ModbusConnection::Send(const Bytes& request) {
   Append16(frame, static_cast<std::uint32_t>(request.size() + 1));
   frame.push_back(options_.unit_id);
   frame.insert(frame.end(), request.begin(), request.end());
-  const ssize_t sent = send(modbus_get_socket(context_.get()), frame.data(), frame.size(),
-                            MSG_NOSIGNAL | MSG_DONTWAIT);
+  const ssize_t sent = send(Socket(), frame.data(), frame.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
   if (sent == static_cast<ssize_t>(frame.size())) return {};
+  if (sent < 0 && can()) return hal::Fail(Device(CanTrouble(errno)));
   return hal::Fail(Device(sent < 0 ? modbus_strerror(errno) : "connection is stuck"));
+}
+
+// A message comes whole or not at all. Those that answer another transaction are late: they are
+// passed over, and returned only if nothing better comes in time.
+int ModbusConnection::ReceiveCan(std::uint8_t* answer, std::size_t size) const {
+  const auto deadline = std::chrono::steady_clock::now() + options_.response_timeout;
+  int strange = -1;
+  for (;;) {
+    const auto left =
+        std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
+    pollfd message{can_socket_, POLLIN, 0};
+    if (left.count() <= 0 || poll(&message, 1, static_cast<int>(left.count())) <= 0) break;
+    const ssize_t received = recv(can_socket_, answer, size, MSG_DONTWAIT);
+    if (received < 0 && errno != EAGAIN) return -1;
+    if (received < 0) continue;
+    strange = static_cast<int>(received);
+    if (received > 1 && Load16(answer) == transaction_) return strange;
+  }
+  errno = ETIMEDOUT;
+  return strange;
 }
 
 hal::Result<void> ModbusConnection::CheckHeader(const std::uint8_t* answer,
@@ -281,14 +323,16 @@ hal::Result<Bytes> ModbusConnection::Exchange(const Bytes& request, const std::s
     return hal::Fail(Device(where + "cannot send: " + sent.error().message));
   }
   std::uint8_t answer[MODBUS_TCP_MAX_ADU_LENGTH] = {};  // RTU's are shorter
-  const int received = modbus_receive_confirmation(context_.get(), answer);
+  const int received = can() ? ReceiveCan(answer, sizeof answer)
+                             : modbus_receive_confirmation(context_.get(), answer);
   if (received < 0) {
     if (errno == ETIMEDOUT) {
       return hal::Fail(Device(where + "no complete answer within " +
                               std::to_string(options_.response_timeout.count()) + " ms"));
     }
     if (errno == ECONNRESET) return hal::Fail(Device(where + "the bender closed the connection"));
-    return hal::Fail(Device(where + "no valid answer: " + modbus_strerror(errno)));
+    return hal::Fail(
+        Device(where + "no valid answer: " + (can() ? CanTrouble(errno) : modbus_strerror(errno))));
   }
   const std::size_t header = rtu() ? kRtuHeaderSize : kHeaderSize;
   const std::size_t trailer = rtu() ? kRtuCrcSize : 0;

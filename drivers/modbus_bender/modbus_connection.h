@@ -26,6 +26,7 @@ namespace bendloop::drivers {
 class ModbusConnection {
  public:
   ModbusConnection(ModbusBenderOptions options, hal::Clock& clock);
+  ~ModbusConnection() { Close(); }
   ModbusConnection(const ModbusConnection&) = delete;
   ModbusConnection& operator=(const ModbusConnection&) = delete;
 
@@ -38,7 +39,7 @@ class ModbusConnection {
   void Close();
 
   std::string peer() const;     // "127.0.0.1:502 unit 1", "/dev/ttyS1 unit 1"
-  std::string carrier() const;  // "Modbus TCP", "Modbus RTU"
+  std::string carrier() const;  // "Modbus TCP", "Modbus RTU", "Modbus on CAN"
 
  private:
   struct Free {
@@ -46,10 +47,14 @@ class ModbusConnection {
   };
 
   bool rtu() const { return options_.serial.has_value(); }
+  bool can() const { return options_.can.has_value(); }
+  int Socket() const { return can() ? can_socket_ : modbus_get_socket(context_.get()); }
+  hal::Result<void> ConnectCan();
   hal::Result<void> MakeContext();
   hal::Result<void> PrepareLine();  // after the port was opened
   void ListenUntilQuiet();
 
+  int ReceiveCan(std::uint8_t* answer, std::size_t size) const;  // as libmodbus: -1 and errno
   hal::Result<void> Send(const std::vector<std::uint8_t>& request);
   hal::Result<void> CheckHeader(const std::uint8_t* answer, std::size_t size) const;
   // Sends a request (function and data) and returns the checked answer (function and data).
@@ -61,6 +66,7 @@ class ModbusConnection {
   ModbusBenderOptions options_;
   hal::Clock& clock_;
   std::unique_ptr<modbus_t, Free> context_;
+  int can_socket_ = -1;
   bool connected_ = false;
   std::uint16_t transaction_ = 0;
   int failed_connects_ = 0;

@@ -14,6 +14,8 @@
 #include <cstddef>
 #include <string>
 
+#include "drivers/modbus_bender/isotp_socket.h"
+
 namespace bendloop::drivers {
 namespace {
 
@@ -98,6 +100,22 @@ hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenLine(std::uint8_t u
   return server;
 }
 
+hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenCan(const CanChannel& channel) {
+  std::unique_ptr<ModbusServer> server(new ModbusServer);
+  server->wake_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+  server->context_.reset(modbus_new_tcp("127.0.0.1", 0));  // makes the answers, listens nowhere
+  if (server->wake_ < 0 || !server->context_) {
+    return hal::Fail(hal::ErrorKind::kDevice, modbus_strerror(errno));
+  }
+  const auto opened = OpenIsotpSocket(channel.interface, channel.reply_id, channel.request_id);
+  if (!opened) return hal::Fail(opened.error());
+  server->line_ = *opened;
+  server->device_ = channel.interface;
+  modbus_set_response_timeout(server->context_.get(), 0, 1000);
+  server->clients_.push_back({server->next_id_++, server->line_});
+  return server;
+}
+
 ModbusServer::~ModbusServer() {
   HangUpAll();
   if (line_ >= 0) close(line_);
@@ -139,9 +157,12 @@ bool ModbusServer::Receive(const Client& client,
                            const std::function<void(const ModbusRequest&)>& handle) {
   std::uint8_t query[MODBUS_TCP_MAX_ADU_LENGTH];  // RTU's are shorter
   modbus_set_socket(context_.get(), client.socket);
-  const int size = modbus_receive(context_.get(), query);
+  const bool can = line_ >= 0 && !rtu();
+  const int size = can ? static_cast<int>(recv(line_, query, sizeof query, MSG_DONTWAIT))
+                       : modbus_receive(context_.get(), query);
   if (size <= 0) return false;
   ModbusRequest request{client.id, {query, query + size}, rtu() ? std::size_t{1} : std::size_t{7}};
+  if (can && (size < 8 || Load16(request.bytes, 4) != size - 6)) return false;
   if (!IsWhole(request)) return false;
   handle(request);
   return true;
@@ -172,7 +193,7 @@ void ModbusServer::ReplyException(const ModbusRequest& request, std::uint8_t cod
 void ModbusServer::SendRaw(std::uint64_t client, const std::vector<std::uint8_t>& bytes) {
   const int socket = SocketOf(client);
   if (socket < 0) return;
-  if (rtu()) {
+  if (line_ >= 0) {
     (void)!write(socket, bytes.data(), bytes.size());
   } else {
     (void)!send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL);
@@ -180,7 +201,7 @@ void ModbusServer::SendRaw(std::uint64_t client, const std::vector<std::uint8_t>
 }
 
 void ModbusServer::HangUp(std::uint64_t client) {
-  if (rtu()) return;  // nobody hangs up a serial line
+  if (line_ >= 0) return;  // nobody hangs up a serial line or a bus
   std::erase_if(clients_, [client](const Client& c) {
     if (c.id != client) return false;
     close(c.socket);
@@ -189,7 +210,7 @@ void ModbusServer::HangUp(std::uint64_t client) {
 }
 
 void ModbusServer::HangUpAll() {
-  if (rtu()) return;
+  if (line_ >= 0) return;
   for (const Client& client : clients_) close(client.socket);
   clients_.clear();
 }

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/modbus_bender/modbus_bender.h"
 #include "drivers/modbus_bender/register_image.h"
 #include "hal/result.h"
 
@@ -26,20 +27,23 @@ struct ModbusRequest {
   bool is_write() const { return function() == 0x06 || function() == 0x10; }
 };
 
-// A Modbus TCP server on 127.0.0.1, or an RTU one on a pseudo-terminal, without a thread: the owner
+// A Modbus TCP server on 127.0.0.1, an RTU one on a pseudo-terminal, or one on a
+// CAN channel, without a thread: the owner
 // polls.
 class ModbusServer {
  public:
   static hal::Result<std::unique_ptr<ModbusServer>> Listen(std::uint16_t port);
   // One end of a new pseudo-terminal, as unit `unit_id`; device() is the other.
   static hal::Result<std::unique_ptr<ModbusServer>> OpenLine(std::uint8_t unit_id);
+  // The other end of a CAN channel.
+  static hal::Result<std::unique_ptr<ModbusServer>> OpenCan(const CanChannel& channel);
   ~ModbusServer();
   ModbusServer(const ModbusServer&) = delete;
   ModbusServer& operator=(const ModbusServer&) = delete;
 
   std::uint16_t port() const { return port_; }
   const std::string& device() const { return device_; }
-  bool rtu() const { return line_ >= 0; }
+  bool rtu() const { return far_line_ >= 0; }
 
   // Waits for requests, Wake or the timeout; well-formed requests go to `handle`.
   void Poll(std::chrono::milliseconds timeout,

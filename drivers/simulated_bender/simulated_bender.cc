@@ -304,8 +304,9 @@ hal::Result<std::unique_ptr<SimulatedBender>> SimulatedBender::Start(
       options.physics.default_bend_radius_mm = *row.bend_radius_mm;
     }
   }
-  auto server =
-      options.rtu ? ModbusServer::OpenLine(options.unit_id) : ModbusServer::Listen(options.port);
+  auto server = options.can   ? ModbusServer::OpenCan(*options.can)
+                : options.rtu ? ModbusServer::OpenLine(options.unit_id)
+                              : ModbusServer::Listen(options.port);
   if (!server) return hal::Fail(server.error());
   auto impl = std::make_unique<Impl>(std::move(options), std::move(*server));
   if (auto ok = impl->Begin(); !ok) return hal::Fail(ok.error());

@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 
+#include "drivers/modbus_bender/modbus_bender.h"
 #include "drivers/simulated_bender/bending_physics.h"
 #include "hal/bend_program.h"
 #include "hal/register_map.h"
@@ -16,9 +18,10 @@
 namespace bendloop::drivers {
 
 struct SimulatedBenderOptions {
-  std::uint16_t port = 0;    // on 127.0.0.1; 0 picks a free one
-  bool rtu = false;          // instead: Modbus RTU on a pseudo-terminal, which device() names
-  std::uint8_t unit_id = 1;  // RTU; over TCP it answers any
+  std::uint16_t port = 0;         // on 127.0.0.1; 0 picks a free one
+  bool rtu = false;               // instead: Modbus RTU on a pseudo-terminal, which device() names
+  std::optional<CanChannel> can;  // or a CAN channel
+  std::uint8_t unit_id = 1;       // RTU; over TCP it answers any
   hal::RegisterMap map;
   hal::ProgramBlock program;  // active at start; its crc is computed
   double pipe_radius_mm = 0;
@@ -34,9 +37,9 @@ struct BentPart {
   std::filesystem::path file;  // on the tray; empty without one
 };
 
-// A bender on a Modbus TCP port or RTU line: active program, staging area, state, handshake,
-// heartbeat, and a press that bends. It serves any number of clients on its own thread from Start
-// until Stop. All calls may come from any thread.
+// A bender on a Modbus TCP port, RTU line or CAN channel: active program, staging area, state,
+// handshake, heartbeat, and a press that bends. It serves any number of clients on its own thread
+// from Start until Stop. All calls may come from any thread.
 class SimulatedBender {
  public:
   static hal::Result<std::unique_ptr<SimulatedBender>> Start(SimulatedBenderOptions options);
@@ -45,7 +48,7 @@ class SimulatedBender {
   SimulatedBender& operator=(const SimulatedBender&) = delete;
 
   std::uint16_t port() const;         // 0 on a serial line
-  const std::string& device() const;  // "/dev/pts/3"; empty over TCP
+  const std::string& device() const;  // "/dev/pts/3", "can0"; empty over TCP
   void Stop();
 
   // Runs one cycle of the active program: mode bending for `cycle`, then the part lies on the tray.

@@ -50,6 +50,11 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
   link.response_timeout = bender.response_timeout;
   link.byte_timeout = bender.byte_timeout;
   desk->name_ = "modbus " + bender.host + ":" + std::to_string(bender.port);
+  if (bender.link == config::BenderKind::kCanIsotp) {
+    link.can =
+        drivers::CanChannel{bender.can_interface, bender.can_request_id, bender.can_reply_id};
+    desk->name_ = "can " + bender.can_interface;
+  }
   if (bender.link == config::BenderKind::kModbusRtu) {
     link.serial = LineOf(bender);
     desk->name_ = "modbus " + bender.device;

@@ -88,7 +88,8 @@ int Run(int argc, char** argv) {
   std::vector<std::string> faults;
   unsigned cycle_ms = 200;
   CLI::App app{
-      "A CNC tube bender that is not there: a Modbus TCP or RTU server with a program, a press and "
+      "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) with a program, a "
+      "press and "
       "its\n"
       "moods. Prints \"listening PORT\", then obeys one command a line on standard input:\n"
       "  bend                 run one cycle; prints \"bent part-0001.json\" when the part is on "
@@ -107,6 +108,17 @@ int Run(int argc, char** argv) {
   app.add_flag("--rtu", options.rtu,
                "Modbus RTU on a pseudo-terminal; prints \"listening /dev/pts/N\", which a cell "
                "file\nnames as its bender's device");
+  drivers::CanChannel can;
+  auto* can_interface = app.add_option("--can", can.interface,
+                                       "Modbus in ISO-TP messages on this CAN interface; prints "
+                                       "\"listening can0\"");
+  app.add_option("--can-request-id", can.request_id,
+                 "CAN identifier of requests; above 0x7ff extended")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 0x1fffffff));
+  app.add_option("--can-reply-id", can.reply_id, "of replies")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 0x1fffffff));
   app.add_option("--unit", options.unit_id, "with --rtu: its unit id")
       ->capture_default_str()
       ->check(CLI::Range(1, 247));
@@ -143,6 +155,7 @@ int Run(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : hal::ExitCode(hal::ErrorKind::kUsage);
   }
   options.cycle = std::chrono::milliseconds(cycle_ms);
+  if (*can_interface) options.can = can;
 
   auto map = config::LoadRegisterMap(map_file);
   if (!map) return Complain(map.error());

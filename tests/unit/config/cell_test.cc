@@ -88,11 +88,25 @@ TEST(Cell, NamesFileLineKeyAndTheNearestKey) {
   EXPECT_THAT(ErrorOf(With(kMinimal, "[bender]", "[bendr]")), HasSubstr("did you mean 'bender'?"));
   EXPECT_THAT(ErrorOf(std::string(kMinimal) + "colour = 1"),
               AllOf(HasSubstr("cell.toml:8: key 'bender.colour': found an unknown key, expected "
-                              "one of byte_timeout_ms, commit_timeout_ms"),
+                              "one of baud, byte_timeout_ms, "),
                     Not(HasSubstr("did you mean"))));
   // The unit forgotten.
   EXPECT_THAT(ErrorOf(std::string(kMinimal) + "commit_timeout = 1"),
               HasSubstr("did you mean 'commit_timeout_ms'?"));
+}
+
+TEST(Cell, LinksNeedTheirLine) {
+  const auto bender = [](const std::string& text) {
+    return ErrorOf(With(kMinimal, "link = \"none\"", text + "\nregister_map = \"map.toml\""));
+  };
+  EXPECT_THAT(bender("link = \"modbus-rtu\""), HasSubstr("key 'bender.device': found nothing"));
+  EXPECT_THAT(bender("link = \"modbus-rtu\"\ndevice = \"/dev/ttyS1\"\nbaud = 19201"),
+              HasSubstr("key 'bender.baud': found 19201, expected a usual rate"));
+  EXPECT_THAT(bender("link = \"modbus-rtu\"\ndevice = \"/dev/ttyS1\"\nunit_id = 0"),
+              HasSubstr("key 'bender.unit_id': found 0, expected 1 to 247"));
+  EXPECT_THAT(bender("link = \"can-isotp\""), HasSubstr("key 'bender.can_interface': found ''"));
+  EXPECT_THAT(bender("link = \"can-isotp\"\ncan_interface = \"can0\"\ncan_reply_id = 0x7e0"),
+              HasSubstr("key 'bender.can_reply_id': found 2016 as in can_request_id"));
 }
 
 TEST(Cell, NamesEveryProblemInTheOrderOfTheFile) {
@@ -121,7 +135,7 @@ cell.toml:4: key 'scanner.kind': found the text 'usbb', expected one of 'simulat
 cell.toml:5: key 'scanner.port': found 70000, expected a whole number from 1 to 65535
 cell.toml:6: key 'scanner.queue_profiles': found 100.5, expected a whole number from 16 to 65536
 cell.toml:8: key 'scan.max_seconds': found nan, expected a number from 1 to 3600
-cell.toml:10: key 'bender.link': found 'can', which is not yet supported, expected one of 'none', 'modbus-tcp', 'modbus-rtu', 'simulated'
+cell.toml:10: key 'bender.link': found 'can', which is not yet supported, expected one of 'none', 'modbus-tcp', 'modbus-rtu', 'can-isotp', 'simulated'
 cell.toml:11: key 'bender.host': found 'plc.example', expected a numeric address such as 192.168.0.10 (looking up a name has no bounded time)
 cell.toml:13: key 'correction.gain_angle': found 1.5, expected a number from 0 to 1
 cell.toml:14: key 'correction.enabled': found the text 'yes', expected true or false
