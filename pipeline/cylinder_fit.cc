@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::size_t kMinInliers = 10;
 constexpr int kSectors = 32;
-constexpr double kMinPivot = 1e-8;  // of the largest
+constexpr double kConverged = 1e-6;  // of the radius
+constexpr double kMinPivot = 1e-8;   // of the largest
 
 using Vector5d = Eigen::Matrix<double, 5, 1>;
 using Matrix5d = Eigen::Matrix<double, 5, 5>;
@@ -184,7 +185,7 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
     // Step (iii): back to the foot of the first guess on the axis that now is.
     fit.point_mm += (point - fit.point_mm).dot(fit.axis) * fit.axis;
     if (iteration >= 2 && shift.norm() + options.support_mm * tilt.norm() + std::abs(step[4]) <
-                              options.converged * options.radius_mm) {
+                              kConverged * options.radius_mm) {
       break;
     }
   }

@@ -21,9 +21,8 @@ constexpr std::size_t kSeedsOfBlock = 8;   // more starts in a block say the sam
 // Section 7 has 0.1; a sample's curvature scatters more than that under 0.1 mm of noise on a 2 mm
 // wire, and the cylinder fit judges again.
 constexpr double kCurvatureTolerance = 0.3;
-constexpr double kMaxRms = 0.12;     // of r_P, paraboloid and cylinder
-constexpr double kConverged = 1e-3;  // of r_P; the surface fit ends more exactly
-constexpr double kInlier = 0.25;     // of r_P, Tukey's cut-off
+constexpr double kMaxRms = 0.12;  // of r_P, paraboloid and cylinder
+constexpr double kInlier = 0.25;  // of r_P, Tukey's cut-off
 constexpr double kMinCoverage =
     0.25;  // of the circumference; a cylinder laid on from outside has less
 // A node far rougher than the common one is a fit across two things.
@@ -169,8 +168,7 @@ void MlsProjection::Fit(const SampleGrid& grid, Cube& cube) {
                                       {.radius_mm = radius_mm_,
                                        .free_radius = false,
                                        .support_mm = support * radius_mm_,
-                                       .inlier_mm = kInlier * radius_mm_,
-                                       .converged = kConverged});
+                                       .inlier_mm = kInlier * radius_mm_});
     if (!cylinder || cylinder->axial_spread_mm < kMinAxialSpread * radius_mm_) continue;
     if (cylinder->angular_coverage < kMinCoverage || cylinder->rms_mm > kMaxRms * radius_mm_ ||
         (cylinder->point_mm - mean).norm() > kMaxMove * radius_mm_ ||

@@ -29,7 +29,7 @@ constexpr std::size_t kSeeds = 240;
 constexpr std::size_t kPilotStride = 3;
 constexpr std::size_t kEnoughVotes = 24;
 // Points in a cube of the neighbourhood's size, on the average: more are not looked at.
-constexpr std::size_t kDense = 12;
+constexpr std::size_t kDense = 25;
 constexpr std::size_t kWorkingPoints = 20'000;
 constexpr double kMinSupport = 0.04;
 constexpr double kStray = 0.01;  // part of the points at either end that may lie anywhere
@@ -97,8 +97,7 @@ Cylinders FitCylinders(double trial_mm, std::span<const Vote> votes, const Sampl
                                       {.radius_mm = trial_mm,
                                        .free_radius = true,
                                        .support_mm = kCylinderSupport * trial_mm,
-                                       .inlier_mm = 0.35 * trial_mm,
-                                       .converged = 1e-4});
+                                       .inlier_mm = 0.35 * trial_mm});
     if (!cylinder || cylinder->angular_coverage < 0.15 ||
         cylinder->axial_spread_mm < 0.15 * trial_mm ||
         std::abs(cylinder->radius_mm / trial_mm - 1.0) > 0.4 ||
