@@ -11,6 +11,7 @@
 #include "pipeline/arc_line_spline.h"
 #include "pipeline/simplify.h"
 #include "pipeline/statistics.h"
+#include "pipeline/structure_score.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -22,12 +23,20 @@ constexpr double kArcTolerance = 2.0;
 constexpr double kReach = 0.35;  // of r_P: how far a sample may be from a wrong model
 // The price of a parameter is this many times the criterion's log(n) variances: systematic errors
 // reach further than the blocks in which they are estimated.
-constexpr double kPrice = 3.0;
+constexpr double kPrice = 1.2;
+// Two straights joined by less than this are one, unless the samples insist.
+constexpr double kSlightDeg = 1.0;
+constexpr double kSlightPrice = 8;  // in parameters, above those of the bend
 constexpr double kTruncated = 6.0;  // sigma
 constexpr double kDropAngleDeg = 3.0;
 constexpr double kSplitRadius = 0.4;  // of the old arc's
 constexpr double kSuspicious = 1.5;   // mean square of an arc's distances over the median segment's
 constexpr std::size_t kMaxSplits = 4;
+constexpr std::size_t kMaxAdded = 16;  // bends
+constexpr int kMaxCycles = 3;          // of adding and simplifying
+constexpr double kAsk = 20.0;          // gain, in variances, at which one more bend is tried
+constexpr int kMaxTries = 4;           // places
+constexpr double kNearArc = 1.5;       // of r_P: a place from where the arc beside it is meant too
 // A bend with less than this beyond it (arc and straight, in pipe radii) cannot be told from the
 // cap, burr or fixture at the border of a scan: the tube goes straight on there.
 constexpr double kBorder = 1.0;
@@ -36,6 +45,7 @@ constexpr double kTight = 1.05;          // bend radius, in pipe radii: where th
 constexpr double kDoubtfulBorder = 8.0;  // up to here the samples are asked
 // The number of bends does not need every sample; the comparison sees at most about so many.
 constexpr std::size_t kEnoughSamples = 8000;
+constexpr std::size_t kAllSamples = 60'000;
 // The live view has milliseconds: one tolerance, few samples, no comparisons.
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
@@ -176,10 +186,152 @@ std::array<SplineArc, 2> SplitArc(const SplineArc& arc) {
                     arc.tangent_out, arc.normal, radius, half}};
 }
 
+// All that comes after the first `count` arcs, turned about a place.
+void MoveRest(ArcLineSpline& spline, std::size_t count, const Eigen::Vector3d& about,
+              const Eigen::Matrix3d& turn) {
+  for (std::size_t i = count; i < spline.arcs.size(); ++i) {
+    SplineArc& arc = spline.arcs[i];
+    arc.begin_mm = about + turn * (arc.begin_mm - about);
+    arc.end_mm = about + turn * (arc.end_mm - about);
+    arc.tangent_in = turn * arc.tangent_in;
+    arc.tangent_out = turn * arc.tangent_out;
+    arc.normal = turn * arc.normal;
+  }
+  spline.end_mm = about + turn * (spline.end_mm - about);
+}
+
+// The arc as two of the same circle: the fit finds how they differ.
+ArcLineSpline WithArcParted(const ArcLineSpline& spline, std::size_t index, double along_mm) {
+  ArcLineSpline with = spline;
+  SplineArc& second = with.arcs[index];
+  SplineArc first = second;
+  first.angle_rad = along_mm / first.radius_mm;
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(first.angle_rad, first.normal).toRotationMatrix();
+  const Eigen::Vector3d center =
+      first.begin_mm + first.radius_mm * first.normal.cross(first.tangent_in);
+  first.end_mm = center + turn * (first.begin_mm - center);
+  first.tangent_out = turn * first.tangent_in;
+  second.begin_mm = first.end_mm;
+  second.tangent_in = first.tangent_out;
+  second.angle_rad -= first.angle_rad;
+  with.arcs.insert(with.arcs.begin() + static_cast<std::ptrdiff_t>(index), first);
+  return with;
+}
+
+// A small bend in a line, as tight as the others; the rest of the tube turns with it.
+ArcLineSpline WithSmallBend(const ArcLineSpline& spline, std::size_t arcs_before,
+                            const hal::SpineSegment& line, double along_mm,
+                            const Eigen::Vector3d& turn_rad, double pipe_radius_mm) {
+  const Eigen::Vector3d at = line.PointAt(along_mm);
+  const Eigen::Vector3d across = turn_rad - turn_rad.dot(line.tangent) * line.tangent;
+  std::vector<double> radii;
+  for (const SplineArc& other : spline.arcs) radii.push_back(other.radius_mm);
+  SplineArc arc;
+  arc.tangent_in = line.tangent;
+  arc.angle_rad = std::clamp(across.norm(), 1e-3, 0.5);
+  arc.normal = across.normalized();
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(arc.angle_rad, arc.normal).toRotationMatrix();
+  arc.tangent_out = turn * arc.tangent_in;
+  arc.radius_mm = radii.empty()
+                      ? 3.0 * pipe_radius_mm
+                      : std::clamp(Median(radii), 1.5 * pipe_radius_mm, 8.0 * pipe_radius_mm);
+  const double reach_mm = arc.radius_mm * std::tan(0.5 * arc.angle_rad);
+  arc.begin_mm = at - reach_mm * arc.tangent_in;
+  arc.end_mm = at + reach_mm * arc.tangent_out;
+  ArcLineSpline with = spline;
+  MoveRest(with, arcs_before, at, turn);
+  with.arcs.insert(with.arcs.begin() + static_cast<std::ptrdiff_t>(arcs_before), arc);
+  return with;
+}
+
+// Two arcs in place of one, with the straight between them through a place of the spine; none: the
+// lines do not meet in this order.
+std::optional<std::array<SplineArc, 2>> SplitVia(const SplineArc& arc, const SpineNode& node) {
+  const auto corner = [&node](const Eigen::Vector3d& point, const Eigen::Vector3d& direction) {
+    const double c = direction.dot(node.tangent);
+    const Eigen::Vector3d w = node.position_mm - point;
+    // Where the node's line comes nearest to the other.
+    return (c * w.dot(direction) - w.dot(node.tangent)) / std::max(1e-9, 1.0 - c * c);
+  };
+  const double at1 = corner(arc.begin_mm, arc.tangent_in);
+  const double at2 = corner(arc.end_mm, arc.tangent_out);
+  const double length_mm = at2 - at1;
+  const auto between = [](const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+    return std::atan2(from.cross(to).norm(), from.dot(to));
+  };
+  const double angle1 = between(arc.tangent_in, node.tangent);
+  const double angle2 = between(node.tangent, arc.tangent_out);
+  if (!(length_mm > 0) || length_mm > 2.0 * arc.radius_mm * arc.angle_rad || angle1 < 1e-3 ||
+      angle2 < 1e-3) {
+    return std::nullopt;
+  }
+  const double radius_mm =
+      std::min(arc.radius_mm, 0.9 * length_mm / (std::tan(0.5 * angle1) + std::tan(0.5 * angle2)));
+  const auto make = [&](double at, const Eigen::Vector3d& in, const Eigen::Vector3d& out,
+                        double angle) {
+    const Eigen::Vector3d place = node.position_mm + at * node.tangent;
+    const double reach_mm = radius_mm * std::tan(0.5 * angle);
+    return SplineArc{place - reach_mm * in,
+                     place + reach_mm * out,
+                     in,
+                     out,
+                     in.cross(out).normalized(),
+                     radius_mm,
+                     angle};
+  };
+  return std::array{make(at1, arc.tangent_in, node.tangent, angle1),
+                    make(at2, node.tangent, arc.tangent_out, angle2)};
+}
+
+// Splines with one bend more, to start the fit from.
+std::vector<ArcLineSpline> WithBend(const ArcLineSpline& spline, const hal::Tube& tube,
+                                    const MissingBend& missing, const SpinePolygon& polygon) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const hal::SpineSegment& segment = segments[missing.segment];
+  const std::size_t before = missing.segment / 2;  // arcs before the place
+  std::vector<ArcLineSpline> list;
+  const double near_mm = kNearArc * tube.pipe_radius_mm;
+  const auto part = [&](std::size_t arc, double along_mm) {
+    const Eigen::Vector3d at = segments[2 * arc + 1].PointAt(along_mm);
+    const auto node = std::min_element(
+        polygon.begin(), polygon.end(), [&at](const SpineNode& a, const SpineNode& b) {
+          return (a.position_mm - at).squaredNorm() < (b.position_mm - at).squaredNorm();
+        });
+    SpineNode forward = *node;
+    if (forward.tangent.dot(segments[2 * arc + 1].TangentAt(along_mm)) < 0) {
+      forward.tangent = -forward.tangent;
+    }
+    if (const auto two = SplitVia(spline.arcs[arc], forward)) {
+      ArcLineSpline with = spline;
+      with.arcs[arc] = (*two)[0];
+      with.arcs.insert(with.arcs.begin() + static_cast<std::ptrdiff_t>(arc) + 1, (*two)[1]);
+      list.push_back(std::move(with));
+    }
+    list.push_back(WithArcParted(spline, arc, along_mm));
+  };
+  if (segment.is_arc()) {
+    const double middle_mm = 0.5 * segment.length_mm;
+    if (missing.along_mm > 0) part(before, missing.along_mm);
+    if (std::abs(missing.along_mm - middle_mm) > near_mm) part(before, middle_mm);
+    return list;
+  }
+  list.push_back(WithSmallBend(spline, before, segment, missing.along_mm, missing.turn_rad,
+                               tube.pipe_radius_mm));
+  if (missing.along_mm < near_mm && before > 0) {
+    part(before - 1, 0.5 * segments[missing.segment - 1].length_mm);
+  }
+  if (segment.length_mm - missing.along_mm < near_mm && before < spline.arcs.size()) {
+    part(before, 0.5 * segments[missing.segment + 1].length_mm);
+  }
+  return list;
+}
+
 class Search {
  public:
-  Search(double pipe_radius_mm, std::span<const PointBlock> blocks, std::size_t enough_samples)
+  Search(const SpinePolygon& polygon, double pipe_radius_mm, std::span<const PointBlock> blocks,
+         std::size_t enough_samples)
       : radius_mm_(pipe_radius_mm),
+        polygon_(&polygon),
         blocks_(Thinned(blocks, CountPoints(blocks) / enough_samples + 1)),
         samples_(blocks_.point_count()) {}
 
@@ -198,13 +350,26 @@ class Search {
       SurfaceFit fit = Fit(tube);
       if (!best || IsBetter(fit, *best)) best = std::move(fit);
     }
-    // Splitting first: what was one by mistake is found before what is two by mistake is joined.
+    // Adding first: what was one by mistake is found before what is two by mistake is joined.
     for (std::size_t i = 0; i < kMaxSplits && Split(*best); ++i) {
     }
-    while (Simplified(*best)) {
-    }
+    Refine(*best);
     return *best;
   }
+
+  // Adds what the samples ask for and takes away what they do not mind to lose.
+  void Refine(SurfaceFit& best) const {
+    for (int cycle = 0; cycle < kMaxCycles; ++cycle) {
+      bool added = false;
+      for (std::size_t i = 0; i < kMaxAdded && Added(best); ++i) added = true;
+      if (cycle > 0 && !added) break;
+      while (Simplified(best)) {
+      }
+    }
+  }
+
+  // The same tube with the samples of this search.
+  SurfaceFit Again(const SurfaceFit& fit) const { return Fit(fit.tube); }
 
  private:
   SurfaceFit Fit(const hal::Tube& tube) const {
@@ -229,7 +394,15 @@ class Search {
                                      b.sigma_mm * b.sigma_mm * b.design_effect);
     const double price = kPrice * std::log(static_cast<double>(samples_)) * variance;
     const double limit_mm = kTruncated * std::min(a.sigma_mm, b.sigma_mm);
-    return Cost(a, limit_mm) + a.parameters * price < Cost(b, limit_mm) + b.parameters * price;
+    return Cost(a, limit_mm) + Parameters(a) * price < Cost(b, limit_mm) + Parameters(b) * price;
+  }
+
+  static double Parameters(const SurfaceFit& fit) {
+    double count = fit.parameters;
+    for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
+      if (fit.tube.program.rows[i].angle_deg < kSlightDeg) count += kSlightPrice;
+    }
+    return count;
   }
 
   static double Cost(const SurfaceFit& fit, double limit_mm) {
@@ -257,6 +430,22 @@ class Search {
       if (!IsBetter(candidate, fit)) continue;
       fit = std::move(candidate);
       return true;
+    }
+    return false;
+  }
+
+  // One bend more where the samples ask for it most. False: they are content.
+  bool Added(SurfaceFit& fit) const {
+    const ArcLineSpline spline = SplineFromTube(fit.tube);
+    int tries = 0;
+    for (const MissingBend& missing : FindMissingBends(fit, blocks_, kReach * radius_mm_)) {
+      if (missing.gain < kAsk || ++tries > kMaxTries) return false;
+      for (const ArcLineSpline& with : WithBend(spline, fit.tube, missing, *polygon_)) {
+        SurfaceFit candidate = Fit(TubeFromSpline(with, fit.tube.pipe_radius_mm));
+        if (!IsBetter(candidate, fit)) continue;
+        fit = std::move(candidate);
+        return true;
+      }
     }
     return false;
   }
@@ -304,6 +493,7 @@ class Search {
   }
 
   double radius_mm_;
+  const SpinePolygon* polygon_;
   OwnedBlocks blocks_;
   std::size_t samples_;
 };
@@ -312,12 +502,20 @@ class Search {
 
 SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                              std::span<const PointBlock> blocks) {
-  return Search(pipe_radius_mm, blocks, kGlanceSamples).Glance(polygon);
+  return Search(polygon, pipe_radius_mm, blocks, kGlanceSamples).Glance(polygon);
 }
 
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                          std::span<const PointBlock> blocks) {
-  return Search(pipe_radius_mm, blocks, kEnoughSamples).Run(polygon);
+  SurfaceFit fit = Search(polygon, pipe_radius_mm, blocks, kEnoughSamples).Run(polygon);
+  std::size_t samples = 0;
+  for (const PointBlock& block : blocks) samples += block.points.size();
+  if (samples <= kEnoughSamples) return fit;
+  // Small bends are seen in more samples than the way there needed.
+  const Search fine(polygon, pipe_radius_mm, blocks, kAllSamples);
+  fit = fine.Again(fit);
+  fine.Refine(fit);
+  return fit;
 }
 
 }  // namespace bendloop::pipeline

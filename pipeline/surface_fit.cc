@@ -26,8 +26,6 @@ constexpr double kNoDamping = 1e-10;
 constexpr double kMostDamping = 1e6;
 // A step over all points leaves less than a thousandth of what it made chi square less by.
 constexpr double kLittle = 30;
-// Of r_P: how far the end straights may go on beyond the nodes.
-constexpr double kBeyond = 3.0;
 constexpr int kFullPasses = 4;
 constexpr std::size_t kCoarsePoints = 10'000;
 constexpr std::size_t kFewPoints = 10;

@@ -73,8 +73,10 @@ struct SegmentFrame {
   Eigen::Vector3d middle_mm;  // a ball that the segment lies in
   double around_mm;
 };
-// All segments of a tube; the end straights go on beyond their ends. Far enough (`beyond_mm`)
-// another part of the tube may lie in their way.
+// Of r_P: how far the end straights may go on beyond the nodes; further out another part of the
+// tube may lie in their way.
+constexpr double kBeyond = 3.0;
+// All segments of a tube; the end straights go on beyond their ends, as far as `beyond_mm`.
 std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
                                         double beyond_mm = std::numeric_limits<double>::infinity());
 NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,

@@ -41,6 +41,13 @@ struct SegmentPoints {
 
   void Clear() { size = 0; }
   void MakeRoom(std::size_t more);
+  void Add(const SegmentPoints& from, std::size_t i) {
+    if (size == x.size()) MakeRoom(kBatch);
+    x[size] = from.x[i];
+    y[size] = from.y[i];
+    z[size] = from.z[i];
+    distance[size++] = from.distance[i];
+  }
   void Add(const LocalLanes& from, std::size_t i, double from_surface_mm) {
     x[size] = from.x[i];
     y[size] = from.y[i];

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/structure_score.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/surface_pass.h"
+#include "pipeline/tube_parameters.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kPiece = 0.75;       // of r_P: how finely places are told
+constexpr double kMaxPieces = 60;     // of a segment
+constexpr double kWide = 4.0;         // of sigma, for the weights
+constexpr double kEnd = 1.0;          // of r_P: nearer to the end of the samples nothing is asked
+constexpr double kNegligible = 1e-9;  // of the largest eigenvalue: a turn that no sample feels
+
+using Motion = Eigen::Matrix<double, 6, 1>;  // velocity at the origin and angular velocity, world
+using MotionMap = Eigen::Matrix<double, 6, 6>;
+
+Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+// From a rigid motion of the world to that of a segment's frame.
+MotionMap ToFrame(const hal::SpineSegment& segment, const Eigen::Vector3d& origin) {
+  Eigen::Matrix3d frame;
+  frame.row(0) = segment.tangent;
+  frame.row(1) = segment.normal.cross(segment.tangent);
+  frame.row(2) = segment.normal;
+  MotionMap map = MotionMap::Zero();
+  map.topLeftCorner<3, 3>() = frame;
+  map.topRightCorner<3, 3>() = -frame * Cross(segment.start_mm - origin);
+  map.bottomRightCorner<3, 3>() = frame;
+  return map;
+}
+
+// The samples of a part of a segment, in its frame.
+struct Piece {
+  std::size_t segment = 0;
+  double begin_mm = 0;
+  SegmentPoints points;
+};
+
+double AlongOf(const SegmentPoints& points, std::size_t i, const hal::SpineSegment& segment) {
+  if (!segment.is_arc()) return points.x[i];
+  const double middle = 0.5 * segment.angle_rad();
+  const double phi = std::atan2(points.x[i], -points.y[i]);
+  return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
+}
+
+std::vector<Piece> Pieces(const std::vector<hal::SpineSegment>& segments,
+                          const SurfaceAssignment& assignment, double pipe_radius_mm) {
+  std::vector<Piece> pieces;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const SegmentPoints& points = assignment.segments[k];
+    const double length_mm = segments[k].length_mm;
+    const double wanted = std::ceil(length_mm / (kPiece * pipe_radius_mm));
+    const auto count = static_cast<int>(std::clamp(wanted, 1.0, kMaxPieces));
+    const std::size_t first = pieces.size();
+    for (int i = 0; i < count; ++i) {
+      pieces.push_back({k, length_mm * i / count, {}});
+    }
+    for (std::size_t i = 0; i < points.size; ++i) {
+      const double part = length_mm > 0 ? AlongOf(points, i, segments[k]) / length_mm : 0.0;
+      const double place = std::clamp(std::floor(part * count), 0.0, count - 1.0);
+      pieces[first + static_cast<std::size_t>(place)].points.Add(points, i);
+    }
+  }
+  return pieces;
+}
+
+}  // namespace
+
+std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const PointBlock> blocks,
+                                          double reach_mm) {
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  const TubeParameters parameters(fit.tube, true);
+  const auto derivatives = parameters.FrameDerivatives(parameters.Initial(), segments);
+  const double r = fit.tube.pipe_radius_mm;
+  const auto frames = SegmentFrames(segments, kBeyond * r);
+  SurfaceAssignment assignment;
+  AssignPoints(frames, r, blocks, reach_mm, assignment);
+  const std::vector<Piece> pieces = Pieces(segments, assignment, r);
+  // Where a bend is missing distances are large, and they are what is looked for here.
+  const double wide_sigma_mm = std::min(kWide * fit.sigma_mm, reach_mm / kFullWeight);
+  const Eigen::Vector3d origin = segments[segments.size() / 2].start_mm;
+
+  // From the last piece to the first: what all pieces from here on say of a common motion.
+  const Eigen::Index n = parameters.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  Eigen::VectorXd slope = Eigen::VectorXd::Zero(n);
+  struct Suffix {
+    MotionMap information = MotionMap::Zero();
+    Motion slope = Motion::Zero();
+    Eigen::MatrixXd with_parameters;  // 6 x n
+  };
+  std::vector<Suffix> suffix(pieces.size() + 1);
+  suffix.back().with_parameters = Eigen::MatrixXd::Zero(6, n);
+  CondensedSum of_segment = CondensedSum::Zero();
+  for (std::size_t p = pieces.size(); p-- > 0;) {
+    const std::size_t k = pieces[p].segment;
+    const auto& segment = segments[k];
+    const CondensedSum sum = SumOfRows(pieces[p].points, frames[k], r, wide_sigma_mm);
+    const MotionMap map = ToFrame(segment, origin);
+    suffix[p].information =
+        suffix[p + 1].information + map.transpose() * sum.topLeftCorner<6, 6>() * map;
+    suffix[p].slope = suffix[p + 1].slope + map.transpose() * sum.block<6, 1>(0, kLocalState);
+    suffix[p].with_parameters =
+        suffix[p + 1].with_parameters +
+        map.transpose() * sum.topLeftCorner<6, kLocalState>() * derivatives[k];
+    of_segment += sum;
+    if (p > 0 && pieces[p - 1].segment == k) continue;
+    information += derivatives[k].transpose() *
+                   of_segment.topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
+    slope += derivatives[k].transpose() * of_segment.block<kLocalState, 1>(0, kLocalState);
+    of_segment.setZero();
+  }
+  Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
+  for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
+  Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+  scaled.diagonal().array() += 1e-9;
+  const Eigen::LLT<Eigen::MatrixXd> solver(scaled);
+  const auto solve = [&](const Eigen::MatrixXd& right) -> Eigen::MatrixXd {
+    return scale.asDiagonal() * solver.solve(scale.asDiagonal() * right);
+  };
+  const Eigen::VectorXd at_rest = solve(slope);
+
+  const double total_mm = segments.back().from_start_mm + segments.back().length_mm;
+  const double margin_mm = kEnd * fit.tube.pipe_radius_mm;
+  std::vector<MissingBend> all;
+  for (std::size_t p = 1; p < pieces.size(); ++p) {
+    const auto& segment = segments[pieces[p].segment];
+    const double place_mm = segment.from_start_mm + pieces[p].begin_mm;
+    if (place_mm < margin_mm || place_mm > total_mm - margin_mm) continue;
+    const Eigen::Vector3d at = segment.PointAt(pieces[p].begin_mm);
+    const Eigen::Vector3d tangent = segment.TangentAt(pieces[p].begin_mm);
+    // A line may turn across itself; an arc also about itself (another plane from here on), and a
+    // straight may stand in it.
+    const bool arc = segment.is_arc() && pieces[p].begin_mm > 0;
+    Eigen::Matrix<double, 6, Eigen::Dynamic> modes(6, arc ? 4 : 2);
+    const Eigen::Vector3d side = segment.normal.cross(tangent);
+    modes.col(0).tail<3>() = segment.normal;
+    modes.col(1).tail<3>() = side;
+    if (arc) modes.col(2).tail<3>() = tangent;
+    for (Eigen::Index m = 0; m < (arc ? 3 : 2); ++m) {
+      modes.col(m).head<3>() = -modes.col(m).tail<3>().cross(at - origin);
+    }
+    if (arc) modes.col(3) << tangent, Eigen::Vector3d::Zero();
+    const Eigen::MatrixXd cross = modes.transpose() * suffix[p].with_parameters;
+    const Eigen::MatrixXd free =
+        modes.transpose() * suffix[p].information * modes - cross * solve(cross.transpose());
+    const Eigen::VectorXd pull = modes.transpose() * suffix[p].slope - cross * at_rest;
+    const Eigen::VectorXd size = free.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(size.asDiagonal() * free *
+                                                               size.asDiagonal());
+    const Eigen::VectorXd inverse =
+        (eigen.eigenvalues().array() > 1e-3)
+            .select(eigen.eigenvalues().cwiseMax(kNegligible).cwiseInverse(), 0.0);
+    const Eigen::VectorXd step = -(size.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
+                                   eigen.eigenvectors().transpose() * size.asDiagonal() * pull);
+    MissingBend bend{pieces[p].segment, pieces[p].begin_mm, Eigen::Vector3d::Zero(), 0, 0};
+    for (Eigen::Index m = 0; m < (arc ? 3 : 2); ++m)
+      bend.turn_rad += step[m] * modes.col(m).tail<3>();
+    if (arc) bend.stretch_mm = step[3];
+    bend.gain = -step.dot(pull) / (fit.sigma_mm * fit.sigma_mm);
+    all.push_back(bend);
+  }
+  std::vector<MissingBend> standing_out;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const bool before = i == 0 || all[i].gain >= all[i - 1].gain;
+    const bool after = i + 1 == all.size() || all[i].gain > all[i + 1].gain;
+    if (before && after) standing_out.push_back(all[i]);
+  }
+  std::stable_sort(standing_out.begin(), standing_out.end(),
+                   [](const auto& a, const auto& b) { return a.gain > b.gain; });
+  return standing_out;
+}
+
+}  // namespace bendloop::pipeline
