@@ -1,3 +1,4 @@
+# shellcheck shell=sh
 # In the guest: the bender link over ISO-TP on a virtual CAN bus, and the simulated bender as a process
 # of its own, asked by can-utils.
 set -e
