@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cell/replay.h"
 
+#include <algorithm>
+#include <cstddef>
 #include <optional>
 #include <utility>
 
@@ -68,6 +70,16 @@ hal::Result<std::unique_ptr<BenderDesk>> OpenDesk(const config::CellConfig& cell
   return opened;
 }
 
+// A recording waits when the ring is full, so few slots lose nothing; and a file's word on the size
+// of its profiles must not take all memory.
+std::size_t RingSlots(const config::CellConfig& cell, std::size_t max_points) {
+  constexpr std::size_t kMostPoints = 4'000'000;
+  constexpr std::size_t kFewestSlots = 16;
+  const std::size_t fit =
+      std::max(kFewestSlots, kMostPoints / std::max<std::size_t>(max_points, 1));
+  return std::min<std::size_t>(cell.scanner.queue_profiles, fit);
+}
+
 }  // namespace
 
 hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOptions& options,
@@ -108,7 +120,7 @@ hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOp
   loop_options.max_parts = 1;
   CellLoop loop(*plan, std::move(ports), loop_options);
 
-  ProfileRing ring(cell.scanner.queue_profiles, info->max_points);
+  ProfileRing ring(RingSlots(cell, info->max_points), info->max_points);
   Acquisition acquisition(source, *info, ring, clock, {});
   if (auto started = acquisition.Start(); !started) return hal::Fail(started.error());
   const CellEnd end = loop.Run(acquisition, ring, *info);
