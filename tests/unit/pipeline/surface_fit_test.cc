@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/surface_fit.h"
 
+#include <ceres/ceres.h>
 #include <gtest/gtest.h>
 
+#include <numeric>
+
+#include "pipeline/tube_parameters.h"
 #include "tests/unit/pipeline/shapes.h"
 
 namespace bendloop::pipeline {
@@ -150,6 +154,65 @@ TEST(SurfaceFit, SigmaIsTheSpreadOfRepeatedScans) {
   total /= static_cast<double>(sums.size());
   EXPECT_GT(total, 0.7);
   EXPECT_LT(total, 1.25);
+}
+
+// The distances of single points from the surface, for a solver that knows nothing of our sums.
+struct PointDistances {
+  const TubeParameters* parameters;
+  const Points* points;
+
+  bool operator()(double const* const* x, double* distances_mm) const {
+    const hal::Tube tube =
+        parameters->TubeAt(Eigen::Map<const Eigen::VectorXd>(x[0], parameters->size()));
+    const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
+    std::vector<std::int32_t> all(frames.size());
+    std::iota(all.begin(), all.end(), 0);
+    for (std::size_t i = 0; i < points->size(); ++i) {
+      distances_mm[i] = NearestSegment((*points)[i], frames, all).distance_mm - tube.pipe_radius_mm;
+    }
+    return true;
+  }
+};
+
+// Started where our fit ends, Ceres' Levenberg-Marquardt with numeric derivatives and equal weights
+// stays there, but for the few points that our weights fade out.
+TEST(SurfaceFit, AgreesWithCeres) {
+  Random random(6);
+  for (int run = 0; run < 4; ++run) {
+    const hal::Tube tube = SomeTube(1 + run, random);
+    const Points points = tests::SyntheticCloud(
+        tube, {.points = 2000, .noise_mm = 0.01 * tube.pipe_radius_mm}, random);
+    const SurfaceFit fit =
+        FitSurface(Perturbed(tube, random), tests::Blocks(points, tube.pipe_radius_mm), Wide(tube));
+    const TubeParameters parameters(fit.tube, true);
+    Eigen::VectorXd x = parameters.Initial();
+    auto* const cost = new ceres::DynamicNumericDiffCostFunction<PointDistances, ceres::CENTRAL>(
+        new PointDistances{&parameters, &points});
+    cost->AddParameterBlock(parameters.size());
+    cost->SetNumResiduals(static_cast<int>(points.size()));
+    ceres::Problem problem;
+    problem.AddResidualBlock(cost, nullptr, x.data());
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::DENSE_QR;
+    options.function_tolerance = 1e-12;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    ASSERT_TRUE(summary.IsSolutionUsable());
+    const hal::Tube theirs = parameters.TubeAt(x);
+    EXPECT_NEAR(theirs.pipe_radius_mm, fit.tube.pipe_radius_mm, 0.1 * fit.pipe_radius_sigma_mm);
+    for (std::size_t i = 0; i < parameters.bends(); ++i) {
+      const hal::BendRow& row = theirs.program.rows[i];
+      const hal::BendRow& ours = fit.tube.program.rows[i];
+      const hal::BendRow& sigma = fit.sigma.rows[i];
+      EXPECT_NEAR(row.length_mm, ours.length_mm, 0.1 * sigma.length_mm) << run;
+      EXPECT_NEAR(row.angle_deg, ours.angle_deg, 0.1 * sigma.angle_deg) << run;
+      EXPECT_NEAR(*row.bend_radius_mm, *ours.bend_radius_mm, 0.1 * *sigma.bend_radius_mm) << run;
+      if (i > 0) {
+        EXPECT_NEAR(row.rotation_deg, ours.rotation_deg, 0.1 * sigma.rotation_deg) << run;
+      }
+    }
+  }
 }
 
 TEST(SurfaceFit, TakesTooFewPoints) {
