@@ -85,7 +85,13 @@ void Acquisition::TakeProfile(Slot& slot) {
   if (last_sequence_ && profile.sequence > *last_sequence_ + 1) {
     Count(counters_.missing_profiles, profile.sequence - *last_sequence_ - 1);
   }
-  last_sequence_ = profile.sequence;
+  if (last_sequence_ && profile.sequence == *last_sequence_) {
+    Count<std::uint64_t>(counters_.repeated_profiles);
+  }
+  if (last_sequence_ && profile.sequence < *last_sequence_) {
+    Count<std::uint64_t>(counters_.reordered_profiles);
+  }
+  last_sequence_ = std::max(profile.sequence, last_sequence_.value_or(0));
   slot.arrived_ns = clock_.Now().count();
   if (is_live_) {
     const std::int64_t delay = slot.arrived_ns - profile.t_ns;

@@ -22,8 +22,10 @@ struct AcquisitionCounters {
   std::atomic<std::uint64_t> events{0};
   std::atomic<std::uint64_t> dropped_profiles{0};  // the ring was full
   std::atomic<std::uint64_t> dropped_events{0};
-  std::atomic<std::uint64_t> missing_profiles{0};  // gaps in the scanner's own count
-  std::atomic<std::uint64_t> queue_peak{0};        // slots
+  std::atomic<std::uint64_t> missing_profiles{0};    // gaps in the scanner's own count
+  std::atomic<std::uint64_t> repeated_profiles{0};   // the number of the one before, again
+  std::atomic<std::uint64_t> reordered_profiles{0};  // a number smaller than the one before
+  std::atomic<std::uint64_t> queue_peak{0};          // slots
   // Delay of a profile beyond the quickest one of its scan: (arrival - exposure) - min.
   std::atomic<std::int64_t> lateness_last_ns{0};
   std::atomic<std::int64_t> lateness_peak_ns{0};

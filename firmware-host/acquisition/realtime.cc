@@ -61,4 +61,19 @@ hal::Result<std::string> ApplyRealtime(const RealtimePolicy& policy) {
   return note;
 }
 
+hal::Result<std::string> FavourPipeline(const RealtimePolicy& policy) {
+  if (!policy.enabled) return std::string();
+  // On Linux this is the calling thread alone.
+  if (setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kPipelineNice) == 0) {
+    return std::string();
+  }
+  std::string note = "the pipeline runs without nice " + std::to_string(kPipelineNice) + " (" +
+                     Text(errno) + "): set LimitNICE=" + std::to_string(kPipelineNice) +
+                     " in the unit or grant CAP_SYS_NICE";
+  if (policy.required) {
+    return hal::Fail(hal::ErrorKind::kDevice, "[realtime] is required but " + note);
+  }
+  return note;
+}
+
 }  // namespace bendloop::host

@@ -19,4 +19,11 @@ struct RealtimePolicy {
 // what was not granted and how to grant it, "" if nothing is missing. kDevice when it is required.
 hal::Result<std::string> ApplyRealtime(const RealtimePolicy& policy);
 
+// How far the thread that reconstructs goes before ordinary ones; it stays an ordinary one, because
+// it may use a whole CPU for a while.
+inline constexpr int kPipelineNice = -10;
+
+// The same for that thread: lets it go before what else runs on the machine.
+hal::Result<std::string> FavourPipeline(const RealtimePolicy& policy);
+
 }  // namespace bendloop::host

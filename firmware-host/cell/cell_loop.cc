@@ -19,6 +19,7 @@ constexpr auto kViewPeriod = 200ms;
 // scan ended.
 constexpr std::uint64_t kCoveragePeriod = 64;
 constexpr double kCoveredPart = 0.98;
+constexpr auto kSilence = 2s;
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
 
@@ -48,6 +49,17 @@ const char* Word(PartEnd end) {
       break;
   }
   return "link down";
+}
+
+// The nominal's length, all of its bends, and those as certain as the interlocks demand.
+bool IsCovered(const pipeline::LiveView& view, const PartPlan& plan) {
+  if (view.covered_mm < kCoveredPart * plan.nominal_length_mm) return false;
+  const std::size_t bends = plan.nominal.bend_count();
+  if (view.program.bend_count() != bends) return false;
+  for (std::size_t i = 0; i < bends; ++i) {
+    if (!(view.sigma.rows[i].angle_deg <= plan.interlocks.most_sigma.angle_deg)) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -92,7 +104,10 @@ void CellLoop::Read(ProfileRing& ring) { slot_ = ring.TakeWithin(kReadTimeout); 
 
 void CellLoop::Update() {
   step_ = ScanStep::kNothing;
-  if (slot_ == nullptr) return;
+  if (slot_ == nullptr) return WatchSilence();
+  heard_at_ = ports_.clock->Now();
+  silent_ = false;
+  if (slot_->dropped_before > 0) MarkGap();
   switch (slot_->kind) {
     case SlotKind::kProfile:
       step_ = scan_.Take(slot_->profile);
@@ -112,6 +127,33 @@ void CellLoop::Update() {
   if (step_ == ScanStep::kBegan) BeginScan();
   if (step_ != ScanStep::kNothing) GrowScan();
   if (step_ == ScanStep::kGrew && NominalIsCovered()) step_ = scan_.Complete();
+}
+
+// The ring was full: the session says so, and the scan counts it.
+void CellLoop::MarkGap() {
+  if (scan_.phase() != ScanPhase::kScanning) return;
+  const std::int64_t t_ns =
+      slot_->kind == SlotKind::kProfile ? slot_->profile.t_ns : slot_->event.t_ns;
+  const hal::ScanEvent gap = GapEvent(t_ns - 1, slot_->dropped_before, "the pipeline was too slow");
+  scan_.Take(gap);
+  if (ports_.recorder) ports_.recorder->Add(gap);
+}
+
+// A scanner that says nothing in the middle of a scan is reported at once and given up when a scan
+// could no longer last.
+void CellLoop::WatchSilence() {
+  if (!options_.scan.is_live || scan_.phase() != ScanPhase::kScanning) return;
+  const auto silence = ports_.clock->Now() - heard_at_;
+  if (!silent_ && silence > kSilence) {
+    silent_ = true;
+    ports_.board->Update([](CellSnapshot& s) { ++s.silences; });
+  }
+  const double seconds = std::chrono::duration<double>(silence).count();
+  if (seconds > options_.scan.max_seconds) {
+    step_ =
+        scan_.Break("the scanner said nothing for " + std::to_string(static_cast<int>(seconds)) +
+                    " s in the middle of the scan: check it, and scan again");
+  }
 }
 
 void CellLoop::Write() {
@@ -171,6 +213,7 @@ void CellLoop::BeginScan() {
     s.phase = CellPhase::kScanning;
     s.session = identity_.session;
     s.live = {};
+    s.nominal_length_mm = plan_.nominal_length_mm;
   });
 }
 
@@ -185,8 +228,8 @@ void CellLoop::GrowScan() {
 }
 
 bool CellLoop::NominalIsCovered() {
-  return options_.ends_by_coverage && scan_.profiles() % kCoveragePeriod == 0 &&
-         reconstruction_->View().covered_mm >= kCoveredPart * plan_.nominal_length_mm;
+  if (!options_.ends_by_coverage || scan_.profiles() % kCoveragePeriod != 0) return false;
+  return IsCovered(reconstruction_->View(), plan_);
 }
 
 void CellLoop::FinishScan() {
@@ -222,6 +265,7 @@ void CellLoop::FinishScan() {
     outcome.latency = {Milliseconds(measured - arrived), Milliseconds(decided - arrived)};
   }
   const PartEnd what = outcome.end;
+  const PartLatency latency = outcome.latency;
   const LastPart last{identity_.session, Word(what),
                       std::string(pipeline::Name(outcome.result.inspection->verdict)),
                       outcome.reasons.empty() ? "" : outcome.reasons.front()};
@@ -232,6 +276,10 @@ void CellLoop::FinishScan() {
     if (what == PartEnd::kRefused || what == PartEnd::kLinkDown) ++s.refused;
     s.phase = CellPhase::kWaiting;
     s.session.clear();
+    s.last_lra_ms = latency.lra_ms;
+    s.peak_lra_ms = std::max(s.peak_lra_ms, latency.lra_ms);
+    s.last_end_ms = latency.end_ms;
+    s.peak_end_ms = std::max(s.peak_end_ms, latency.end_ms);
     s.last_decision_ms = ms;
     s.peak_decision_ms = std::max(s.peak_decision_ms, ms);
     s.last = last;
@@ -279,6 +327,9 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
     s.dropped_profiles = counters.dropped_profiles;
     s.missing_profiles = counters.missing_profiles;
     s.dropped_events = counters.dropped_events;
+    s.repeated_profiles = counters.repeated_profiles;
+    s.reordered_profiles = counters.reordered_profiles;
+    s.queue_now = ring.Filled();
     s.queue_peak = counters.queue_peak;
     s.queue_capacity = ring.capacity();
     s.lateness_last_ms = static_cast<double>(counters.lateness_last_ns) * 1e-6;
@@ -293,6 +344,10 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
       s.recorded_sessions = recorder.sessions;
       s.recorder_dropped = recorder.dropped_profiles;
       s.recorder_error = recorder.last_error;
+      s.recorder_waiting_points = recorder.queued_points;
+      s.removed_sessions = recorder.removed_sessions;
+      s.disk_used_mb = recorder.sessions_bytes >> 20;
+      s.disk_free_mb = recorder.free_bytes >> 20;
     }
   });
 }

@@ -85,6 +85,8 @@ class CellLoop {
   void BeginScan();
   void GrowScan();
   bool NominalIsCovered();
+  void MarkGap();
+  void WatchSilence();
   void FinishScan();
   void DropScan(hal::Error error);
   void PublishCounters(const Acquisition& acquisition, const ProfileRing& ring);
@@ -112,7 +114,9 @@ class CellLoop {
   std::future<RunContext> base_;
   pipeline::LiveView live_;
   std::chrono::nanoseconds view_due_{0};
-  std::int64_t last_arrival_ns_ = 0;  // of a profile of the scan
+  std::int64_t last_arrival_ns_ = 0;      // of a profile of the scan
+  std::chrono::nanoseconds heard_at_{0};  // when the latest slot came
+  bool silent_ = false;
 };
 
 }  // namespace bendloop::host

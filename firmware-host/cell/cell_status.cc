@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cell/cell_status.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "firmware-host/cell/version.h"
@@ -26,6 +27,21 @@ const char* Name(CellPhase phase) {
   return "stopping";
 }
 
+std::string ProgressLine(const pipeline::LiveView& view, double nominal_length_mm) {
+  char text[160];
+  std::string line;
+  if (const std::size_t bends = view.program.bend_count(); bends > 0) {
+    std::snprintf(text, sizeof text, "bend %zu seen, %.1f +- %.1f degree; ", bends,
+                  view.program.rows[bends - 1].angle_deg, view.sigma.rows[bends - 1].angle_deg);
+    line = text;
+  } else {
+    line = "no bend seen; ";
+  }
+  const double missing_mm = std::max(0.0, nominal_length_mm - view.covered_mm);
+  std::snprintf(text, sizeof text, "%.0f mm of %.0f still missing", missing_mm, nominal_length_mm);
+  return line + text;
+}
+
 Json StatusJson(const CellSnapshot& s) {
   Json json = {
       {"schema", "bendloop.status/1"},
@@ -47,20 +63,34 @@ Json StatusJson(const CellSnapshot& s) {
         {"dropped_profiles", s.dropped_profiles},
         {"missing_profiles", s.missing_profiles},
         {"dropped_events", s.dropped_events},
+        {"repeated_profiles", s.repeated_profiles},
+        {"reordered_profiles", s.reordered_profiles},
+        {"silences", s.silences},
+        {"queue_now", s.queue_now},
         {"queue_peak", s.queue_peak},
         {"queue_capacity", s.queue_capacity},
         {"lateness_last_ms", Number(s.lateness_last_ms, 3)},
         {"lateness_peak_ms", Number(s.lateness_peak_ms, 3)},
+        {"lra_last_ms", Number(s.last_lra_ms, 3)},
+        {"lra_peak_ms", Number(s.peak_lra_ms, 3)},
+        {"answer_last_ms", Number(s.last_end_ms, 3)},
+        {"answer_peak_ms", Number(s.peak_end_ms, 3)},
         {"decision_last_ms", Number(s.last_decision_ms, 3)},
         {"decision_peak_ms", Number(s.peak_decision_ms, 3)},
         {"recorded_sessions", s.recorded_sessions},
         {"recorder_dropped_profiles", s.recorder_dropped},
-        {"recorder_error", s.recorder_error}}}};
+        {"recorder_waiting_points", s.recorder_waiting_points},
+        {"recorder_error", s.recorder_error},
+        {"removed_sessions", s.removed_sessions},
+        {"disk_used_mb", s.disk_used_mb},
+        {"disk_free_mb", s.disk_free_mb}}}};
   if (!s.session.empty()) {
     json["scan"] = {{"session", s.session},
                     {"profiles", s.live.profiles},
                     {"points", s.live.points},
+                    {"progress", ProgressLine(s.live, s.nominal_length_mm)},
                     {"covered_mm", Number(s.live.covered_mm, 3)},
+                    {"nominal_mm", Number(s.nominal_length_mm, 3)},
                     {"pipe_radius_mm", Number(s.live.pipe_radius_mm, 3)},
                     {"rows", RowsJson(s.live.program)},
                     {"sigma_rows", SigmaRowsJson(s.live.sigma, s.live.program)}};
@@ -117,10 +147,21 @@ std::string MetricsText(const CellSnapshot& s) {
          number(s.dropped_profiles));
   metric("missing_profiles_total", "counter", "Profiles missing in the scanner's own count.",
          number(s.missing_profiles));
+  metric("repeated_profiles_total", "counter", "Profiles that came twice in a row.",
+         number(s.repeated_profiles));
+  metric("reordered_profiles_total", "counter", "Profiles that came after a later one.",
+         number(s.reordered_profiles));
+  metric("dropped_events_total", "counter", "Events dropped because the ring was full.",
+         number(s.dropped_events));
+  metric("silences_total", "counter", "Times the scanner fell silent in a scan.",
+         number(s.silences));
+  metric("queue_profiles", "gauge", "Profiles that wait in the ring.", number(s.queue_now));
   metric("queue_peak_profiles", "gauge", "Most profiles that waited in the ring.",
          number(s.queue_peak));
   metric("queue_capacity_profiles", "gauge", "Profiles that fit in the ring.",
          number(s.queue_capacity));
+  metric("lateness_last_seconds", "gauge", "Delay of the latest profile beyond the quickest.",
+         s.lateness_last_ms * 1e-3);
   metric("lateness_peak_seconds", "gauge", "Largest delay of a profile beyond the quickest.",
          s.lateness_peak_ms * 1e-3);
   metric("parts_total", "counter", "Parts finished.", number(s.parts));
@@ -130,12 +171,27 @@ std::string MetricsText(const CellSnapshot& s) {
          number(s.refused));
   metric("failed_scans_total", "counter", "Scans that gave no measurement.",
          number(s.failed_scans));
+  metric("lra_last_seconds", "gauge", "Last profile to the final LRA.", s.last_lra_ms * 1e-3);
+  metric("lra_peak_seconds", "gauge", "Longest last profile to the final LRA.",
+         s.peak_lra_ms * 1e-3);
+  metric("answer_last_seconds", "gauge", "Last profile to the bender's answer.",
+         s.last_end_ms * 1e-3);
+  metric("answer_peak_seconds", "gauge", "Longest last profile to the bender's answer.",
+         s.peak_end_ms * 1e-3);
   metric("decision_last_seconds", "gauge", "Last scan's end to the bender's answer.",
          s.last_decision_ms * 1e-3);
   metric("decision_peak_seconds", "gauge", "Longest scan's end to the bender's answer.",
          s.peak_decision_ms * 1e-3);
   metric("recorder_dropped_profiles_total", "counter", "Profiles left out of recordings.",
          number(s.recorder_dropped));
+  metric("recorder_waiting_points", "gauge", "Points that wait for the disk.",
+         number(s.recorder_waiting_points));
+  metric("removed_sessions_total", "counter", "Sessions removed for the disk budget.",
+         number(s.removed_sessions));
+  metric("disk_used_bytes", "gauge", "Taken by sessions.", number(s.disk_used_mb << 20));
+  metric("disk_free_bytes", "gauge", "Free where sessions go.", number(s.disk_free_mb << 20));
+  metric("scan_covered_mm", "gauge", "Spine that the running scan has seen.",
+         s.session.empty() ? 0 : s.live.covered_mm);
   return text;
 }
 

@@ -2,16 +2,48 @@
 #include "firmware-host/cell/scan_state.h"
 
 #include <algorithm>
+#include <charconv>
 #include <utility>
 
 namespace bendloop::host {
+namespace {
+
+// Numbers further from the first one are not looked up: four hours of scan.
+constexpr std::uint64_t kMostNumbers = 1u << 24;
+
+constexpr std::string_view kLost = "lost ";
+
+}  // namespace
+
+hal::ScanEvent GapEvent(std::int64_t t_ns, std::uint64_t profiles, std::string_view why) {
+  hal::ScanEvent event;
+  event.kind = hal::ScanEventKind::kGap;
+  event.t_ns = t_ns;
+  event.set_detail(std::string(kLost) + std::to_string(profiles) +
+                   " profiles: " + std::string(why));
+  return event;
+}
 
 void ScanState::Begin() {
   phase_ = ScanPhase::kScanning;
   profiles_ = 0;
   points_ = 0;
+  repeated_ = 0;
+  lost_at_end_ = 0;
+  seen_.clear();
   first_t_ns_.reset();
   reason_.clear();
+}
+
+bool ScanState::IsNew(std::uint64_t sequence) {
+  if (profiles_ == 0) first_sequence_ = sequence;
+  if (sequence < first_sequence_) return true;
+  const std::uint64_t at = sequence - first_sequence_;
+  if (at >= kMostNumbers) return true;
+  if (at >= seen_.size()) seen_.resize(at + 1);
+  if (seen_[at]) return false;
+  seen_[at] = true;
+  return true;
 }
 
 ScanStep ScanState::Take(const hal::LaserProfile& profile) {
@@ -24,7 +56,12 @@ ScanStep ScanState::Take(const hal::LaserProfile& profile) {
     Begin();
     began = true;
   }
-  if (profiles_ == 0) first_sequence_ = last_sequence_ = profile.sequence;
+  if (!IsNew(profile.sequence)) {
+    ++repeated_;
+    return ScanStep::kNothing;
+  }
+  lost_at_end_ = 0;  // the numbers tell
+  if (profiles_ == 0) last_sequence_ = profile.sequence;
   last_sequence_ = std::max(last_sequence_, profile.sequence);
   if (!first_t_ns_) first_t_ns_ = profile.t_ns;
   ++profiles_;
@@ -52,6 +89,14 @@ ScanStep ScanState::Take(const hal::ScanEvent& event) {
     case hal::ScanEventKind::kFault:
       if (!scanning) return ScanStep::kNothing;
       return Break("the scanner reports a fault: " + std::string(event.detail()));
+    case hal::ScanEventKind::kGap:
+      if (scanning && event.detail().substr(0, kLost.size()) == kLost) {
+        const std::string_view count = event.detail().substr(kLost.size());
+        std::uint32_t lost = 0;
+        std::from_chars(count.data(), count.data() + count.size(), lost);
+        lost_at_end_ += lost;
+      }
+      return scanning ? ScanStep::kGrew : ScanStep::kNothing;
     default:
       return scanning ? ScanStep::kGrew : ScanStep::kNothing;
   }
@@ -78,9 +123,9 @@ ScanStep ScanState::Break(std::string reason) {
 }
 
 std::uint64_t ScanState::lost_profiles() const {
-  if (profiles_ == 0) return 0;
+  if (profiles_ == 0) return lost_at_end_;
   const std::uint64_t numbers = last_sequence_ - first_sequence_ + 1;
-  return numbers > profiles_ ? numbers - profiles_ : 0;
+  return (numbers > profiles_ ? numbers - profiles_ : 0) + lost_at_end_;
 }
 
 }  // namespace bendloop::host

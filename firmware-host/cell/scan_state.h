@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "hal/laser_profile.h"
 #include "hal/scan_event.h"
@@ -28,6 +30,9 @@ enum class ScanStep : std::uint8_t {
   kBroke,    // the scan is over and worth nothing: reason()
 };
 
+// Says that so many profiles are gone; a session keeps it, and a replay counts it too.
+hal::ScanEvent GapEvent(std::int64_t t_ns, std::uint64_t profiles, std::string_view why);
+
 // Which profiles make one scan, from the scanner's events: scan_start begins, scan_end ends, the
 // end of a recording ends as well. Knows no clock, so that a recording is cut as the live scan was.
 class ScanState {
@@ -46,19 +51,27 @@ class ScanState {
   ScanPhase phase() const { return phase_; }
   std::uint64_t profiles() const { return profiles_; }
   std::uint64_t points() const { return points_; }
-  // Gaps in the scanner's count, wherever they were lost.
+  // Came a second time, and were left out.
+  std::uint64_t repeated_profiles() const { return repeated_; }
+  // Gaps in the scanner's count, wherever they were lost, and what was lost before a gap event that
+  // no profile followed.
   std::uint64_t lost_profiles() const;
   std::uint64_t ignored_profiles() const { return ignored_; }  // outside of scans
   const std::string& reason() const { return reason_; }
 
  private:
   void Begin();
+  // Takes note of the number; false when it was there already.
+  bool IsNew(std::uint64_t sequence);
 
   ScanRules rules_;
   ScanPhase phase_ = ScanPhase::kWaiting;
   std::uint64_t profiles_ = 0;
   std::uint64_t points_ = 0;
   std::uint64_t ignored_ = 0;
+  std::uint64_t repeated_ = 0;
+  std::uint64_t lost_at_end_ = 0;
+  std::vector<bool> seen_;  // numbers, from the first on
   std::uint64_t first_sequence_ = 0;
   std::uint64_t last_sequence_ = 0;
   std::optional<std::int64_t> first_t_ns_;

@@ -8,9 +8,12 @@
 #include <sys/timex.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <fstream>
 #include <system_error>
 #include <thread>
+
+#include "firmware-host/acquisition/realtime.h"
 
 namespace bendloop::host {
 namespace {
@@ -61,6 +64,20 @@ Finding Priority() {
   return Bad("real-time priority", found,
              "the shipped unit grants it (LimitRTPRIO=99); for a shell: add '@bendloop - rtprio "
              "99' to /etc/security/limits.d/bendloop.conf and log in again");
+}
+
+Finding PipelinePriority() {
+  int why = 0;
+  std::thread trial([&why] {
+    if (setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kPipelineNice) != 0) why = errno;
+  });
+  trial.join();
+  const std::string found =
+      "nice " + std::to_string(kPipelineNice) + (why == 0 ? " granted" : " refused");
+  if (why == 0) return Good("pipeline priority", found);
+  return Bad("pipeline priority", found,
+             "the shipped unit grants it (LimitNICE=-10); for a shell: add '@bendloop - nice -10' "
+             "to /etc/security/limits.d/bendloop.conf and log in again");
 }
 
 Finding MemoryLock() {
@@ -169,8 +186,8 @@ Finding Disk(const DoctorPlaces& places) {
 }  // namespace
 
 std::vector<Finding> Examine(const DoctorPlaces& places) {
-  return {Kernel(places), Priority(),  MemoryLock(), Governor(places), ClockSource(places),
-          TimeOfDay(),    Usb(places), Can(places),  Disk(places)};
+  return {Kernel(places),      Priority(),  PipelinePriority(), MemoryLock(), Governor(places),
+          ClockSource(places), TimeOfDay(), Usb(places),        Can(places),  Disk(places)};
 }
 
 }  // namespace bendloop::host

@@ -77,6 +77,7 @@ class Daemon::Impl {
   void ScannerIsAway(const std::string& why);
   void WaitForRetry();
   void BenderHeard(const BenderReading& heard);
+  void Viewed(const pipeline::LiveView& view);
 
   const DaemonOptions options_;
   const config::CellConfig cell_;
@@ -92,6 +93,7 @@ class Daemon::Impl {
   std::chrono::milliseconds retry_ = kFirstRetry;
   std::string scanner_problem_;
   std::string bender_problem_;
+  std::size_t bends_told_ = 0;
   bool bender_known_ = false;
   int exit_code_ = 0;
 };
@@ -152,12 +154,14 @@ CellPorts Daemon::Impl::Ports() {
   ports.identify = [this] {
     const ScanIdentity identity = keeper_.Identify();
     spdlog::info("{}: scan begins", identity.session);
+    bends_told_ = 0;
     return identity;
   };
   ports.lot = [this] { return keeper_.Lot(); };
   ports.part_done = [this](PartOutcome outcome) { keeper_.Keep(std::move(outcome)); };
   ports.scan_failed = [this](const FailedScan& failed) { keeper_.KeepFailure(failed); };
   ports.bender_heard = [this](const BenderReading& heard) { BenderHeard(heard); };
+  ports.viewed = [this](const pipeline::LiveView& view) { Viewed(view); };
   ports.alive = [this] { notify_.Alive(); };
   return ports;
 }
@@ -179,6 +183,12 @@ int Daemon::Impl::Run() {
   CellLoop loop(plan_, std::move(ports), options);
   running = &loop;
 
+  const auto favoured = FavourPipeline(RealtimeOf(cell_.realtime));
+  if (!favoured) {
+    spdlog::error("{}", favoured.error().message);
+    return hal::ExitCode(favoured.error().kind);
+  }
+  if (!favoured->empty()) spdlog::warn("{}", *favoured);
   notify_.Ready();
   while (!g_stop && ServeScanner(loop)) WaitForRetry();
   notify_.Stopping();
@@ -271,6 +281,15 @@ void Daemon::Impl::BenderHeard(const BenderReading& heard) {
   }
   bender_known_ = bender_known_ || heard.facts.has_value();
   bender_problem_ = heard.problem;
+}
+
+void Daemon::Impl::Viewed(const pipeline::LiveView& view) {
+  const std::string line = ProgressLine(view, plan_.nominal_length_mm);
+  notify_.Status(line);
+  // Each bend once for everybody; every look for who asked for more.
+  const bool news = view.program.bend_count() != bends_told_;
+  bends_told_ = view.program.bend_count();
+  spdlog::log(news ? spdlog::level::info : spdlog::level::debug, "scan: {}", line);
 }
 
 hal::Result<std::unique_ptr<Daemon>> Daemon::Start(const DaemonOptions& options) {

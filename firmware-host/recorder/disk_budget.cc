@@ -25,7 +25,22 @@ std::uint64_t SizeOf(const fs::path& path) {
   return error ? 0 : bytes;
 }
 
+std::uint64_t SizeWithSides(const fs::path& path) {
+  std::uint64_t bytes = SizeOf(path);
+  for (const char* side : kSideFiles) bytes += SizeOf(Beside(path, side));
+  return bytes;
+}
+
 }  // namespace
+
+std::uint64_t BytesOfSessions(const fs::path& directory) {
+  std::uint64_t total = 0;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    if (it->path().extension() == ".session") total += SizeWithSides(it->path());
+  }
+  return total;
+}
 
 std::vector<fs::path> KeepDiskBudget(const fs::path& directory, std::uint64_t budget_bytes,
                                      const fs::path& in_use) {
@@ -34,8 +49,7 @@ std::vector<fs::path> KeepDiskBudget(const fs::path& directory, std::uint64_t bu
   std::error_code error;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
     if (it->path().extension() != ".session" || !it->is_regular_file(error)) continue;
-    Session session{it->path(), it->last_write_time(error), SizeOf(it->path())};
-    for (const char* side : kSideFiles) session.bytes += SizeOf(Beside(session.path, side));
+    Session session{it->path(), it->last_write_time(error), SizeWithSides(it->path())};
     total += session.bytes;
     const bool pinned = fs::exists(Beside(session.path, kKeepSuffix), error);
     if (!pinned && session.path != in_use) sessions.push_back(std::move(session));

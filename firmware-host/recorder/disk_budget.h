@@ -17,4 +17,7 @@ std::vector<std::filesystem::path> KeepDiskBudget(const std::filesystem::path& d
                                                   std::uint64_t budget_bytes,
                                                   const std::filesystem::path& in_use);
 
+// Of all sessions there, side files included.
+std::uint64_t BytesOfSessions(const std::filesystem::path& directory);
+
 }  // namespace bendloop::host

@@ -158,6 +158,7 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
         session = std::make_unique<Session>(std::move(*writer));
         check(session->writer.SetMeta(item.meta));
       }
+      LookAtDisk();
       const std::lock_guard lock(mutex_);
       counters_.removed_sessions += removed.size();
       if (session) ++counters_.sessions;
@@ -183,6 +184,7 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
       item.meta["recording"] = session->dropped == 0 ? "complete" : "incomplete";
       if (check(session->writer.SetMeta(item.meta))) check(session->writer.Finish());
       session.reset();
+      LookAtDisk();
       return;
     case Step::kDiscard: {
       if (!session) return;
@@ -193,6 +195,15 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
       return;
     }
   }
+}
+
+void Recorder::LookAtDisk() {
+  const std::uint64_t bytes = BytesOfSessions(options_.directory);
+  std::error_code error;
+  const fs::space_info space = fs::space(options_.directory, error);
+  const std::lock_guard lock(mutex_);
+  counters_.sessions_bytes = bytes;
+  if (!error) counters_.free_bytes = space.available;
 }
 
 void Recorder::Fail(const std::string& what) {

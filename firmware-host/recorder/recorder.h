@@ -34,6 +34,8 @@ struct RecorderCounters {
   std::uint64_t dropped_profiles = 0;  // the disk was too slow, or the profile not writable
   std::uint64_t removed_sessions = 0;  // to stay within the disk budget
   std::uint64_t queued_points = 0;
+  std::uint64_t sessions_bytes = 0;  // on the disk, when a session last began or ended
+  std::uint64_t free_bytes = 0;
   std::string last_error;  // "" while all is well
 };
 
@@ -79,6 +81,7 @@ class Recorder {
   void Run();
   void Write(Item& item, std::unique_ptr<Session>& session);
   void Fail(const std::string& what);
+  void LookAtDisk();
 
   const RecorderOptions options_;
   const hal::Clock& clock_;

@@ -224,6 +224,9 @@ hal::Result<LoadResult> LoadCell::Run() {
   host::Acquisition acquisition(source_, info, ring, clock_, acquire);
   host::CellLoop loop(plan_, Ports(), options);
   if (auto started = acquisition.Start(); !started) return hal::Fail(started.error());
+  if (const auto note = host::FavourPipeline(acquire.realtime); note && !note->empty()) {
+    result_.realtime_note = *note;
+  }
   std::ofstream("/proc/self/clear_refs") << "5";  // the peak begins here
   const double cpu_s = CpuSeconds();
   const auto begun = clock_.Now();
@@ -239,7 +242,9 @@ hal::Result<LoadResult> LoadCell::Run() {
   result_.queue_peak = counters.queue_peak;
   result_.queue_capacity = ring.capacity();
   result_.lateness_peak_ms = 1e-6 * static_cast<double>(counters.lateness_peak_ns);
-  result_.realtime_note = acquisition.realtime_note();
+  if (const std::string& note = acquisition.realtime_note(); !note.empty()) {
+    result_.realtime_note += " " + note;
+  }
   keeper_.Flush();
   if (recorder_) {
     recorder_->Flush();
