@@ -239,9 +239,9 @@ void CellLoop::FinishScan() {
   auto measurement = reconstruction_->Finish();
   const auto measured = ports_.clock->Now();
   reconstruction_.reset();
-  if (ports_.recorder) ports_.recorder->Finish({{kContextKey, WriteRunContext(base)}});
   ++parts_;
   if (!measurement) {
+    if (ports_.recorder) ports_.recorder->Finish({{kContextKey, WriteRunContext(base)}});
     ports_.board->Update([&](CellSnapshot& s) {
       ++s.parts;
       ++s.failed_scans;
@@ -259,6 +259,8 @@ void CellLoop::FinishScan() {
   PartOutcome outcome =
       DecidePart(plan_, identity_, facts, base, std::move(*measurement), *ports_.desk);
   const auto decided = ports_.clock->Now();
+  // Not before: closing a session keeps the disk busy, and the commit's journal waits for it, too.
+  if (ports_.recorder) ports_.recorder->Finish({{kContextKey, WriteRunContext(base)}});
   const double ms = Milliseconds(decided - ended);
   if (options_.scan.is_live) {
     const std::chrono::nanoseconds arrived(last_arrival_ns_);
