@@ -28,6 +28,10 @@ void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples
   std::vector<double> magnitudes;
   std::vector<SurfaceSample> surface;
   std::vector<std::int32_t> candidates;
+  std::size_t most = 0;
+  for (const PointBlock& block : blocks) most += block.points.size();
+  magnitudes.reserve(most);
+  surface.reserve(most);
   double sum2 = 0;
   for (const PointBlock& block : blocks) {
     CandidateSegments(block, segments, 1.5 * tube.pipe_radius_mm, candidates);

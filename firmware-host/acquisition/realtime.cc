@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/acquisition/realtime.h"
 
+#include <malloc.h>
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mman.h>
@@ -74,6 +75,12 @@ hal::Result<std::string> FavourPipeline(const RealtimePolicy& policy) {
     return hal::Fail(hal::ErrorKind::kDevice, "[realtime] is required but " + note);
   }
   return note;
+}
+
+void KeepMemory() {
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);   // the largest that glibc takes
+  mallopt(M_TRIM_THRESHOLD, 256 << 20);  // below it nothing goes back
+  mallopt(M_ARENA_MAX, 2);               // short-lived threads share what there is
 }
 
 }  // namespace bendloop::host

@@ -26,4 +26,8 @@ inline constexpr int kPipelineNice = -10;
 // The same for that thread: lets it go before what else runs on the machine.
 hal::Result<std::string> FavourPipeline(const RealtimePolicy& policy);
 
+// Lets the process keep the memory that it has had: to give it back after each scan and to get it
+// again, page by page, would cost the final fit a third of its time. Once, before any thread.
+void KeepMemory();
+
 }  // namespace bendloop::host

@@ -7,6 +7,7 @@
 #include <exception>
 
 #include "config/load.h"
+#include "firmware-host/acquisition/realtime.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/daemon/daemon.h"
 
@@ -47,6 +48,7 @@ int Main(int argc, char** argv) {
   if ((*options)->check_only) return CheckOnly(**options);
   spdlog::set_default_logger(spdlog::stderr_logger_mt("bendloopd"));
   spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
+  bendloop::host::KeepMemory();
   CatchSignals();
   auto daemon = bendloop::host::Daemon::Start(**options);
   if (!daemon) return Report(daemon.error());

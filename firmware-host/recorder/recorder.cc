@@ -12,6 +12,14 @@ namespace bendloop::host {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+// With what waits in the queue, and the time that the disk takes, a power cut costs less than the
+// last second.
+constexpr auto kCommitInterval = std::chrono::milliseconds(500);
+
+}  // namespace
+
 // The file being written.
 class Recorder::Session {
  public:
@@ -151,7 +159,9 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
       fs::create_directories(options_.directory, error);
       const fs::path path = PathOf(item.name);
       const auto removed = KeepDiskBudget(options_.directory, options_.disk_budget_bytes, path);
-      auto writer = drivers::SessionWriter::Create(path.string(), clock_);
+      drivers::SessionWriterOptions options;
+      options.commit_interval = kCommitInterval;
+      auto writer = drivers::SessionWriter::Create(path.string(), clock_, options);
       if (!writer) {
         Fail(writer.error().message);
       } else {

@@ -258,6 +258,7 @@ hal::Result<LoadResult> LoadCell::Run() {
 
 LoadResult RunLoad(const LoadCase& load, const std::filesystem::path& directory) {
   spdlog::set_level(spdlog::level::err);
+  host::KeepMemory();
   LoadResult failed;
   const auto run = [&]() -> hal::Result<LoadResult> {
     auto cell = MakeCell(directory);
