@@ -77,17 +77,19 @@ Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured
     const hal::BendRow& w = wanted.rows[i];
     const hal::BendRow& s = sigma.rows[i];
     const hal::BendRow& b = bound.program.rows[i];
-    add(&LraRatios::angle, f.angle_deg - w.angle_deg, s.angle_deg, b.angle_deg, b.angle_deg > 5);
+    add(&LraRatios::angle, f.angle_deg - w.angle_deg, s.angle_deg, b.angle_deg,
+        !(b.angle_deg <= 5));
     add(&LraRatios::bend_radius, *f.bend_radius_mm - *w.bend_radius_mm,
-        s.bend_radius_mm.value_or(0), *b.bend_radius_mm, *b.bend_radius_mm > *w.bend_radius_mm / 6);
+        s.bend_radius_mm.value_or(0), *b.bend_radius_mm,
+        !(*b.bend_radius_mm <= *w.bend_radius_mm / 6));
     if (i == 0) continue;
     add(&LraRatios::length, f.length_mm - w.length_mm, s.length_mm, b.length_mm,
-        b.length_mm > 0.5 * r);
+        !(b.length_mm <= 0.5 * r));
     add(&LraRatios::rotation, hal::WrapRotationDeg(f.rotation_deg - w.rotation_deg), s.rotation_deg,
-        b.rotation_deg, b.rotation_deg > 5);
+        b.rotation_deg, !(b.rotation_deg <= 5));
   }
   add(&LraRatios::pipe_radius, measured.tube.pipe_radius_mm - r, measured.pipe_radius_sigma_mm,
-      bound.pipe_radius_mm, false);
+      bound.pipe_radius_mm, !(bound.pipe_radius_mm > 0));
   for (const std::size_t i : {std::size_t{0}, bends}) {
     const double error = found.rows[i].length_mm - wanted.rows[i].length_mm;
     result.ends_over_spacing.Add(error / spacing_mm);
