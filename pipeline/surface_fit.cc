@@ -48,6 +48,7 @@ struct NormalEquations {
       squares_mm2 += sums[k](kLocalState, kLocalState);
       weight += sums[k](kLocalState - 1, kLocalState - 1);
     }
+    last_start = derivatives.back().row(0);
     scale = matrix.diagonal().cwiseSqrt();
     for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
     scaled = scale.asDiagonal() * matrix * scale.asDiagonal();
@@ -59,7 +60,8 @@ struct NormalEquations {
   Eigen::VectorXd at;
   Eigen::MatrixXd matrix, scaled;  // with a diagonal of ones
   Eigen::VectorXd right, scale;
-  double squares_mm2 = 0;  // weighted
+  Eigen::VectorXd last_start;  // derivative of where the last straight begins, along it
+  double squares_mm2 = 0;      // weighted
   double weight = 0;
 };
 
@@ -131,24 +133,22 @@ Eigen::VectorXd BoundedStep(const NormalEquations& equations, const Bounds& boun
   return equations.scale.asDiagonal() * step;
 }
 
-// Square root of the diagonal of sigma^2 (J^T J)^-1, with directions that no point feels (a
-// straight's roll) left out.
-Eigen::VectorXd StandardErrors(const NormalEquations& equations, double design_effect) {
+// sigma^2 (J^T J)^-1, with directions that no point feels (a straight's roll) left out.
+Eigen::MatrixXd Covariance(const NormalEquations& equations, double design_effect) {
   const Eigen::Index size = equations.right.size();
   const double freedom = std::max(1.0, equations.weight - static_cast<double>(size));
   const double variance = design_effect * equations.squares_mm2 / freedom;
-  Eigen::VectorXd diagonal(size);
+  Eigen::MatrixXd covariance;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(equations.scaled);
   if (ldlt.vectorD().minCoeff() > 1e-9) {
-    diagonal = ldlt.solve(Eigen::MatrixXd::Identity(size, size)).diagonal();
+    covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
   } else {
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(equations.scaled);
     Eigen::VectorXd inverse = eigen.eigenvalues();
     for (double& value : inverse) value = value > 1e-14 ? 1.0 / value : 0.0;
-    diagonal =
-        (eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose()).diagonal();
+    covariance = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
   }
-  return (equations.scale.array().square() * diagonal.array().max(0.0) * variance).sqrt();
+  return variance * equations.scale.asDiagonal() * covariance * equations.scale.asDiagonal();
 }
 
 // Where a fit stands: a tube and what the points say of it.
@@ -187,7 +187,8 @@ struct State {
 void Report(const TubeParameters& parameters, const NormalEquations& equations, SurfaceFit& fit) {
   fit.parameters = parameters.size();
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
-  const Eigen::VectorXd sigma = StandardErrors(equations, fit.design_effect);
+  const Eigen::MatrixXd covariance = Covariance(equations, fit.design_effect);
+  const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];
   fit.sigma = fit.tube.program;
   for (std::size_t i = 0; i < fit.sigma.rows.size(); ++i) {
@@ -199,6 +200,9 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations, 
     row.angle_deg = sigma[parameters.angle(i)] * kDegrees;
     row.bend_radius_mm = sigma[parameters.bend_radius(i)];
   }
+  // The last length is from its border to where the last bend ends, which the fit knows so well.
+  fit.sigma.rows.back().length_mm =
+      std::sqrt(std::max(0.0, equations.last_start.dot(covariance * equations.last_start)));
 }
 
 void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> count,
