@@ -27,17 +27,18 @@ void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples
   std::vector<double> sum(bins, 0.0);
   std::vector<double> magnitudes;
   std::vector<SurfaceSample> surface;
+  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
   std::vector<std::int32_t> candidates;
-  std::size_t most = 0;
-  for (const PointBlock& block : blocks) most += block.points.size();
+  const std::size_t most = CountPoints(blocks);
   magnitudes.reserve(most);
-  surface.reserve(most);
+  // Of very many points not even the candidates for a picture are all kept.
+  const std::size_t sparse = most / (4 * kMaxSurface) + 1;
   double sum2 = 0;
   for (const PointBlock& block : blocks) {
-    CandidateSegments(block, segments, 1.5 * tube.pipe_radius_mm, candidates);
+    CandidateSegments(block, frames, 1.5 * tube.pipe_radius_mm, candidates);
     if (candidates.empty()) continue;
     for (const Eigen::Vector3d& point : block.points) {
-      const SpineFoot foot = NearestFoot(point, segments, candidates);
+      const SpineFoot foot = NearestFoot(point, segments, frames, candidates);
       const double d = foot.distance_mm - tube.pipe_radius_mm;
       const double s =
           segments[static_cast<std::size_t>(foot.segment)].from_start_mm + foot.along_mm;
@@ -46,7 +47,7 @@ void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples
         continue;
       magnitudes.push_back(std::abs(d));
       sum2 += d * d;
-      surface.push_back({point, d});
+      if (magnitudes.size() % sparse == 0) surface.push_back({point, d});
       const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm) / bin_mm);
       ++count[bin];
       sum[bin] += d;

@@ -130,33 +130,16 @@ void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> fr
   }
 }
 
-NearSegment NearestSegment(const Eigen::Vector3d& point,
-                           std::span<const hal::SpineSegment> segments,
-                           std::span<const std::int32_t> candidates) {
-  NearSegment best{-1, std::numeric_limits<double>::infinity()};
-  const auto last = static_cast<std::int32_t>(segments.size()) - 1;
-  for (const std::int32_t k : candidates) {
-    const double distance =
-        SegmentFrame(segments[static_cast<std::size_t>(k)], k == 0, k == last).Distance(point);
-    if (distance < best.distance_mm) best = {k, distance};
-  }
-  return best;
-}
-
 SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
+                      std::span<const SegmentFrame> frames,
                       std::span<const std::int32_t> candidates) {
-  const NearSegment near = NearestSegment(point, segments, candidates);
+  const NearSegment near = NearestSegment(point, frames, candidates);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
   if (near.segment < 0) return {};
   return {near.segment,
           AlongOf(point, segments[static_cast<std::size_t>(near.segment)], near.segment == 0,
                   near.segment == last),
           near.distance_mm};
-}
-
-void CandidateSegments(const PointBlock& block, std::span<const hal::SpineSegment> segments,
-                       double reach_mm, std::vector<std::int32_t>& out) {
-  CandidateSegments(block, SegmentFrames(segments), reach_mm, out);
 }
 
 }  // namespace bendloop::pipeline

@@ -81,20 +81,13 @@ std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segme
                                         double beyond_mm = std::numeric_limits<double>::infinity());
 NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
                            std::span<const std::int32_t> candidates);
+// Segments whose spine passes within `reach_mm` of the block's centre plus its half diagonal.
 void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
                        double reach_mm, std::vector<std::int32_t>& out);
 
-// Nearest segment among `candidates`. The end straights go on beyond their ends.
-NearSegment NearestSegment(const Eigen::Vector3d& point,
-                           std::span<const hal::SpineSegment> segments,
-                           std::span<const std::int32_t> candidates);
-
-// The same, and where on it.
+// Nearest segment among `candidates` and where on it; `frames` belong to `segments`.
 SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
+                      std::span<const SegmentFrame> frames,
                       std::span<const std::int32_t> candidates);
-
-// Segments whose spine passes within `reach_mm` of the block's centre plus its half diagonal.
-void CandidateSegments(const PointBlock& block, std::span<const hal::SpineSegment> segments,
-                       double reach_mm, std::vector<std::int32_t>& out);
 
 }  // namespace bendloop::pipeline

@@ -138,13 +138,14 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
   std::array<std::vector<double>, kSectors> from_start;
   std::array<std::vector<double>, kSectors> from_end;
+  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
   std::vector<std::int32_t> candidates;
   for (const PointBlock& block : blocks) {
-    CandidateSegments(block, segments, 1.5 * tube.pipe_radius_mm, candidates);
+    CandidateSegments(block, frames, 1.5 * tube.pipe_radius_mm, candidates);
     if (candidates.empty()) continue;
     if (candidates.front() != 0 && candidates.back() != last) continue;
     for (const Eigen::Vector3d& point : block.points) {
-      const SpineFoot foot = NearestFoot(point, segments, candidates);
+      const SpineFoot foot = NearestFoot(point, segments, frames, candidates);
       if (std::abs(foot.distance_mm - tube.pipe_radius_mm) > kOnSurface * sigma_mm) continue;
       // Further out another part of the tube may lie where the straight would go on.
       const double outward_mm = foot.segment == 0      ? -foot.along_mm

@@ -105,6 +105,7 @@ struct Comparison {
 Comparison Compare(const hal::Tube& tube, const CanalScan& scan) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   std::vector<std::int32_t> all;
+  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
   for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
   const double reach_mm = kReach * tube.pipe_radius_mm;
   Comparison result;
@@ -112,8 +113,7 @@ Comparison Compare(const hal::Tube& tube, const CanalScan& scan) {
   for (std::size_t i = 0; i < scan.points.size(); i += stride) {
     const CanalFoot& foot = scan.feet[i];
     if (foot.beyond || std::abs(foot.distance_mm) > reach_mm) continue;
-    const double d =
-        NearestSegment(scan.points[i], segments, all).distance_mm - tube.pipe_radius_mm;
+    const double d = NearestSegment(scan.points[i], frames, all).distance_mm - tube.pipe_radius_mm;
     result.tube_mm2 += std::pow(std::min(std::abs(d), reach_mm), 2);
     result.other_mm2 += foot.distance_mm * foot.distance_mm;
     result.samples += 1;
@@ -139,10 +139,11 @@ std::vector<double> Radii(const CanalScan& scan) {
 std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
   const auto segments = hal::SpineSegments(tube.tube.program, tube.tube.X_WT);
   std::vector<std::int32_t> all;
+  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
   for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
   std::vector<double> straight;
   for (const SpineSample& sample : scan.spine) {
-    const auto near = NearestSegment(sample.position_mm, segments, all);
+    const auto near = NearestSegment(sample.position_mm, frames, all);
     if (!segments[static_cast<std::size_t>(near.segment)].is_arc()) {
       straight.push_back(sample.pipe_radius_mm);
     }

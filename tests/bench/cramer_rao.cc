@@ -43,13 +43,14 @@ Bound CramerRaoBound(const hal::Tube& truth, std::span<const Eigen::Vector3d> po
                      double noise_mm, double systematic_mm) {
   const auto segments = hal::SpineSegments(truth.program, truth.X_WT);
   std::vector<std::int32_t> all;
+  const auto frames = pipeline::SegmentFrames(segments);
   for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
   std::vector<Eigen::Vector3d> points;
   std::vector<std::int32_t> segment_of;
   const std::size_t stride = 1 + points_W.size() / kPoints;
   for (std::size_t i = 0; i < points_W.size(); i += stride) {
     const Eigen::Vector3d& p = points_W[i];
-    const auto near = pipeline::NearestSegment(p, segments, all);
+    const auto near = pipeline::NearestSegment(p, frames, all);
     if (std::abs(near.distance_mm - truth.pipe_radius_mm) > 5.0 * noise_mm + systematic_mm)
       continue;
     points.push_back(p);
