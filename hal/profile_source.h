@@ -40,6 +40,9 @@ class ProfileSource {
   virtual Result<ReadStatus> Read(LaserProfile& profile, ScanEvent& event,
                                   std::chrono::nanoseconds timeout) = 0;
   virtual void Stop() = 0;
+  // What went wrong since Open() without stopping the source, in words for the log; "" if nothing
+  // did. Not while another thread reads.
+  virtual std::string Remarks() const { return {}; }
 };
 
 }  // namespace bendloop::hal

@@ -50,12 +50,23 @@ std::size_t WireDecoder::Push(std::span<const std::uint8_t> bytes) {
   return taken;
 }
 
-void WireDecoder::Skip(std::size_t bytes) {
-  if (bytes == 0) return;
+void WireDecoder::Feed(std::span<const std::uint8_t> bytes) {
+  fed_ = bytes;
+  counters_.bytes += bytes.size();
+}
+
+void WireDecoder::Append(std::span<const std::uint8_t> bytes) {
+  const std::span<std::uint8_t> room = Writable();
+  std::copy(bytes.begin(), bytes.end(), room.begin());
+  end_ += bytes.size();
+}
+
+void WireDecoder::Skip(std::size_t count, std::span<const std::uint8_t>& bytes) {
+  if (count == 0) return;
   if (in_sync_) ++counters_.resyncs;
   in_sync_ = false;
-  counters_.skipped_bytes += bytes;
-  begin_ += bytes;
+  counters_.skipped_bytes += count;
+  bytes = bytes.subspan(count);
 }
 
 void WireDecoder::CountSequence(std::uint32_t sequence) {
@@ -70,43 +81,49 @@ void WireDecoder::CountSequence(std::uint32_t sequence) {
   expected_sequence_ = sequence + 1;
 }
 
-std::optional<WireMessage> WireDecoder::Next() {
-  while (begin_ < end_) {
-    const std::uint8_t* const data = buffer_.data();
-    // The first place that can be the begin of a message, perhaps cut off by the buffer's end.
-    const auto* const found =
-        std::search(data + begin_, data + end_, kWireMagic.begin(), kWireMagic.end());
-    if (found == data + end_) {
-      std::size_t keep = std::min(end_ - begin_, kWireMagic.size() - 1);
+std::optional<WireMessage> WireDecoder::Cut(std::span<const std::uint8_t>& bytes) {
+  while (!bytes.empty()) {
+    // The first place that can be the begin of a message, perhaps cut off by the end.
+    const auto found =
+        std::search(bytes.begin(), bytes.end(), kWireMagic.begin(), kWireMagic.end());
+    if (found == bytes.end()) {
+      std::size_t keep = std::min(bytes.size(), kWireMagic.size() - 1);
       while (!std::equal(kWireMagic.begin(), kWireMagic.begin() + static_cast<long>(keep),
-                         data + end_ - keep)) {
+                         bytes.end() - static_cast<long>(keep))) {
         --keep;
       }
-      Skip(end_ - begin_ - keep);
+      Skip(bytes.size() - keep, bytes);
+      missing_ = kWireHeaderBytes - keep;
       return std::nullopt;
     }
-    Skip(static_cast<std::size_t>(found - data) - begin_);
-    if (end_ - begin_ < kWireHeaderBytes) return std::nullopt;
+    Skip(static_cast<std::size_t>(found - bytes.begin()), bytes);
+    if (bytes.size() < kWireHeaderBytes) {
+      missing_ = kWireHeaderBytes - bytes.size();
+      return std::nullopt;
+    }
 
-    const std::uint8_t* const header = data + begin_;
+    const std::uint8_t* const header = bytes.data();
     const auto length = LoadLittle<std::uint32_t>(header + 8);
     if (LoadLittle<std::uint32_t>(header + 16) != Crc32c({header, 16}) ||
         length > kWireMaxPayload) {
       ++counters_.header_errors;
-      Skip(kWireMagic.size());
+      Skip(kWireMagic.size(), bytes);
       continue;
     }
     const std::size_t message_bytes = kWireHeaderBytes + length + kWireTrailerBytes;
-    if (end_ - begin_ < message_bytes) return std::nullopt;
+    if (bytes.size() < message_bytes) {
+      missing_ = message_bytes - bytes.size();
+      return std::nullopt;
+    }
     const std::span<const std::uint8_t> payload(header + kWireHeaderBytes, length);
     if (LoadLittle<std::uint32_t>(payload.data() + length) != Crc32c(payload)) {
       // Perhaps bytes are missing in it: the next message may begin inside what seems this one.
       ++counters_.payload_errors;
-      Skip(kWireMagic.size());
+      Skip(kWireMagic.size(), bytes);
       continue;
     }
     in_sync_ = true;
-    begin_ += message_bytes;
+    bytes = bytes.subspan(message_bytes);
     const auto sequence = LoadLittle<std::uint32_t>(header + 12);
     CountSequence(sequence);
     if (header[4] != kWireVersion) {
@@ -123,8 +140,32 @@ std::optional<WireMessage> WireDecoder::Next() {
   return std::nullopt;
 }
 
+std::optional<WireMessage> WireDecoder::Next() {
+  // What lies across two feeds: first the rest of the header, then that of the message.
+  while (begin_ < end_) {
+    std::span<const std::uint8_t> kept(buffer_.data() + begin_, end_ - begin_);
+    const auto message = Cut(kept);
+    begin_ = end_ - kept.size();
+    if (message) return message;
+    if (kept.empty()) break;
+    if (fed_.empty()) return std::nullopt;
+    const auto wanted = fed_.first(std::min(missing_, fed_.size()));
+    fed_ = fed_.subspan(wanted.size());
+    Append(wanted);
+  }
+  if (fed_.empty()) return std::nullopt;
+  begin_ = end_ = 0;
+  const auto message = Cut(fed_);
+  if (!message) {
+    Append(fed_);
+    fed_ = {};
+  }
+  return message;
+}
+
 void WireDecoder::Reset() {
   begin_ = end_ = 0;
+  fed_ = {};
   in_sync_ = true;
   expected_sequence_.reset();
   counters_ = {};

@@ -11,8 +11,8 @@
 
 namespace bendloop::drivers {
 
-// One message that passed its checks. `payload` points into the decoder and is valid until bytes
-// are pushed.
+// One message that passed its checks. `payload` points into the decoder or into the bytes that it
+// was fed with, and is valid until the next call of the decoder.
 struct WireMessage {
   WireType type = WireType::kIdentify;
   std::uint32_t sequence = 0;
@@ -48,6 +48,9 @@ class WireDecoder {
   void Commit(std::size_t bytes);
   // Copies as much as there is room for and says how much that was.
   std::size_t Push(std::span<const std::uint8_t> bytes);
+  // Reads `bytes` where they are, once Next() has returned nothing; they must stay until it does so
+  // again. Only what lies across the ends of two feeds is copied.
+  void Feed(std::span<const std::uint8_t> bytes);
 
   // The next message, or nothing if more bytes are needed.
   std::optional<WireMessage> Next();
@@ -57,9 +60,15 @@ class WireDecoder {
   void Reset();
 
  private:
-  void Skip(std::size_t bytes);
+  // The next message at the front of `bytes`, which is moved on past it and past all that is none.
+  // Nothing: `bytes` is empty or the begin of a message of which `missing_` bytes are not there.
+  std::optional<WireMessage> Cut(std::span<const std::uint8_t>& bytes);
+  void Skip(std::size_t count, std::span<const std::uint8_t>& bytes);
+  void Append(std::span<const std::uint8_t> bytes);
   void CountSequence(std::uint32_t sequence);
 
+  std::span<const std::uint8_t> fed_;
+  std::size_t missing_ = 0;
   std::vector<std::uint8_t> buffer_;
   std::size_t begin_ = 0;
   std::size_t end_ = 0;

@@ -10,7 +10,8 @@
 #include "drivers/scanner_wire/wire_encoder.h"
 
 // Any bytes from a scanner, in chunks that the first byte chooses: no crash, the same messages and
-// counters as in one piece, and every value that decodes can be encoded again.
+// counters as in one piece and as when read in place, and every value that decodes can be encoded
+// again.
 namespace {
 
 using namespace bendloop;
@@ -53,11 +54,32 @@ Outcome Run(std::span<const std::uint8_t> bytes, std::size_t chunk) {
   return outcome;
 }
 
+// Read where they are, as from a USB transfer.
+Outcome RunInPlace(std::span<const std::uint8_t> bytes, std::size_t chunk) {
+  WireDecoder decoder;
+  Outcome outcome;
+  while (!bytes.empty()) {
+    // A copy of its own, so that the sanitizer sees what is read too late or beyond.
+    const auto size = static_cast<std::ptrdiff_t>(std::min(chunk, bytes.size()));
+    const std::vector<std::uint8_t> transfer(bytes.begin(), bytes.begin() + size);
+    bytes = bytes.subspan(transfer.size());
+    decoder.Feed(transfer);
+    while (const auto message = decoder.Next()) {
+      outcome.types.push_back(static_cast<std::uint8_t>(message->type));
+      Decode(*message);
+    }
+  }
+  outcome.counters = decoder.counters();
+  return outcome;
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::span<const std::uint8_t> bytes(data + 1, size - 1);
-  if (!(Run(bytes, 1U + data[0]) == Run(bytes, 1U << 20U))) __builtin_trap();
+  const Outcome whole = Run(bytes, 1U << 20U);
+  if (!(Run(bytes, 1U + data[0]) == whole)) __builtin_trap();
+  if (!(RunInPlace(bytes, 1U + data[0]) == whole)) __builtin_trap();
   return 0;
 }

@@ -54,6 +54,37 @@ TEST(WireDecoder, AnyChunkingGivesTheSameMessages) {
   }
 }
 
+// As from USB transfers: what lies within one is not copied.
+TEST(WireDecoder, ReadsInPlace) {
+  Bytes bytes = Stream(1);
+  for (std::size_t i = 0; i < 40; ++i) bytes[bytes.size() / 2 + i] = 0x42;  // some damage as well
+  WireDecoder whole;
+  const auto expected = Decode(bytes, whole);
+  ASSERT_GT(whole.counters().resyncs, 0u);
+  std::mt19937_64 engine(2);
+  std::size_t in_place = 0;
+  for (int round = 0; round < 50; ++round) {
+    WireDecoder decoder;
+    std::vector<std::string> messages;
+    for (std::size_t at = 0; at < bytes.size();) {
+      const std::size_t most = round == 0 ? 1 : 1 + engine() % 600;
+      // A transfer's own memory, gone when it is used up.
+      const Bytes transfer(bytes.begin() + static_cast<long>(at),
+                           bytes.begin() + static_cast<long>(std::min(at + most, bytes.size())));
+      at += transfer.size();
+      decoder.Feed(transfer);
+      while (const auto message = decoder.Next()) {
+        messages.push_back(Describe(*message));
+        const std::uint8_t* const begin = message->payload.data();
+        if (begin >= transfer.data() && begin < transfer.data() + transfer.size()) ++in_place;
+      }
+    }
+    EXPECT_EQ(messages, expected);
+    EXPECT_EQ(decoder.counters(), whole.counters());
+  }
+  EXPECT_GT(in_place, 100u);
+}
+
 TEST(WireDecoder, OneDamagedByteCostsOneMessage) {
   std::vector<std::size_t> ends;
   const Bytes bytes = Stream(3, &ends);

@@ -39,14 +39,15 @@ inline bool SameBits(const hal::LaserProfile& a, const hal::LaserProfile& b) {
           std::memcmp(a.points.data(), b.points.data(), a.points.size() * 8) == 0);
 }
 
-// Type, sequence and payload of each message, in one comparable piece.
+// Type, sequence and payload, in one comparable piece.
+inline std::string Describe(const WireMessage& message) {
+  return std::to_string(static_cast<int>(message.type)) + " " + std::to_string(message.sequence) +
+         " " + std::string(message.payload.begin(), message.payload.end());
+}
+
 inline std::vector<std::string> Drain(WireDecoder& decoder) {
   std::vector<std::string> messages;
-  while (const auto message = decoder.Next()) {
-    messages.push_back(std::to_string(static_cast<int>(message->type)) + " " +
-                       std::to_string(message->sequence) + " " +
-                       std::string(message->payload.begin(), message->payload.end()));
-  }
+  while (const auto message = decoder.Next()) messages.push_back(Describe(*message));
   return messages;
 }
 
