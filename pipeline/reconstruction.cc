@@ -257,8 +257,9 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   timer.Done("structure");
 
   const std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
-  const SurfaceFit fit =
-      FitSurface(structure.tube, blocks, {.reach_mm = kFinalReach * structure.tube.pipe_radius_mm});
+  const SurfaceFit fit = FitSurface(structure.tube, blocks,
+                                    {.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,
+                                     .flattened = !structure.flattening.empty()});
   timer.Done("fit");
 
   const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);

@@ -80,10 +80,10 @@ std::vector<Piece> Pieces(const std::vector<hal::SpineSegment>& segments,
 std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const PointBlock> blocks,
                                           double reach_mm) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const TubeParameters parameters(fit.tube, true);
+  const TubeParameters parameters(fit.tube, true, fit.flattening);
   const auto derivatives = parameters.FrameDerivatives(parameters.Initial(), segments);
   const double r = fit.tube.pipe_radius_mm;
-  const auto frames = SegmentFrames(segments, kBeyond * r);
+  const auto frames = SegmentFrames(segments, kBeyond * r, fit.flattening);
   SurfaceAssignment assignment;
   AssignPoints(frames, r, blocks, reach_mm, assignment);
   const std::vector<Piece> pieces = Pieces(segments, assignment, r);
@@ -121,6 +121,9 @@ std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const
     slope += derivatives[k].transpose() * of_segment.block<kLocalState, 1>(0, kLocalState);
     of_segment.setZero();
   }
+  slope = -slope;
+  parameters.AddUsualFlattening(parameters.Initial(), fit.sigma_mm, information, slope);
+  slope = -slope;
   Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
   for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
   Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();

@@ -18,6 +18,7 @@ namespace {
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kMadToSigma = 1.4826;
 constexpr double kMinAngleRad = 1e-4;
+constexpr double kMaxFlattening = 0.4;
 // Steps that make chi square less by less than this, a tenth of a standard error long, are the
 // last.
 constexpr double kHardly = 0.03;
@@ -35,7 +36,7 @@ constexpr std::size_t kFewPoints = 10;
 // needed of its points.
 struct NormalEquations {
   NormalEquations(const TubeParameters& parameters, const std::vector<hal::SpineSegment>& segments,
-                  std::span<const CondensedSum> sums)
+                  std::span<const CondensedSum> sums, double sigma_mm)
       : at(parameters.Initial()),
         matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
         right(Eigen::VectorXd::Zero(parameters.size())) {
@@ -46,8 +47,9 @@ struct NormalEquations {
       matrix.noalias() += derivatives[k].transpose() * weighted;
       right.noalias() -= derivatives[k].transpose() * sums[k].col(kLocalState).head<kLocalState>();
       squares_mm2 += sums[k](kLocalState, kLocalState);
-      weight += sums[k](kLocalState - 1, kLocalState - 1);
+      weight += sums[k](kPipeRadiusState, kPipeRadiusState);
     }
+    parameters.AddUsualFlattening(at, sigma_mm, matrix, right);
     last_start = derivatives.back().row(0);
     scale = matrix.diagonal().cwiseSqrt();
     for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
@@ -82,6 +84,10 @@ struct Bounds {
     }
     if (parameters.pipe_radius() >= 0) {
       bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
+    }
+    for (int i = parameters.flattened() ? parameters.flattening(0) : parameters.size();
+         i < parameters.size(); ++i) {
+      bound(i, -kMaxFlattening, kMaxFlattening);
     }
   }
   Eigen::VectorXd Inside(const Eigen::VectorXd& x) const { return x.cwiseMax(low).cwiseMin(high); }
@@ -154,38 +160,51 @@ Eigen::MatrixXd Covariance(const NormalEquations& equations, double design_effec
 // Where a fit stands: a tube and what the points say of it.
 struct State {
   hal::Tube tube;
+  std::vector<Flattening> flattening;
   std::vector<hal::SpineSegment> segments;
   SurfaceAssignment assignment;
   double sigma_mm = 0;
 
-  void MoveTo(const hal::Tube& to, std::span<const PointBlock> blocks,
-              const SurfaceFitOptions& options) {
-    tube = to;
+  TubeParameters Parameters(const SurfaceFitOptions& options) const {
+    return {tube, options.free_pipe_radius, flattening};
+  }
+  std::vector<SegmentFrame> Frames() const {
+    return SegmentFrames(segments, kBeyond * tube.pipe_radius_mm, flattening);
+  }
+  void MoveTo(const TubeParameters& parameters, const Eigen::VectorXd& to,
+              std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
+    tube = parameters.TubeAt(to);
+    flattening = parameters.FlatteningAt(to);
     segments = hal::SpineSegments(tube.program, tube.X_WT);
-    AssignPoints(SegmentFrames(segments, kBeyond * tube.pipe_radius_mm), tube.pipe_radius_mm,
-                 blocks, options.reach_mm, assignment);
+    AssignPoints(Frames(), tube.pipe_radius_mm, blocks, options.reach_mm, assignment);
     MagnitudeHistogram magnitudes;
     for (const double d : assignment.distances_mm) magnitudes.Add(d);
     sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * magnitudes.Quantile(0.5));
   }
   std::vector<CondensedSum> Sums() const {
-    const auto frames = SegmentFrames(segments, kBeyond * tube.pipe_radius_mm);
+    const auto frames = Frames();
     std::vector<CondensedSum> sums;
     for (std::size_t k = 0; k < frames.size(); ++k) {
       sums.push_back(SumOfRows(assignment.segments[k], frames[k], tube.pipe_radius_mm, sigma_mm));
     }
     return sums;
   }
-  // Points out of reach cost as much as if they were just there.
+  // Points out of reach cost as much as if they were just there; flattening as much as it is
+  // unusual.
   double ChiSquare(double sigma, double reach_mm) const {
     const auto out_of_reach =
         static_cast<double>(assignment.total - assignment.distances_mm.size());
-    return RobustSum(assignment.distances_mm, sigma) + out_of_reach * RobustSum(reach_mm, sigma);
+    double unusual = 0;
+    for (const Flattening& f : flattening) {
+      unusual += f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse;
+    }
+    return RobustSum(assignment.distances_mm, sigma) + out_of_reach * RobustSum(reach_mm, sigma) +
+           unusual / (kUsualFlattening * kUsualFlattening);
   }
 };
 
 void Report(const TubeParameters& parameters, const NormalEquations& equations, SurfaceFit& fit) {
-  fit.parameters = parameters.size();
+  fit.parameters = parameters.flattened() ? parameters.flattening(0) : parameters.size();
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
   const Eigen::MatrixXd covariance = Covariance(equations, fit.design_effect);
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
@@ -199,6 +218,15 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations, 
     if (i > 0) row.rotation_deg = sigma[parameters.rotation(i)] * kDegrees;
     row.angle_deg = sigma[parameters.angle(i)] * kDegrees;
     row.bend_radius_mm = sigma[parameters.bend_radius(i)];
+  }
+  fit.flattening_sigma.clear();
+  for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
+    const Eigen::Matrix3d of_bend = covariance.block<kFlatteningParameters, kFlatteningParameters>(
+        parameters.flattening(i), parameters.flattening(i));
+    const auto sigma_of = [&of_bend](const Eigen::Vector3d& weights) {
+      return std::sqrt(std::max(0.0, weights.dot(of_bend * weights)));
+    };
+    fit.flattening_sigma.push_back({sigma_of({1, 1, 0.5}), sigma_of({0.5, 0.5, 1})});
   }
   // The last length is from its border to where the last bend ends, which the fit knows so well.
   fit.sigma.rows.back().length_mm =
@@ -219,18 +247,21 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
                   const SurfaceFitOptions& options) {
   SurfaceFit fit;
   fit.tube = start;
-  const Bounds bounds(TubeParameters(start, options.free_pipe_radius), start.pipe_radius_mm);
   State state, next;
-  {
-    const TubeParameters parameters(start, options.free_pipe_radius);
-    state.MoveTo(parameters.TubeAt(bounds.Inside(parameters.Initial())), blocks, options);
-  }
+  state.tube = start;
+  if (options.flattened) state.flattening.resize(start.program.bend_count());
+  const TubeParameters first = state.Parameters(options);
+  const Bounds bounds(first, start.pipe_radius_mm);
+  state.MoveTo(first, bounds.Inside(first.Initial()), blocks, options);
   double damping = kFirstDamping;
   std::optional<NormalEquations> equations;
   for (int i = 0; state.assignment.distances_mm.size() >= kFewPoints; ++i) {
-    const TubeParameters parameters(state.tube, options.free_pipe_radius);
-    if (!equations) equations.emplace(parameters, state.segments, state.Sums());
+    const TubeParameters parameters = state.Parameters(options);
+    if (!equations) {
+      equations.emplace(parameters, state.segments, state.Sums(), state.sigma_mm);
+    }
     fit.tube = state.tube;
+    fit.flattening = state.flattening;
     if (i >= options.max_steps || damping > kMostDamping) break;
     const double chi_square = state.ChiSquare(state.sigma_mm, options.reach_mm);
     const double hardly_mm2 =
@@ -240,12 +271,13 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
       step = BoundedStep(*equations, bounds, kNoDamping);
       fit.converged = step.dot(equations->right) < hardly_mm2;
     }
-    const hal::Tube moved = parameters.TubeAt(equations->at + step);
+    const Eigen::VectorXd moved = equations->at + step;
     if (fit.converged) {
-      fit.tube = moved;
+      fit.tube = parameters.TubeAt(moved);
+      fit.flattening = parameters.FlatteningAt(moved);
       break;
     }
-    next.MoveTo(moved, blocks, options);
+    next.MoveTo(parameters, moved, blocks, options);
     if (next.ChiSquare(state.sigma_mm, options.reach_mm) < chi_square) {
       std::swap(state, next);
       equations.reset();
@@ -260,8 +292,8 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
   design_effect.Add(state.assignment, kNoWeight * state.sigma_mm);
   fit.design_effect = design_effect.Value();
   SetMeanSquares(state.assignment.segment_sum_mm2, state.assignment.segment_count, fit);
-  const TubeParameters parameters(state.tube, options.free_pipe_radius);
-  if (!equations) equations.emplace(parameters, state.segments, state.Sums());
+  const TubeParameters parameters = state.Parameters(options);
+  if (!equations) equations.emplace(parameters, state.segments, state.Sums(), state.sigma_mm);
   Report(parameters, *equations, fit);
   fit.distances_mm = std::move(state.assignment.distances_mm);
   return fit;
@@ -276,16 +308,17 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
   const std::size_t points = CountPoints(blocks);
   if (points <= 4 * kCoarsePoints) return FitFew(start, blocks, options);
   SurfaceFit fit = FitFew(start, Thinned(blocks, points / kCoarsePoints), options);
-  const Bounds bounds(TubeParameters(start, options.free_pipe_radius), start.pipe_radius_mm);
   for (int i = 0; i < kFullPasses; ++i) {
-    const TubeParameters parameters(fit.tube, options.free_pipe_radius);
+    const TubeParameters parameters(fit.tube, options.free_pipe_radius, fit.flattening);
+    const Bounds bounds(parameters, start.pipe_radius_mm);
     const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
     const SurfacePass pass =
-        PassOverSurface(SegmentFrames(segments, kBeyond * fit.tube.pipe_radius_mm),
+        PassOverSurface(SegmentFrames(segments, kBeyond * fit.tube.pipe_radius_mm, fit.flattening),
                         fit.tube.pipe_radius_mm, blocks, options.reach_mm, fit.sigma_mm);
-    const NormalEquations equations(parameters, segments, pass.sums);
+    const NormalEquations equations(parameters, segments, pass.sums, fit.sigma_mm);
     const Eigen::VectorXd step = BoundedStep(equations, bounds, kNoDamping);
     fit.tube = parameters.TubeAt(equations.at + step);
+    fit.flattening = parameters.FlatteningAt(equations.at + step);
     fit.points = pass.total;
     fit.design_effect = pass.design_effect.Value();
     SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);

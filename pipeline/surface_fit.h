@@ -16,7 +16,8 @@ struct SurfaceFitOptions {
   // The least standard deviation that is believed [mm]: keeps noise-free data from rejecting all.
   double min_sigma_mm = 1e-4;
   bool free_pipe_radius = true;
-  int max_steps = 40;  // of Levenberg-Marquardt
+  bool flattened = false;  // the bends need not be round
+  int max_steps = 40;      // of Levenberg-Marquardt
   // A step that makes chi square less by no more than this part is the last.
   double tolerance = 0;
 };
@@ -25,6 +26,8 @@ struct SurfaceFit {
   hal::Tube tube;
   hal::BendProgram sigma;  // 1 sigma, from the covariance; first and last length: fit part only
   double pipe_radius_sigma_mm = 0;
+  std::vector<Flattening> flattening;  // of every bend; none: they are round
+  std::vector<FlatteningSigma> flattening_sigma;
   double sigma_mm = 0;  // robust standard deviation of the distances
   // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
   double design_effect = 1;
@@ -32,15 +35,15 @@ struct SurfaceFit {
   std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
   std::size_t used = 0;                         // points with weight
   std::size_t points = 0;                       // all points looked at
-  int parameters = 0;
+  int parameters = 0;                           // flattening not counted
   bool converged = false;
 };
 
 // Least squares of the orthogonal distance of the tube's surface from the points, in the LRA
 // parameters (start pose across the first tangent, lengths, rotations, angles, bend radii, pipe
-// radius) by Levenberg-Marquardt with analytic Jacobians and weights that fade out beyond 3.5
-// sigma. First and last length are not determined by distances and stay as they are. Source: Bauer
-// & Polthier 2009, section 6; the parametrisation of section 5.3.
+// radius, flattening of the bends) by Levenberg-Marquardt with analytic Jacobians and weights that
+// fade out beyond 3.5 sigma. First and last length are not determined by distances and stay as they
+// are. Source: Bauer & Polthier 2009, section 6; the parametrisation of section 5.3.
 SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
                       const SurfaceFitOptions& options);
 

@@ -13,9 +13,10 @@ constexpr std::size_t kChunk = 8192;  // points: what they need stays in the pro
 // The points of a block in the frame of the nearest of several segments.
 class NearestLanes {
  public:
-  // Nearest segment and distance from its spine are valid up to `count`.
+  // Nearest segment, and distance from its spine as if the pipe were round, are valid up to
+  // `count`.
   void Find(const PointLanes& points, std::size_t count, std::span<const SegmentFrame> frames,
-            std::span<const std::int32_t> candidates) {
+            double pipe_radius_mm, std::span<const std::int32_t> candidates) {
     if (locals_.size() < candidates.size()) locals_.resize(candidates.size());
     for (std::size_t c = 0; c < candidates.size(); ++c) {
       ToSegment(frames[static_cast<std::size_t>(candidates[c])], points, count, locals_[c]);
@@ -27,6 +28,12 @@ class NearestLanes {
       }
       nearest_[i] = best;
     }
+    for (std::size_t c = 0; c < candidates.size(); ++c) {
+      const SegmentFrame& frame = frames[static_cast<std::size_t>(candidates[c])];
+      if (!frame.flattening) continue;
+      FlattenedBy(frame, pipe_radius_mm, locals_[c], inside_mm_);
+      for (std::size_t i = 0; i < count; ++i) locals_[c].distance[i] += inside_mm_[i];
+    }
   }
   std::size_t Candidate(std::size_t i) const { return nearest_[i]; }
   const LocalLanes& Local(std::size_t candidate) const { return locals_[candidate]; }
@@ -34,6 +41,7 @@ class NearestLanes {
  private:
   std::vector<LocalLanes> locals_;
   std::array<std::size_t, kBatch> nearest_{};
+  std::array<double, kBatch> inside_mm_{};
 };
 
 }  // namespace
@@ -62,7 +70,7 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
         lanes.y[i] = p.y();
         lanes.z[i] = p.z();
       }
-      nearest.Find(lanes, count, frames, candidates);
+      nearest.Find(lanes, count, frames, pipe_radius_mm, candidates);
       for (const std::int32_t k : candidates) {
         result.segments[static_cast<std::size_t>(k)].MakeRoom(count);
       }

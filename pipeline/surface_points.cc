@@ -60,7 +60,7 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
 }
 
 SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,
-                           double beyond_mm)
+                           double beyond_mm, const std::optional<Flattening>& of_bend)
     : start_mm(segment.start_mm),
       tangent(segment.tangent),
       across(segment.normal.cross(segment.tangent)),
@@ -75,7 +75,11 @@ SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, b
       beyond_half_turn(segment.angle_rad() > std::numbers::pi),
       middle_mm(segment.PointAt(0.5 * segment.length_mm)),
       around_mm(open_before || open_after ? std::numeric_limits<double>::infinity()
-                                          : 0.5 * segment.length_mm) {}
+                                          : 0.5 * segment.length_mm),
+      flattening(segment.is_arc() ? of_bend : std::nullopt),
+      half_sine(std::sin(0.5 * segment.angle_rad())),
+      half_cosine(std::cos(0.5 * segment.angle_rad())),
+      bump_scale(segment.is_arc() ? 1.0 / std::max(1e-12, 1.0 - half_cosine) : 0.0) {}
 
 double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d v = point - start_mm;
@@ -99,12 +103,13 @@ double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
 }
 
 std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
-                                        double beyond_mm) {
+                                        double beyond_mm, std::span<const Flattening> flattening) {
   std::vector<SegmentFrame> frames;
   frames.reserve(segments.size());
-  for (const hal::SpineSegment& segment : segments) {
-    frames.emplace_back(segment, &segment == &segments.front(), &segment == &segments.back(),
-                        beyond_mm);
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    std::optional<Flattening> of_bend;
+    if (k % 2 == 1 && k / 2 < flattening.size()) of_bend = flattening[k / 2];
+    frames.emplace_back(segments[k], k == 0, k + 1 == segments.size(), beyond_mm, of_bend);
   }
   return frames;
 }

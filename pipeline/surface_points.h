@@ -4,10 +4,12 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "hal/spine.h"
+#include "pipeline/flattening.h"
 
 namespace bendloop::pipeline {
 
@@ -59,7 +61,8 @@ struct NearSegment {
 struct SegmentFrame {
   // `beyond_mm`: how far an open end goes on.
   SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,
-               double beyond_mm = std::numeric_limits<double>::infinity());
+               double beyond_mm = std::numeric_limits<double>::infinity(),
+               const std::optional<Flattening>& of_bend = std::nullopt);
   // From the segment's spine; beyond its ends from them, unless it is open there: then infinite
   // where it no longer goes on.
   double Distance(const Eigen::Vector3d& point) const;
@@ -72,13 +75,18 @@ struct SegmentFrame {
   bool beyond_half_turn;
   Eigen::Vector3d middle_mm;  // a ball that the segment lies in
   double around_mm;
+  std::optional<Flattening> flattening;  // of an arc
+  double half_sine, half_cosine;         // of half its angle
+  double bump_scale;                     // B = (cos(angle from the middle) - half_cosine) * this
 };
 // Of r_P: how far the end straights may go on beyond the nodes; further out another part of the
 // tube may lie in their way.
 constexpr double kBeyond = 3.0;
 // All segments of a tube; the end straights go on beyond their ends, as far as `beyond_mm`.
+// `flattening`: bend by bend, or none: the bends are round.
 std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
-                                        double beyond_mm = std::numeric_limits<double>::infinity());
+                                        double beyond_mm = std::numeric_limits<double>::infinity(),
+                                        std::span<const Flattening> flattening = {});
 NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
                            std::span<const std::int32_t> candidates);
 // Segments whose spine passes within `reach_mm` of the block's centre plus its half diagonal.

@@ -248,7 +248,7 @@ CondensedSum SumOfLine(const SegmentPoints& points, double pipe_radius_mm, doubl
   rows_of(4, kXOz) = 1;
   rows_of(5, kXOy) = -1;
   rows_of(7, kLineOne) = -1;
-  rows_of(8, kLineDistance) = 1;
+  rows_of(kLocalState, kLineDistance) = 1;
   return SumThrough<kLineFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
     AddLine(batch, pipe_radius_mm, inverse_sigma, sums);
   });
@@ -257,8 +257,7 @@ CondensedSum SumOfLine(const SegmentPoints& points, double pipe_radius_mm, doubl
 // In the plane of the bend (a, b) is the unit vector from the centre, u the distance beyond the
 // spine's circle; (c, s) = (u, z) / |(u, z)|. Outward is (c a, c b, s), the torque about the start
 // R (s + s b, -s a, -c a). Moving the centre by dR along +y changes u by -b dR - dR.
-CondensedSum SumOfArc(const SegmentPoints& points, double bend_radius_mm, double pipe_radius_mm,
-                      double inverse_sigma) {
+Eigen::Matrix<double, kCondensedRow, kArcFunctions> ArcRows(double bend_radius_mm) {
   Eigen::Matrix<double, kCondensedRow, kArcFunctions> rows_of =
       Eigen::Matrix<double, kCondensedRow, kArcFunctions>::Zero();
   rows_of(0, kCa) = -1;
@@ -269,9 +268,106 @@ CondensedSum SumOfArc(const SegmentPoints& points, double bend_radius_mm, double
   rows_of(5, kCa) = bend_radius_mm;
   rows_of(6, kCb) = rows_of(6, kC) = -1;
   rows_of(7, kArcOne) = -1;
-  rows_of(8, kArcDistance) = 1;
+  rows_of(kLocalState, kArcDistance) = 1;
+  return rows_of;
+}
+
+CondensedSum SumOfArc(const SegmentPoints& points, double bend_radius_mm, double pipe_radius_mm,
+                      double inverse_sigma) {
+  const auto rows_of = ArcRows(bend_radius_mm);
   return SumThrough<kArcFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
     AddArc(batch, bend_radius_mm, pipe_radius_mm, inverse_sigma, sums);
+  });
+}
+
+// The oval arc: as above, and the functions of Flattening. The surface lies inside the round one.
+enum OvalFunction { kQuadrant = kArcDistance + 1, kBumpQuadrant, kBumpOuter, kOvalFunctions };
+
+struct OvalBend {
+  OvalBend(const SegmentFrame& frame, double r_mm)
+      : bend_radius_mm(frame.bend_radius_mm),
+        pipe_radius_mm(r_mm),
+        half_sine(frame.half_sine),
+        half_cosine(frame.half_cosine),
+        bump_scale(frame.bump_scale),
+        constant(0.5 * r_mm * frame.flattening->constant),
+        bump(0.5 * r_mm * frame.flattening->bump),
+        collapse(r_mm * frame.flattening->collapse) {}
+  double bend_radius_mm, pipe_radius_mm, half_sine, half_cosine, bump_scale;
+  double constant, bump, collapse;  // [mm]
+};
+
+// B at a place around the centre of the bend.
+BENDLOOP_LOOP double Bump(const OvalBend& oval, double a, double b) {
+  return Most(0.0,
+              (a * oval.half_sine - b * oval.half_cosine - oval.half_cosine) * oval.bump_scale);
+}
+BENDLOOP_LOOP double Square(double x) { return x * x; }
+
+BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double inverse_sigma,
+                                  Sums<kOvalFunctions>& sums) {
+  auto& f = sums.functions;
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double rho = std::sqrt(p.x[l] * p.x[l] + p.y[l] * p.y[l]);
+    const double inverse_rho = 1.0 / Most(rho, kTiny);
+    const double a = p.x[l] * inverse_rho;
+    const double b = p.y[l] * inverse_rho;
+    const double u = rho - oval.bend_radius_mm;
+    const double distance = std::sqrt(u * u + p.z[l] * p.z[l]);
+    const double inverse = 1.0 / Most(distance, kTiny);
+    const double c = u * inverse;
+    const double s = p.z[l] * inverse;
+    const double quadrant = c * c - s * s;
+    const double bump = Bump(oval, a, b);
+    const double outer = bump * Square(Most(c, 0.0));
+    f[kCa][l] = c * a;
+    f[kCb][l] = c * b;
+    f[kC][l] = c;
+    f[kSa][l] = s * a;
+    f[kSb][l] = s * b;
+    f[kS][l] = s;
+    f[kArcOne][l] = 1.0;
+    f[kQuadrant][l] = quadrant;
+    f[kBumpQuadrant][l] = bump * quadrant;
+    f[kBumpOuter][l] = outer;
+    f[kArcDistance][l] = distance - oval.pipe_radius_mm + oval.constant * quadrant +
+                         oval.bump * bump * quadrant + oval.collapse * outer;
+    sums.weight[l] = Weight(std::abs(p.distance[l]), inverse_sigma);
+  }
+  AddProducts<kOvalFunctions>(sums);
+}
+BENDLOOP_WIDE(void, AddOvalArc,
+              (const Batch& p, const OvalBend& oval, double inverse_sigma,
+               Sums<kOvalFunctions>& sums),
+              (p, oval, inverse_sigma, sums))
+
+BENDLOOP_LOOP void InsideOfBody(const OvalBend& oval, const LocalLanes& local, double* inside) {
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double rho = std::sqrt(local.x[l] * local.x[l] + local.y[l] * local.y[l]);
+    const double inverse_rho = 1.0 / Most(rho, kTiny);
+    const double u2 = Square(rho - oval.bend_radius_mm);
+    const double z2 = local.z[l] * local.z[l];
+    const double inverse = 1.0 / Most(u2 + z2, kTiny);
+    const double bump = Bump(oval, local.x[l] * inverse_rho, local.y[l] * inverse_rho);
+    const double outer = rho > oval.bend_radius_mm ? u2 * inverse : 0.0;
+    inside[l] =
+        (oval.constant + oval.bump * bump) * (u2 - z2) * inverse + oval.collapse * bump * outer;
+  }
+}
+BENDLOOP_WIDE(void, InsideOf, (const OvalBend& oval, const LocalLanes& local, double* inside),
+              (oval, local, inside))
+
+CondensedSum SumOfOvalArc(const SegmentPoints& points, const SegmentFrame& frame,
+                          double pipe_radius_mm, double inverse_sigma) {
+  Eigen::Matrix<double, kCondensedRow, kOvalFunctions> rows_of =
+      Eigen::Matrix<double, kCondensedRow, kOvalFunctions>::Zero();
+  rows_of.leftCols<kArcFunctions>() = ArcRows(frame.bend_radius_mm);
+  rows_of(kFlatteningState, kQuadrant) = 0.5 * pipe_radius_mm;
+  rows_of(kFlatteningState + 1, kBumpQuadrant) = 0.5 * pipe_radius_mm;
+  rows_of(kFlatteningState + 2, kBumpOuter) = pipe_radius_mm;
+  const OvalBend oval(frame, pipe_radius_mm);
+  return SumThrough<kOvalFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
+    AddOvalArc(batch, oval, inverse_sigma, sums);
   });
 }
 
@@ -299,6 +395,11 @@ void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t 
   }
 }
 
+void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLanes& local,
+                 std::array<double, kBatch>& inside_mm) {
+  InsideOf(OvalBend(frame, pipe_radius_mm), local, inside_mm.data());
+}
+
 void SegmentPoints::MakeRoom(std::size_t more) {
   if (size + more <= x.size()) return;
   const std::size_t room = std::max(2 * x.size(), size + more);
@@ -307,6 +408,7 @@ void SegmentPoints::MakeRoom(std::size_t more) {
 
 CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,
                        double pipe_radius_mm, double sigma_mm) {
+  if (frame.flattening) return SumOfOvalArc(points, frame, pipe_radius_mm, 1.0 / sigma_mm);
   return frame.bend_radius_mm > 0
              ? SumOfArc(points, frame.bend_radius_mm, pipe_radius_mm, 1.0 / sigma_mm)
              : SumOfLine(points, pipe_radius_mm, 1.0 / sigma_mm);

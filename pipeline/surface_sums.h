@@ -12,8 +12,11 @@
 namespace bendloop::pipeline {
 
 // A segment's local state, which its surface depends on: velocity of its start (3), angular
-// velocity (3), both in the frame (tangent, normal x tangent, normal), bend radius, pipe radius.
-constexpr int kLocalState = 8;
+// velocity (3), both in the frame (tangent, normal x tangent, normal), bend radius, pipe radius,
+// flattening (3).
+constexpr int kPipeRadiusState = 7;
+constexpr int kFlatteningState = 8;  // the first of it
+constexpr int kLocalState = kFlatteningState + kFlatteningParameters;
 constexpr int kCondensedRow = kLocalState + 1;  // and the residual
 using CondensedSum = Eigen::Matrix<double, kCondensedRow, kCondensedRow>;
 
@@ -33,6 +36,11 @@ struct LocalLanes : PointLanes {
 };
 void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
                LocalLanes& local);
+
+// How far inside the round surface the flattened one lies at the places of points of an arc [mm];
+// `local` as from ToSegment.
+void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLanes& local,
+                 std::array<double, kBatch>& inside_mm);
 
 // Any number of points of one segment in its frame, with their distance from the surface.
 struct SegmentPoints {

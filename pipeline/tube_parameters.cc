@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "pipeline/surface_sums.h"
+
 namespace bendloop::pipeline {
 namespace {
 
@@ -20,14 +22,19 @@ Eigen::Matrix3d AxesOf(const hal::SpineSegment& segment) {
 
 }  // namespace
 
-TubeParameters::TubeParameters(const hal::Tube& reference, bool free_pipe_radius)
-    : reference_(reference), bends_(reference.program.bend_count()) {
+TubeParameters::TubeParameters(const hal::Tube& reference, bool free_pipe_radius,
+                               std::span<const Flattening> flattening)
+    : reference_(reference),
+      flattening_(flattening.begin(), flattening.end()),
+      bends_(reference.program.bend_count()) {
   size_ = 5;
   if (free_pipe_radius) pipe_radius_ = size_++;
   for (std::size_t i = 0; i < bends_; ++i) {
     first_bend_.push_back(size_);
     size_ += i == 0 ? 3 : 4;
   }
+  first_flattening_ = size_;
+  size_ += kFlatteningParameters * static_cast<int>(flattening_.size());
 }
 
 Eigen::VectorXd TubeParameters::Initial() const {
@@ -39,6 +46,10 @@ Eigen::VectorXd TubeParameters::Initial() const {
     if (i > 0) parameters[rotation(i)] = row.rotation_deg / kDegrees;
     parameters[angle(i)] = row.angle_deg / kDegrees;
     parameters[bend_radius(i)] = row.bend_radius_mm.value_or(0.0);
+  }
+  for (std::size_t i = 0; i < flattening_.size(); ++i) {
+    const Flattening& f = flattening_[i];
+    parameters.segment<kFlatteningParameters>(flattening(i)) << f.constant, f.bump, f.collapse;
   }
   return parameters;
 }
@@ -60,6 +71,24 @@ hal::Tube TubeParameters::TubeAt(const Eigen::VectorXd& parameters) const {
     row.bend_radius_mm = parameters[bend_radius(i)];
   }
   return tube;
+}
+
+std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& parameters) const {
+  std::vector<Flattening> list;
+  for (std::size_t i = 0; i < flattening_.size(); ++i) {
+    const auto of_bend = parameters.segment<kFlatteningParameters>(flattening(i));
+    list.push_back({of_bend[0], of_bend[1], of_bend[2]});
+  }
+  return list;
+}
+
+void TubeParameters::AddUsualFlattening(const Eigen::VectorXd& parameters, double sigma_mm,
+                                        Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const {
+  const double certainty = sigma_mm * sigma_mm / (kUsualFlattening * kUsualFlattening);
+  for (Eigen::Index i = first_flattening_; i < size_; ++i) {
+    matrix(i, i) += certainty;
+    right[i] -= certainty * parameters[i];
+  }
 }
 
 std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
@@ -93,7 +122,8 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
       active.push_back(
           {rotation(bend), {segment.start_mm, Eigen::Vector3d::Zero(), segment.tangent}});
     }
-    Eigen::MatrixXd& derivative = derivatives.emplace_back(Eigen::MatrixXd::Zero(8, size_));
+    Eigen::MatrixXd& derivative =
+        derivatives.emplace_back(Eigen::MatrixXd::Zero(kLocalState, size_));
     const Eigen::Matrix3d to_local = AxesOf(segment).transpose();
     for (const auto& [column, twist] : active) {
       derivative.block<3, 1>(0, column) =
@@ -108,6 +138,10 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
       }
     } else {
       derivative(6, bend_radius(bend)) = 1.0;
+      if (flattened()) {
+        derivative.block<kFlatteningParameters, kFlatteningParameters>(
+            kFlatteningState, flattening(bend)) = Eigen::Matrix3d::Identity();
+      }
       const double a = parameters[angle(bend)];
       const Eigen::Vector3d inward = segment.normal.cross(segment.tangent);
       const double bend_mm = parameters[bend_radius(bend)];

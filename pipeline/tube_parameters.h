@@ -2,10 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "hal/spine.h"
 #include "hal/tube.h"
+#include "pipeline/flattening.h"
 
 namespace bendloop::pipeline {
 
@@ -16,15 +18,19 @@ namespace bendloop::pipeline {
 //   then     pipe radius [mm]
 //   then, bend by bend: length before it [mm], rotation (not for the first), angle, bend radius
 //   [mm]
+//   then, bend by bend, if the bends are flattened: the members of Flattening
 // The last length is no parameter: it moves no surface point.
 class TubeParameters {
  public:
-  TubeParameters(const hal::Tube& reference, bool free_pipe_radius);
+  // `flattening`: of every bend, or none: the bends are round.
+  TubeParameters(const hal::Tube& reference, bool free_pipe_radius,
+                 std::span<const Flattening> flattening = {});
 
   int size() const { return size_; }
   std::size_t bends() const { return bends_; }
   Eigen::VectorXd Initial() const;
   hal::Tube TubeAt(const Eigen::VectorXd& parameters) const;
+  std::vector<Flattening> FlatteningAt(const Eigen::VectorXd& parameters) const;
 
   // Positions in the vector; -1: not a parameter.
   int pipe_radius() const { return pipe_radius_; }
@@ -32,18 +38,27 @@ class TubeParameters {
   int rotation(std::size_t bend) const { return bend == 0 ? -1 : first_bend_[bend] + 1; }
   int angle(std::size_t bend) const { return first_bend_[bend] + (bend == 0 ? 1 : 2); }
   int bend_radius(std::size_t bend) const { return angle(bend) + 1; }
+  bool flattened() const { return !flattening_.empty(); }
+  int flattening(std::size_t bend) const {  // the first
+    return first_flattening_ + kFlatteningParameters * static_cast<int>(bend);
+  }
 
-  // For each segment the 8 x size() derivative of its local state: velocity of its start point (3),
-  // angular velocity (3), both in the frame (tangent, normal x tangent, normal), bend radius, pipe
-  // radius.
+  // What is known of flattening in general counts like a few more points: adds them to the normal
+  // equations, whose points have the noise `sigma_mm`.
+  void AddUsualFlattening(const Eigen::VectorXd& parameters, double sigma_mm,
+                          Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const;
+
+  // For each segment the kLocalState x size() derivative of its local state (surface_sums.h).
   std::vector<Eigen::MatrixXd> FrameDerivatives(
       const Eigen::VectorXd& parameters, const std::vector<hal::SpineSegment>& segments) const;
 
  private:
   hal::Tube reference_;
+  std::vector<Flattening> flattening_;
   std::size_t bends_;
   int size_ = 0;
   int pipe_radius_ = -1;
+  int first_flattening_ = -1;
   std::vector<int> first_bend_;
 };
 

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace bendloop::pipeline {
+
+// How far a bend's cross-section is from round. In the direction of angle psi from the outer side
+// (the far side from the centre of the bend) the surface is at
+//   r_P (1 - (constant + bump B) / 2 cos 2 psi - collapse B max(0, cos psi)^2)
+// from the spine, where B is 1 in the middle of the bend and falls to 0 at its ends like a
+// parabola. The first term is the oval, the last the outer wall that sinks in. All are parts of
+// the pipe radius; an oval of 0.05 has diameters that differ by 5 %.
+struct Flattening {
+  double constant = 0;
+  double bump = 0;
+  double collapse = 0;
+
+  // (greatest - least diameter) / nominal, in the middle of the bend.
+  double OvalityPart() const { return constant + bump + 0.5 * collapse; }
+  // How far the outer wall lies inside the round one, in pipe radii, in the middle of the bend.
+  double OuterWallPart() const { return 0.5 * (constant + bump) + collapse; }
+};
+constexpr int kFlatteningParameters = 3;
+
+// 1 sigma of the two parts.
+struct FlatteningSigma {
+  double ovality_part = 0;
+  double outer_wall_part = 0;
+};
+
+// What machines do to tubes (1 sigma), which determines what the points leave open.
+constexpr double kUsualFlattening = 0.05;
+
+}  // namespace bendloop::pipeline

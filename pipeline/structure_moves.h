@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "hal/tube.h"
+#include "pipeline/arc_line_spline.h"
+#include "pipeline/spine_polygon.h"
+#include "pipeline/structure_score.h"
+
+namespace bendloop::pipeline {
+
+// How the structure search changes a spline: places to start the next fit from.
+
+ArcLineSpline SplineFromTube(const hal::Tube& tube);
+
+// Takes the last bend away if it and the straight beyond it are shorter than `border_mm`: the
+// straight before it goes on as far.
+bool DropLast(ArcLineSpline& spline, double border_mm);
+// The same at the start.
+bool DropFirst(ArcLineSpline& spline, double border_mm);
+// Without bends that only the border of the samples pretends; false: there were none. Around a cap
+// they are as tight as the pipe is thick, which no machine bends.
+bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm);
+
+// One arc in place of two that follow each other.
+std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b);
+// Two arcs of half the angle in place of one, with a straight between them that touches the old arc
+// in its middle.
+std::array<SplineArc, 2> SplitArc(const SplineArc& arc);
+
+// Splines with one bend more.
+std::vector<ArcLineSpline> WithBend(const ArcLineSpline& spline, const hal::Tube& tube,
+                                    const MissingBend& missing, const SpinePolygon& polygon);
+
+}  // namespace bendloop::pipeline
