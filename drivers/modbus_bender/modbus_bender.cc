@@ -1,226 +1,55 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "drivers/modbus_bender/modbus_bender.h"
 
-#include <algorithm>
-#include <cstdio>
-#include <optional>
-#include <string>
 #include <utility>
-#include <vector>
 
-#include "drivers/modbus_bender/field_codec.h"
 #include "drivers/modbus_bender/modbus_connection.h"
-#include "drivers/modbus_bender/program_codec.h"
+#include "drivers/register_bender/program_codec.h"
+#include "drivers/register_bender/register_bender.h"
 
 namespace bendloop::drivers {
 namespace {
 
-using hal::ErrorKind;
-
-std::string Crc(std::uint32_t crc) {
-  char text[16];
-  std::snprintf(text, sizeof text, "0x%08x", crc);
-  return text;
-}
-
-class ModbusBender final : public hal::BenderLink {
+class ModbusCarrier final : public RegisterCarrier {
  public:
-  ModbusBender(hal::RegisterMap map, ModbusBenderOptions options, hal::Clock& clock)
-      : map_(std::move(map)), connection_(std::move(options), clock) {}
+  ModbusCarrier(const hal::RegisterMap& map, ModbusBenderOptions options, hal::Clock& clock)
+      : max_read_(map.max_read_registers),
+        max_write_(map.max_write_registers),
+        connection_(std::move(options), clock) {}
 
-  hal::Result<hal::BenderInfo> Connect() override {
-    if (auto ok = CheckRegisterMap(map_); !ok) return hal::Fail(ok.error());
-    if (auto ok = connection_.Connect(); !ok) return hal::Fail(ok.error());
-    hal::BenderInfo info;
-    info.description =
-        connection_.carrier() + " " + connection_.peer() + ", register map \"" + map_.name + "\"";
-    info.max_rows = map_.max_rows;
-    info.atomic_commit = map_.commit.has_value();
-    info.has_heartbeat = map_.heartbeat.has_value();
-    info.max_sequence =
-        std::min({MaxInteger(map_.active.sequence), MaxInteger(map_.staging.sequence),
-                  MaxInteger(map_.reply_sequence)});
-    if (map_.commit) info.max_sequence = std::min(info.max_sequence, MaxInteger(*map_.commit));
-    return info;
-  }
+  std::string carrier() const override { return connection_.carrier(); }
+  std::string peer() const override { return connection_.peer(); }
+  hal::Result<void> Connect() override { return connection_.Connect(); }
 
-  hal::Result<hal::BenderState> ReadState() override {
-    if (auto ok = Read(StateRanges()); !ok) return hal::Fail(ok.error());
-    hal::BenderState state;
-    std::uint32_t mode = 0;
-    std::uint32_t reply = 0;
-    const std::pair<const hal::RegisterField*, std::pair<std::uint32_t*, const char*>> fields[] = {
-        {&map_.mode, {&mode, "mode"}},
-        {Optional(map_.fault_code), {&state.fault_code, "fault_code"}},
-        {Optional(map_.heartbeat), {&state.heartbeat, "heartbeat"}},
-        {Optional(map_.parts_bent), {&state.parts_bent, "parts_bent"}},
-        {&map_.active.part_number, {&state.active_part_number, "active part_number"}},
-        {&map_.active.sequence, {&state.active_sequence, "active sequence"}},
-        {&map_.reply_sequence, {&state.reply_sequence, "reply_sequence"}},
-        {&map_.reply, {&reply, "reply"}},
-        {Optional(map_.reply_code), {&state.reply_code, "reply_code"}}};
-    for (const auto& [field, target] : fields) {
-      if (field == nullptr) continue;
-      const auto value = GetInteger(map_, *field, target.second, image_);
-      if (!value) return hal::Fail(Named(value.error()));
-      *target.first = *value;
-    }
-    if (mode == map_.mode_idle) {
-      state.mode = hal::BenderMode::kIdle;
-    } else if (mode == map_.mode_bending) {
-      state.mode = hal::BenderMode::kBending;
-    } else if (mode == map_.mode_fault) {
-      state.mode = hal::BenderMode::kFault;
-    } else if (mode != map_.mode_not_ready) {
-      return hal::Fail(Named(
-          {ErrorKind::kDevice, "mode: register " + std::to_string(map_.mode.address) + " holds " +
-                                   std::to_string(mode) + ", which register map \"" + map_.name +
-                                   "\" does not name"}));
-    }
-    if (reply == map_.reply_accepted) state.reply = hal::CommitReply::kAccepted;
-    if (reply == map_.reply_rejected) state.reply = hal::CommitReply::kRejected;
-    return state;
-  }
-
-  hal::Result<hal::ProgramBlock> ReadActive() override {
-    auto block = ReadProgram(map_.active, 0);
-    if (!block) return block;
-    if (block->program.rows.empty()) return block;
-    const std::uint32_t crc = CrcOf(map_.active, *block);
-    // A program keyed in at the machine may have no crc; one of ours always has.
-    const bool keyed_in = block->sequence == 0 && block->crc == 0;
-    if (!keyed_in && block->crc != crc) {
-      return hal::Fail(
-          Named({ErrorKind::kDevice, "active program: its crc register " +
-                                         std::to_string(map_.active.crc.address) + " says " +
-                                         Crc(block->crc) + ", its rows give " + Crc(crc) +
-                                         ": half-written, changed while it was read, or a PLC that "
-                                         "computes another crc (drivers/README.md)"}));
-    }
-    block->crc = crc;
-    return block;
-  }
-
-  hal::Result<hal::ProgramBlock> Encode(const hal::ProgramBlock& block) override {
-    if (auto ok = CheckRegisterMap(map_); !ok) return hal::Fail(ok.error());
-    if (auto ok = EncodeProgram(map_, map_.staging, block, image_); !ok) {
-      return hal::Fail(Named(ok.error()));
-    }
-    return DecodeProgram(map_, map_.staging, image_);
-  }
-
-  hal::Result<void> Stage(const hal::ProgramBlock& block) override {
-    if (auto ok = CheckRegisterMap(map_); !ok) return hal::Fail(ok.error());
-    if (auto ok = EncodeProgram(map_, map_.staging, block, image_); !ok) {
-      return hal::Fail(Named(ok.error()));
-    }
-    std::vector<RegisterRange> ranges = HeadRanges(map_.staging);
-    ranges.push_back(RowsRange(map_, map_.staging, block.program.rows.size()));
-    if (map_.commit) return Write(ranges);
-    // Without a commit register the row count is what makes a program: 0 while the rest changes.
-    enabled_rows_ = static_cast<std::uint32_t>(block.program.rows.size());
-    enabled_sequence_ = block.sequence;
-    if (auto ok = PutField(map_, map_.staging.row_count, 0, "row_count", image_); !ok) {
-      return hal::Fail(Named(ok.error()));
-    }
-    if (auto ok = Write({RangeOf(map_.staging.row_count)}); !ok) return ok;
-    return Write(ranges);
-  }
-
-  hal::Result<hal::ProgramBlock> ReadStaged() override {
-    return ReadProgram(map_.staging, map_.commit ? 0 : enabled_rows_);
-  }
-
-  hal::Result<void> Commit(std::uint32_t sequence) override {
-    if (!map_.commit && (enabled_rows_ == 0 || enabled_sequence_ != sequence)) {
-      return hal::Fail(
-          Named({ErrorKind::kInternal, "commit of sequence " + std::to_string(sequence) +
-                                           ", which is not the staged one"}));
-    }
-    const hal::RegisterField& field = map_.commit ? *map_.commit : map_.staging.row_count;
-    const std::uint32_t value = map_.commit ? sequence : enabled_rows_;
-    if (auto ok = PutField(map_, field, value, "commit", image_); !ok) {
-      return hal::Fail(Named(ok.error()));
-    }
-    const RegisterRange range = RangeOf(field);
-    return connection_.Write(range, image_.At(range.space, field.address));
-  }
-
- private:
-  static const hal::RegisterField* Optional(const std::optional<hal::RegisterField>& field) {
-    return field ? &*field : nullptr;
-  }
-
-  hal::Error Named(hal::Error error) const {
-    error.message = "bender " + connection_.peer() + ": " + error.message;
-    return error;
-  }
-
-  std::vector<RegisterRange> StateRanges() const {
-    std::vector<RegisterRange> ranges{RangeOf(map_.mode), RangeOf(map_.reply_sequence),
-                                      RangeOf(map_.reply), RangeOf(map_.active.part_number),
-                                      RangeOf(map_.active.sequence)};
-    for (const auto* field :
-         {&map_.fault_code, &map_.heartbeat, &map_.parts_bent, &map_.reply_code}) {
-      if (*field) ranges.push_back(RangeOf(**field));
-    }
-    return ranges;
-  }
-
-  hal::Result<void> Read(const std::vector<RegisterRange>& ranges) {
-    if (auto ok = CheckRegisterMap(map_); !ok) return ok;
-    for (const RegisterRange& range : PlanRequests(ranges, map_.max_read_registers)) {
-      std::uint16_t* to = image_.At(range.space, static_cast<std::uint16_t>(range.address));
+  hal::Result<void> Read(const std::vector<RegisterRange>& ranges, RegisterImage& image) override {
+    for (const RegisterRange& range : PlanRequests(ranges, max_read_)) {
+      std::uint16_t* to = image.At(range.space, static_cast<std::uint16_t>(range.address));
       if (auto ok = connection_.Read(range, to); !ok) return ok;
     }
     return {};
   }
 
-  hal::Result<void> Write(const std::vector<RegisterRange>& ranges) {
-    for (const RegisterRange& range : PlanRequests(ranges, map_.max_write_registers)) {
-      const auto* from = image_.At(range.space, static_cast<std::uint16_t>(range.address));
+  hal::Result<void> Write(const std::vector<RegisterRange>& ranges,
+                          const RegisterImage& image) override {
+    for (const RegisterRange& range : PlanRequests(ranges, max_write_)) {
+      const auto* from = image.At(range.space, static_cast<std::uint16_t>(range.address));
       if (auto ok = connection_.Write(range, from); !ok) return ok;
     }
     return {};
   }
 
-  // `hidden_rows`: rows to read where the count register says 0.
-  hal::Result<hal::ProgramBlock> ReadProgram(const hal::ProgramArea& area,
-                                             std::uint32_t hidden_rows) {
-    if (auto ok = Read(HeadRanges(area)); !ok) return hal::Fail(ok.error());
-    const auto count = GetInteger(map_, area.row_count, "row_count", image_);
-    if (!count) return hal::Fail(Named(count.error()));
-    if (*count <= map_.max_rows) {  // DecodeProgram refuses any other
-      const std::uint32_t rows = *count == 0 ? hidden_rows : *count;
-      if (rows != *count) {
-        if (auto ok = PutField(map_, area.row_count, rows, "row_count", image_); !ok) {
-          return hal::Fail(Named(ok.error()));
-        }
-      }
-      if (auto ok = Read({RowsRange(map_, area, rows)}); !ok) return hal::Fail(ok.error());
-    }
-    auto block = DecodeProgram(map_, area, image_);
-    if (!block) return hal::Fail(Named(block.error()));
-    return block;
-  }
-
-  std::uint32_t CrcOf(const hal::ProgramArea& area, const hal::ProgramBlock& block) const {
-    return ProgramCrc(map_, area, block.part_number, block.sequence,
-                      static_cast<std::uint32_t>(block.program.rows.size()), image_);
-  }
-
-  hal::RegisterMap map_;
+ private:
+  const std::uint16_t max_read_;
+  const std::uint16_t max_write_;
   ModbusConnection connection_;
-  RegisterImage image_;
-  std::uint32_t enabled_rows_ = 0;  // of the last Stage, without a commit register
-  std::uint32_t enabled_sequence_ = 0;
 };
 
 }  // namespace
 
 std::unique_ptr<hal::BenderLink> MakeModbusBender(hal::RegisterMap map, ModbusBenderOptions options,
                                                   hal::Clock& clock) {
-  return std::make_unique<ModbusBender>(std::move(map), std::move(options), clock);
+  auto carrier = std::make_unique<ModbusCarrier>(map, std::move(options), clock);
+  return MakeRegisterBender(std::move(map), std::move(carrier));
 }
 
 }  // namespace bendloop::drivers

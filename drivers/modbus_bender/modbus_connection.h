@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "drivers/modbus_bender/modbus_bender.h"
-#include "drivers/modbus_bender/register_image.h"
+#include "drivers/register_bender/register_image.h"
 #include "hal/clock.h"
 #include "hal/result.h"
 

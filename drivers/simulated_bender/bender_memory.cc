@@ -5,8 +5,8 @@
 #include <optional>
 #include <utility>
 
-#include "drivers/modbus_bender/field_codec.h"
-#include "drivers/modbus_bender/program_codec.h"
+#include "drivers/register_bender/field_codec.h"
+#include "drivers/register_bender/program_codec.h"
 
 namespace bendloop::drivers {
 namespace {

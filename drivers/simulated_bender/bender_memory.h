@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "drivers/modbus_bender/register_image.h"
+#include "drivers/register_bender/register_image.h"
 #include "hal/bend_program.h"
 #include "hal/bender_state.h"
 #include "hal/register_map.h"

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "drivers/modbus_bender/program_codec.h"
+#include "drivers/register_bender/program_codec.h"
 #include "drivers/simulated_bender/bender_memory.h"
 #include "drivers/simulated_bender/misbehaviour.h"
 #include "drivers/simulated_bender/modbus_server.h"

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "drivers/modbus_bender/field_codec.h"
-#include "drivers/modbus_bender/program_codec.h"
+#include "drivers/register_bender/field_codec.h"
+#include "drivers/register_bender/program_codec.h"
 #include "drivers/simulated_bender/bender_memory.h"
 #include "firmware-host/commit/journal_json.h"
 #include "tests/support/bender_maps.h"

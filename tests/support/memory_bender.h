@@ -7,8 +7,8 @@
 #include <optional>
 #include <vector>
 
-#include "drivers/modbus_bender/field_codec.h"
-#include "drivers/modbus_bender/program_codec.h"
+#include "drivers/register_bender/field_codec.h"
+#include "drivers/register_bender/program_codec.h"
 #include "drivers/simulated_bender/bender_memory.h"
 #include "hal/bender_link.h"
 #include "tests/support/bender_maps.h"

@@ -5,8 +5,8 @@
 #include <limits>
 #include <random>
 
-#include "drivers/modbus_bender/field_codec.h"
-#include "drivers/modbus_bender/program_codec.h"
+#include "drivers/register_bender/field_codec.h"
+#include "drivers/register_bender/program_codec.h"
 #include "tests/support/bender_maps.h"
 
 namespace bendloop::drivers {

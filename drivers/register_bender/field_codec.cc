@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "drivers/modbus_bender/field_codec.h"
+#include "drivers/register_bender/field_codec.h"
 
 #include <algorithm>
 #include <bit>

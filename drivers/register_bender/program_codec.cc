@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "drivers/modbus_bender/program_codec.h"
+#include "drivers/register_bender/program_codec.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 
-#include "drivers/modbus_bender/field_codec.h"
+#include "drivers/register_bender/field_codec.h"
 
 namespace bendloop::drivers {
 namespace {

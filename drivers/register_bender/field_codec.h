@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "drivers/modbus_bender/register_image.h"
+#include "drivers/register_bender/register_image.h"
 #include "hal/register_map.h"
 #include "hal/result.h"
 
