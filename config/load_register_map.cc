@@ -45,6 +45,8 @@ Range Limits(RegisterType type) {
       return {0, 4294967295.0};
     case RegisterType::kInt32:
       return {-2147483648.0, 2147483647.0};
+    case RegisterType::kUint8:
+      return {0, 255};
     case RegisterType::kFloat32:
       break;
   }

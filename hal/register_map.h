@@ -8,11 +8,26 @@
 namespace bendloop::hal {
 
 enum class RegisterSpace : std::uint8_t { kHolding, kInput };  // FC 3/6/16, FC 4
-enum class RegisterType : std::uint8_t { kUint16, kInt16, kUint32, kInt32, kFloat32 };
+// kUint8: half a register, only as a CANopen object.
+enum class RegisterType : std::uint8_t { kUint16, kInt16, kUint32, kInt32, kFloat32, kUint8 };
 
 constexpr std::uint16_t RegisterCount(RegisterType type) {
-  return type == RegisterType::kUint16 || type == RegisterType::kInt16 ? 1 : 2;
+  return type == RegisterType::kUint32 || type == RegisterType::kInt32 ||
+                 type == RegisterType::kFloat32
+             ? 2
+             : 1;
 }
+
+// An entry of a CANopen object dictionary; index 0: none.
+struct ObjectAddress {
+  std::uint16_t index = 0;
+  std::uint8_t sub = 0;
+
+  bool operator==(const ObjectAddress&) const = default;
+};
+
+// "2001sub3", as a section of an EDS file names it.
+std::string Name(ObjectAddress object);
 
 // One value in a controller: value = raw * scale + offset.
 struct RegisterField {
@@ -21,6 +36,7 @@ struct RegisterField {
   RegisterType type = RegisterType::kUint16;
   double scale = 1;
   double offset = 0;
+  ObjectAddress object;  // in a map of objects; `address` is then only where the link keeps it
 };
 
 // Where a whole program stands: a head and `max_rows` rows, `row_stride` registers apart.
@@ -31,9 +47,12 @@ struct ProgramArea {
   RegisterField crc;        // uint32
   std::uint16_t rows_address = 0;
   RegisterSpace rows_space = RegisterSpace::kHolding;
+  ObjectAddress rows_object;  // DOMAIN: the rows one after the other
 };
 
-// How a PLC shows a bender: read from a register-map file, so that no code knows an address.
+// How a PLC shows a bender: read from a register-map file, so that no code knows an address. Either
+// all fields are registers, or all are objects of a CANopen dictionary; these are kept in registers
+// of their own, low byte and low word first.
 struct RegisterMap {
   std::string name;
   bool high_word_first = true;  // of 32-bit values
@@ -73,6 +92,8 @@ struct RegisterMap {
   bool rotation_sign_reversed = false;
   bool rotation_cumulative = false;  // absolute 0..360 instead of relative
   bool length_cumulative = false;    // feed position instead of straight length
+
+  bool of_objects() const { return mode.object.index != 0; }
 };
 
 }  // namespace bendloop::hal

@@ -28,6 +28,8 @@ std::pair<double, double> RawLimits(RegisterType type) {
       return {0, kMaxUint32};
     case RegisterType::kInt32:
       return {-2147483648.0, 2147483647.0};
+    case RegisterType::kUint8:
+      return {0, 255};
     case RegisterType::kFloat32:
       break;
   }
@@ -47,6 +49,8 @@ const char* TypeName(RegisterType type) {
       return "int32";
     case RegisterType::kFloat32:
       return "float32";
+    case RegisterType::kUint8:
+      return "uint8";
   }
   return "unknown type";
 }
@@ -71,6 +75,11 @@ std::uint16_t GetWord(const hal::RegisterMap& map, const std::uint16_t* from) {
 
 }  // namespace
 
+std::string PlaceOf(const hal::RegisterField& field) {
+  if (field.object.index != 0) return "object " + hal::Name(field.object);
+  return "register " + std::to_string(field.address);
+}
+
 RegisterRange RangeOf(const hal::RegisterField& field) {
   return {field.space, field.address, RegisterCount(field.type)};
 }
@@ -87,11 +96,11 @@ hal::Result<void> PutField(const hal::RegisterMap& map, const hal::RegisterField
   if (!(raw >= low && raw <= high)) {
     const double a = low * field.scale + field.offset;
     const double b = high * field.scale + field.offset;
-    return hal::Fail(ErrorKind::kBadInput,
-                     name + ": " + Number(value) + " does not fit " + TypeName(field.type) +
-                         " with scale " + Number(field.scale) + " at register " +
-                         std::to_string(field.address) + ", which holds " + Number(std::min(a, b)) +
-                         " to " + Number(std::max(a, b)));
+    return hal::Fail(ErrorKind::kBadInput, name + ": " + Number(value) + " does not fit " +
+                                               TypeName(field.type) + " with scale " +
+                                               Number(field.scale) + " at " + PlaceOf(field) +
+                                               ", which holds " + Number(std::min(a, b)) + " to " +
+                                               Number(std::max(a, b)));
   }
   std::uint32_t bits = 0;
   if (field.type == RegisterType::kFloat32) {
@@ -122,8 +131,7 @@ hal::Result<double> GetField(const hal::RegisterMap& map, const hal::RegisterFie
   if (field.type == RegisterType::kInt32) raw = static_cast<std::int32_t>(bits);
   if (field.type == RegisterType::kFloat32) raw = std::bit_cast<float>(bits);
   if (!std::isfinite(raw)) {
-    return hal::Fail(ErrorKind::kDevice, std::string(what) + ": register " +
-                                             std::to_string(field.address) + " holds " +
+    return hal::Fail(ErrorKind::kDevice, std::string(what) + ": " + PlaceOf(field) + " holds " +
                                              Number(raw) + " where a number was expected");
   }
   return raw * field.scale + field.offset;
@@ -135,9 +143,9 @@ hal::Result<std::uint32_t> GetInteger(const hal::RegisterMap& map, const hal::Re
   if (!value) return hal::Fail(value.error());
   const double whole = std::round(*value);
   if (std::abs(*value - whole) > 1e-6 || whole < 0 || whole > kMaxUint32) {
-    return hal::Fail(ErrorKind::kDevice,
-                     std::string(what) + ": register " + std::to_string(field.address) + " holds " +
-                         Number(*value) + " where a whole number from 0 was expected");
+    return hal::Fail(ErrorKind::kDevice, std::string(what) + ": " + PlaceOf(field) + " holds " +
+                                             Number(*value) +
+                                             " where a whole number from 0 was expected");
   }
   return static_cast<std::uint32_t>(whole);
 }

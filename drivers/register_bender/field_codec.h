@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "drivers/register_bender/register_image.h"
@@ -29,5 +30,8 @@ hal::Result<std::uint32_t> GetInteger(const hal::RegisterMap& map, const hal::Re
 std::uint32_t MaxInteger(const hal::RegisterField& field);
 
 RegisterRange RangeOf(const hal::RegisterField& field);
+
+// "register 12", "object 2001sub3": where the controller has the value.
+std::string PlaceOf(const hal::RegisterField& field);
 
 }  // namespace bendloop::drivers

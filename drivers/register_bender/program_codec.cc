@@ -31,6 +31,7 @@ RegisterField AtRow(const RegisterMap& map, const hal::ProgramArea& area, Regist
   field.address =
       static_cast<std::uint16_t>(area.rows_address + row * map.row_stride + field.address);
   field.space = area.rows_space;
+  field.object = area.rows_object;
   return field;
 }
 
@@ -217,9 +218,9 @@ hal::Result<void> EncodeProgram(const RegisterMap& map, const hal::ProgramArea& 
     if (auto ok = PutField(map, *field, value.first, value.second, image); !ok) return ok;
     const auto back = GetInteger(map, *field, value.second, image);
     if (!back || *back != value.first) {
-      return hal::Fail(ErrorKind::kBadInput,
-                       std::string(value.second) + ": " + std::to_string(value.first) +
-                           " loses digits in register " + std::to_string(field->address));
+      return hal::Fail(ErrorKind::kBadInput, std::string(value.second) + ": " +
+                                                 std::to_string(value.first) + " loses digits in " +
+                                                 PlaceOf(*field));
     }
   }
   return {};
@@ -240,8 +241,7 @@ hal::Result<hal::ProgramBlock> DecodeProgram(const RegisterMap& map, const hal::
     *value.first = *read;
   }
   if (count > map.max_rows) {
-    return hal::Fail(ErrorKind::kDevice, "row_count: register " +
-                                             std::to_string(area.row_count.address) + " says " +
+    return hal::Fail(ErrorKind::kDevice, "row_count: " + PlaceOf(area.row_count) + " says " +
                                              std::to_string(count) + " rows; at most " +
                                              std::to_string(map.max_rows) + " were expected");
   }

@@ -75,9 +75,8 @@ class RegisterBender final : public hal::BenderLink {
       state.mode = hal::BenderMode::kFault;
     } else if (mode != map_.mode_not_ready) {
       return hal::Fail(Named(
-          {ErrorKind::kDevice, "mode: register " + std::to_string(map_.mode.address) + " holds " +
-                                   std::to_string(mode) + ", which register map \"" + map_.name +
-                                   "\" does not name"}));
+          {ErrorKind::kDevice, "mode: " + PlaceOf(map_.mode) + " holds " + std::to_string(mode) +
+                                   ", which register map \"" + map_.name + "\" does not name"}));
     }
     if (reply == map_.reply_accepted) state.reply = hal::CommitReply::kAccepted;
     if (reply == map_.reply_rejected) state.reply = hal::CommitReply::kRejected;
@@ -92,12 +91,11 @@ class RegisterBender final : public hal::BenderLink {
     // A program keyed in at the machine may have no crc; one of ours always has.
     const bool keyed_in = block->sequence == 0 && block->crc == 0;
     if (!keyed_in && block->crc != crc) {
-      return hal::Fail(
-          Named({ErrorKind::kDevice, "active program: its crc register " +
-                                         std::to_string(map_.active.crc.address) + " says " +
-                                         Crc(block->crc) + ", its rows give " + Crc(crc) +
-                                         ": half-written, changed while it was read, or a PLC that "
-                                         "computes another crc (drivers/README.md)"}));
+      return hal::Fail(Named(
+          {ErrorKind::kDevice, "active program: its crc, " + PlaceOf(map_.active.crc) + ", says " +
+                                   Crc(block->crc) + ", its rows give " + Crc(crc) +
+                                   ": half-written, changed while it was read, or a PLC that "
+                                   "computes another crc (drivers/README.md)"}));
     }
     block->crc = crc;
     return block;
