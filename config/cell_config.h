@@ -37,11 +37,18 @@ struct ScanConfig {
   std::uint32_t min_profiles = 20;  // a shorter one is not a scan
 };
 
-enum class BenderKind : std::uint8_t { kNone, kModbusTcp, kModbusRtu, kCanIsotp, kSimulated };
+enum class BenderKind : std::uint8_t {
+  kNone,
+  kModbusTcp,
+  kModbusRtu,
+  kCanIsotp,
+  kCanopen,
+  kSimulated,
+};
 // A machine behind it that really bends.
 constexpr bool IsReal(BenderKind kind) {
   return kind == BenderKind::kModbusTcp || kind == BenderKind::kModbusRtu ||
-         kind == BenderKind::kCanIsotp;
+         kind == BenderKind::kCanIsotp || kind == BenderKind::kCanopen;
 }
 enum class SerialParity : std::uint8_t { kNone, kEven, kOdd };
 
@@ -57,9 +64,14 @@ struct BenderConfig {
   bool rs485 = false;  // the port switches the line's direction, with pauses around each request
   std::chrono::milliseconds rs485_delay_before_send{0};
   std::chrono::milliseconds rs485_delay_after_send{0};
-  std::string can_interface;  // kCanIsotp, as the two below
-  std::uint32_t can_request_id = 0x7e0;
-  std::uint32_t can_reply_id = 0x7e8;
+  std::string can_interface;             // kCanIsotp, kCanopen
+  std::uint32_t can_request_id = 0x7e0;  // kCanIsotp
+  std::uint32_t can_reply_id = 0x7e8;    // kCanIsotp
+  std::uint8_t can_node_id = 1;          // kCanopen, as the four below
+  std::filesystem::path object_dictionary_file;
+  std::uint32_t can_vendor_id = 0;  // as the object dictionary says; 0: not told
+  std::uint32_t can_product_code = 0;
+  std::chrono::milliseconds heartbeat_timeout{2000};  // 0: the node sends no heartbeat
   std::uint8_t unit_id = 1;
   std::filesystem::path register_map_file;
   hal::RegisterMap register_map;  // loaded from register_map_file; unused when link is kNone

@@ -16,8 +16,8 @@ constexpr Choice<BenderKind> kBenderKinds[] = {{"none", BenderKind::kNone},
                                                {"modbus-tcp", BenderKind::kModbusTcp},
                                                {"modbus-rtu", BenderKind::kModbusRtu},
                                                {"can-isotp", BenderKind::kCanIsotp},
-                                               {"simulated", BenderKind::kSimulated},
-                                               {"can", std::nullopt}};
+                                               {"canopen", BenderKind::kCanopen},
+                                               {"simulated", BenderKind::kSimulated}};
 constexpr Choice<SerialParity> kParities[] = {
     {"none", SerialParity::kNone}, {"even", SerialParity::kEven}, {"odd", SerialParity::kOdd}};
 constexpr Choice<LogLevel> kLogLevels[] = {{"debug", LogLevel::kDebug},
@@ -63,11 +63,14 @@ void VisitBender(FieldVisitor& v, BenderConfig& bender) {
   v.Text("can_interface", bender.can_interface);
   v.Integer("can_request_id", bender.can_request_id, 0, 0x1fffffff);
   v.Integer("can_reply_id", bender.can_reply_id, 0, 0x1fffffff);
+  v.Integer("can_node_id", bender.can_node_id, 1, 127);
+  v.Path("object_dictionary", bender.object_dictionary_file);
   v.Integer("unit_id", bender.unit_id, 0, 255);
   v.Path("register_map", bender.register_map_file);
   Milliseconds(v, "connect_timeout_ms", bender.connect_timeout, 10, 60000);
   Milliseconds(v, "response_timeout_ms", bender.response_timeout, 10, 60000);
   Milliseconds(v, "byte_timeout_ms", bender.byte_timeout, 0, 60000);
+  Milliseconds(v, "heartbeat_timeout_ms", bender.heartbeat_timeout, 0, 60000);
   Milliseconds(v, "commit_timeout_ms", bender.commit_timeout, 10, 600000);
 }
 

@@ -56,6 +56,9 @@ class FieldVisitor {
   // Whether a reader finds the key, or a writer has something to write.
   virtual bool Present(std::string_view key, bool has_value) = 0;
 
+  // Between two ways to say the same: whether a reader finds the key of one, or a writer has it.
+  virtual bool Chosen(std::string_view key, bool is_chosen) = 0;
+
   template <std::integral T>
   void Integer(std::string_view key, T& value, std::int64_t min, std::int64_t max,
                Need need = Need::kOptional) {

@@ -31,12 +31,13 @@ hal::Result<CellConfig> ParseCell(std::string_view toml, std::string_view name,
 hal::Result<PartConfig> ParsePart(std::string_view toml, std::string_view name);
 hal::Result<hal::RegisterMap> ParseRegisterMap(std::string_view toml, std::string_view name);
 
-enum class FileKind { kCell, kPart, kRegisterMap };
+enum class FileKind { kCell, kPart, kRegisterMap, kObjectDictionary };
 
-// "cell", "part", "register map".
+// "cell", "part", "register map", "object dictionary".
 std::string_view Name(FileKind kind);
 
-// Loads whatever the file's `schema` says it is, a cell with all that it names.
+// Loads whatever the file's `schema` says it is, a cell with all that it names; a file whose name
+// ends in .eds as an object dictionary.
 hal::Result<FileKind> ValidateFile(const std::filesystem::path& file);
 
 }  // namespace bendloop::config

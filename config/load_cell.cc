@@ -4,9 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
+#include <optional>
+#include <utility>
 
 #include "config/fields.h"
 #include "config/load.h"
+#include "config/object_dictionary.h"
 #include "config/parse_file.h"
 
 namespace bendloop::config {
@@ -44,14 +47,20 @@ void CheckSerialLine(TomlDocument& document, const BenderConfig& bender) {
   }
 }
 
-void CheckCanChannel(TomlDocument& document, const BenderConfig& bender) {
+void CheckCan(TomlDocument& document, const BenderConfig& bender) {
   constexpr std::size_t kLongestName = 15;
+  const bool canopen = bender.link == BenderKind::kCanopen;
   if (bender.can_interface.empty() || bender.can_interface.size() > kLongestName) {
     document.Report("bender.can_interface", "found '" + Printable(bender.can_interface) +
-                                                "', expected the CAN interface of link = "
-                                                "'can-isotp', such as can0");
+                                                "', expected the CAN interface of link = '" +
+                                                (canopen ? "canopen" : "can-isotp") +
+                                                "', such as can0");
   }
-  if (bender.can_request_id == bender.can_reply_id) {
+  if (canopen && bender.object_dictionary_file.empty()) {
+    document.Report("bender.object_dictionary",
+                    "found nothing, expected the EDS file of link = 'canopen'");
+  }
+  if (!canopen && bender.can_request_id == bender.can_reply_id) {
     document.Report("bender.can_reply_id", "found " + std::to_string(bender.can_reply_id) +
                                                " as in can_request_id, expected another one");
   }
@@ -83,8 +92,9 @@ void CheckCell(TomlDocument& document, CellConfig& cell) {
   if (bender.link == BenderKind::kModbusRtu && document.IsGood("bender")) {
     CheckSerialLine(document, bender);
   }
-  if (bender.link == BenderKind::kCanIsotp && document.IsGood("bender")) {
-    CheckCanChannel(document, bender);
+  if ((bender.link == BenderKind::kCanIsotp || bender.link == BenderKind::kCanopen) &&
+      document.IsGood("bender")) {
+    CheckCan(document, bender);
   }
   CheckStep(document, "length_mm", correction.max_step.length_mm, correction.max_total.length_mm);
   CheckStep(document, "rotation_deg", correction.max_step.rotation_deg,
@@ -93,7 +103,23 @@ void CheckCell(TomlDocument& document, CellConfig& cell) {
   cell.record.directory = (cell.state_dir / cell.record.directory).lexically_normal();
 }
 
-// What only the cell's three files together show.
+// A map of objects belongs to CANopen, with its dictionary, and one of registers to all others.
+hal::Result<void> FitMap(BenderConfig& bender, const std::optional<ObjectDictionary>& dictionary,
+                         const std::string& place) {
+  if (bender.link == BenderKind::kNone) return {};
+  if (bender.register_map.of_objects() != dictionary.has_value()) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     place + ": found a map of " +
+                         (dictionary ? "registers, expected one of CANopen objects (index, sub)"
+                                     : "CANopen objects, expected one of registers (address)"));
+  }
+  if (!dictionary) return {};
+  bender.can_vendor_id = dictionary->vendor_number;
+  bender.can_product_code = dictionary->product_number;
+  return BindObjects(bender.register_map, *dictionary);
+}
+
+// What only the cell's files together show.
 hal::Result<void> CheckTogether(const CellConfig& cell) {
   if (cell.bender.link == BenderKind::kNone) return {};
   const hal::RegisterMap& map = cell.bender.register_map;
@@ -110,6 +136,7 @@ hal::Result<void> CheckTogether(const CellConfig& cell) {
   }
   const hal::RegisterType type = map.active.part_number.type;
   const std::uint32_t most = type == hal::RegisterType::kUint16  ? 0xffff
+                             : type == hal::RegisterType::kUint8 ? 0xff
                              : type == hal::RegisterType::kInt16 ? 0x7fff
                              : type == hal::RegisterType::kInt32 ? 0x7fffffff
                                                                  : 0xffffffff;
@@ -134,10 +161,12 @@ hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
   const std::filesystem::path absolute = std::filesystem::absolute(file).lexically_normal();
   std::string part_place;
   std::string map_place;
+  std::string eds_place;
   const auto check = [&](TomlDocument& document, CellConfig& parsed) {
     CheckCell(document, parsed);
     part_place = document.Place("part") + ": key 'part'";
     map_place = document.Place("bender.register_map") + ": key 'bender.register_map'";
+    eds_place = document.Place("bender.object_dictionary") + ": key 'bender.object_dictionary'";
   };
   hal::Result<CellConfig> cell =
       ParseDocument(*text, file.string(), FileKind::kCell, absolute.parent_path(), VisitCell, check,
@@ -167,7 +196,18 @@ hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
       add(map_place, cell->bender.register_map_file, map.error());
     }
   }
+  std::optional<ObjectDictionary> dictionary;
+  if (cell->bender.link == BenderKind::kCanopen) {
+    if (auto eds = LoadObjectDictionary(cell->bender.object_dictionary_file)) {
+      dictionary = std::move(*eds);
+    } else {
+      add(eds_place, cell->bender.object_dictionary_file, eds.error());
+    }
+  }
   if (!problems.empty()) return hal::Fail(hal::ErrorKind::kBadInput, problems);
+  if (hal::Result<void> fits = FitMap(cell->bender, dictionary, map_place); !fits) {
+    return hal::Fail(fits.error());
+  }
   if (hal::Result<void> together = CheckTogether(*cell); !together) {
     return hal::Fail(together.error());
   }

@@ -9,6 +9,7 @@
 
 #include "config/fields.h"
 #include "config/load.h"
+#include "config/map_objects.h"
 #include "config/parse_file.h"
 
 namespace bendloop::config {
@@ -132,12 +133,25 @@ void AddArea(MapChecker& checker, const RegisterMap& map, const std::string& pat
               std::int64_t{map.max_rows} * map.row_stride);
 }
 
-void CheckDistinct(TomlDocument& document, const std::string& table,
-                   const std::vector<std::pair<std::string, std::uint32_t>>& codes,
-                   const RegisterField& field) {
+using Codes = std::vector<std::pair<std::string, std::uint32_t>>;
+
+Codes ModeCodes(const RegisterMap& map) {
+  return {{"not_ready", map.mode_not_ready},
+          {"idle", map.mode_idle},
+          {"bending", map.mode_bending},
+          {"fault", map.mode_fault}};
+}
+
+Codes ReplyCodes(const RegisterMap& map) {
+  return {{"accepted", map.reply_accepted}, {"rejected", map.reply_rejected}};
+}
+
+// `type`: what holds them; of an object it is not known here.
+void CheckDistinct(TomlDocument& document, const std::string& table, const Codes& codes,
+                   std::optional<RegisterType> type) {
   for (std::size_t i = 0; i < codes.size(); ++i) {
     const std::string path = table + "." + codes[i].first;
-    const double most = Limits(field.type).max;
+    const double most = Limits(type.value_or(RegisterType::kUint32)).max;
     if (codes[i].second > most) {
       document.Report(path, "found " + std::to_string(codes[i].second) + ", expected at most " +
                                 NumberText(most) + ", which the register's type holds");
@@ -223,17 +237,18 @@ void CheckRow(TomlDocument& document, MapChecker& checker, const RegisterMap& ma
 
 void CheckRegisterMap(TomlDocument& document, RegisterMap& map) {
   MapChecker checker(document);
+  CheckOneKind(document, map);
+  if (map.of_objects()) {
+    CheckDistinct(document, "state.mode", ModeCodes(map), {});
+    CheckDistinct(document, "commit.reply", ReplyCodes(map), {});
+    CheckRow(document, checker, map);
+    return CheckObjects(document, map);
+  }
   CheckArea(document, checker, "active", map.active, false);
   CheckArea(document, checker, "staging", map.staging, true);
   if (map.commit) checker.CheckWritable("commit.sequence", map.commit->space);
-  CheckDistinct(document, "state.mode",
-                {{"not_ready", map.mode_not_ready},
-                 {"idle", map.mode_idle},
-                 {"bending", map.mode_bending},
-                 {"fault", map.mode_fault}},
-                map.mode);
-  CheckDistinct(document, "commit.reply",
-                {{"accepted", map.reply_accepted}, {"rejected", map.reply_rejected}}, map.reply);
+  CheckDistinct(document, "state.mode", ModeCodes(map), map.mode.type);
+  CheckDistinct(document, "commit.reply", ReplyCodes(map), map.reply.type);
   CheckSequences(document, map);
   CheckRow(document, checker, map);
 

@@ -20,8 +20,17 @@ constexpr Choice<RegisterType> kValueTypes[] = {{"uint16", RegisterType::kUint16
                                                 {"int32", RegisterType::kInt32},
                                                 {"float32", RegisterType::kFloat32}};
 
+// A CANopen object in place of a register; its type stands in the object dictionary.
+bool VisitObject(FieldVisitor& v, hal::ObjectAddress& object) {
+  if (!v.Chosen("index", object.index != 0)) return false;
+  v.Integer("index", object.index, 0x1000, 0xffff, Need::kRequired);
+  v.Integer("sub", object.sub, 0, 254);
+  return true;
+}
+
 // A count, code or number: whole and never negative, so there is nothing to scale.
 void VisitCount(FieldVisitor& v, RegisterField& field) {
+  if (VisitObject(v, field.object)) return;
   v.Integer("address", field.address, 0, 65535, Need::kRequired);
   v.Enum("space", field.space, kSpaces);
   v.Enum("type", field.type, kCountTypes);
@@ -50,6 +59,7 @@ void VisitArea(FieldVisitor& v, hal::ProgramArea& area) {
   // A crc has the size that the algorithm gives it; the map says only where it stands.
   CountTable(v, "crc", area.crc);
   v.Table("rows", Need::kRequired, [&](FieldVisitor& t) {
+    if (VisitObject(t, area.rows_object)) return;
     t.Integer("address", area.rows_address, 0, 65535, Need::kRequired);
     t.Enum("space", area.rows_space, kSpaces);
   });

@@ -28,6 +28,7 @@ class TextWriter final : public FieldVisitor {
   void Tables(std::string_view key, std::size_t& size, std::size_t max_size,
               const EntryBody& body) override;
   bool Present(std::string_view key, bool has_value) override;
+  bool Chosen(std::string_view /*key*/, bool is_chosen) override { return is_chosen; }
 
  private:
   void DoInteger(std::string_view key, std::int64_t& value, std::int64_t min, std::int64_t max,

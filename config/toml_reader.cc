@@ -99,6 +99,8 @@ void TomlReader::Wrong(std::string_view key, const toml::node& found, std::strin
   document_.Report(PathOf(key), "found " + Found(found) + ", expected " + std::string(expected));
 }
 
+bool TomlReader::Chosen(std::string_view key, bool /*is_chosen*/) { return table_.contains(key); }
+
 bool TomlReader::Present(std::string_view key, bool /*has_value*/) {
   known_.emplace(key);
   return table_.contains(key);

@@ -29,6 +29,7 @@ class TomlReader final : public FieldVisitor {
   void Tables(std::string_view key, std::size_t& size, std::size_t max_size,
               const EntryBody& body) override;
   bool Present(std::string_view key, bool has_value) override;
+  bool Chosen(std::string_view key, bool is_chosen) override;
 
   void Finish();
 

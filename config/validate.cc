@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "config/load.h"
+#include "config/object_dictionary.h"
 #include "config/parse_file.h"
 
 namespace bendloop::config {
@@ -28,6 +29,8 @@ std::string_view Name(FileKind kind) {
       return "part";
     case FileKind::kRegisterMap:
       return "register map";
+    case FileKind::kObjectDictionary:
+      return "object dictionary";
   }
   return "unknown";
 }
@@ -40,6 +43,8 @@ std::string_view Schema(FileKind kind) {
       return "bendloop.part/1";
     case FileKind::kRegisterMap:
       return "bendloop.register-map/1";
+    case FileKind::kObjectDictionary:
+      break;  // an EDS names no schema
   }
   return "unknown";
 }
@@ -57,6 +62,11 @@ void CheckSchema(TomlDocument& document, FieldVisitor& v, FileKind kind) {
 }
 
 hal::Result<FileKind> ValidateFile(const std::filesystem::path& file) {
+  if (file.extension() == ".eds" || file.extension() == ".EDS") {
+    const hal::Result<ObjectDictionary> eds = LoadObjectDictionary(file);
+    if (!eds) return hal::Fail(eds.error());
+    return FileKind::kObjectDictionary;
+  }
   const hal::Result<std::string> text = ReadTextFile(file);
   if (!text) return hal::Fail(text.error());
   const hal::Result<TomlDocument> document = TomlDocument::Parse(*text, file.string());

@@ -135,7 +135,7 @@ cell.toml:4: key 'scanner.kind': found the text 'usbb', expected one of 'simulat
 cell.toml:5: key 'scanner.port': found 70000, expected a whole number from 1 to 65535
 cell.toml:6: key 'scanner.queue_profiles': found 100.5, expected a whole number from 16 to 65536
 cell.toml:8: key 'scan.max_seconds': found nan, expected a number from 1 to 3600
-cell.toml:10: key 'bender.link': found 'can', which is not yet supported, expected one of 'none', 'modbus-tcp', 'modbus-rtu', 'can-isotp', 'simulated'
+cell.toml:10: key 'bender.link': found the text 'can', expected one of 'none', 'modbus-tcp', 'modbus-rtu', 'can-isotp', 'canopen', 'simulated'
 cell.toml:11: key 'bender.host': found 'plc.example', expected a numeric address such as 192.168.0.10 (looking up a name has no bounded time)
 cell.toml:13: key 'correction.gain_angle': found 1.5, expected a number from 0 to 1
 cell.toml:14: key 'correction.enabled': found the text 'yes', expected true or false

@@ -21,14 +21,14 @@ TEST(Shipped, EveryFileIsValid) {
   std::set<FileKind> kinds;
   int files = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(ShippedConfig())) {
-    if (entry.path().extension() != ".toml") continue;
+    if (entry.path().extension() != ".toml" && entry.path().extension() != ".eds") continue;
     const auto kind = ValidateFile(entry.path());
     ASSERT_TRUE(kind) << kind.error().message;
     kinds.insert(*kind);
     ++files;
   }
-  EXPECT_EQ(kinds.size(), 3u);
-  EXPECT_GE(files, 7);
+  EXPECT_EQ(kinds.size(), 4u);
+  EXPECT_GE(files, 9);
 }
 
 TEST(Shipped, DemoCellLoadsWithItsPartAndMap) {
