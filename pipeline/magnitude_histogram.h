@@ -26,6 +26,17 @@ class MagnitudeHistogram {
     return count;
   }
 
+  // Of a function of the magnitudes, taken in the middle of the drawers.
+  template <class Function>
+  double Sum(Function function) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < kDrawers; ++i) {
+      if (counts_[i] == 0) continue;
+      sum += counts_[i] * function(0.5 * (LowerLimit(i) + LowerLimit(i + 1)));
+    }
+    return sum;
+  }
+
   // The magnitude that `part` (0..1) of the values do not exceed; 0 for none.
   double Quantile(double part) const {
     double left = part * static_cast<double>(Count());

@@ -259,7 +259,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   const std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
   const SurfaceFit fit = FitSurface(structure.tube, blocks,
                                     {.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,
-                                     .flattened = !structure.flattening.empty()});
+                                     .flattened = !structure.flattening.empty(),
+                                     .priors = structure.priors});
   timer.Done("fit");
 
   const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);

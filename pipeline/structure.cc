@@ -13,6 +13,7 @@
 #include "pipeline/statistics.h"
 #include "pipeline/structure_moves.h"
 #include "pipeline/structure_score.h"
+#include "pipeline/surface_sums.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -28,8 +29,15 @@ constexpr double kPrice = 1.2;
 // Two straights joined by less than this are one, unless the samples insist.
 constexpr double kSlightDeg = 1.0;
 constexpr double kSlightPrice = 8;  // in parameters, above those of the bend
-constexpr double kTruncated = 6.0;  // sigma
-constexpr double kInsist = 6.0;     // sigma, for flattened bends
+// The bend radii of one die.
+constexpr double kUsualSpread = 0.015;  // 1 sigma: springback opens bends
+constexpr double kKnown = 0.03;         // 1 sigma of a radius that may speak for others
+constexpr double kTightest = 1.05;      // of r_P: where the fit is held
+constexpr double kSame = 2.5;           // sigma
+constexpr double kMost = 0.7;           // of the known ones
+constexpr double kLongest = 1.1;        // straight, of the polygon's length
+constexpr double kTruncated = 6.0;      // sigma
+constexpr double kInsist = 6.0;         // sigma, for flattened bends
 constexpr double kDropAngleDeg = 3.0;
 constexpr double kSuspicious = 1.5;  // mean square of an arc's distances over the median segment's
 constexpr std::size_t kMaxSplits = 4;
@@ -40,12 +48,12 @@ constexpr int kMaxTries = 4;             // places
 constexpr double kDoubtfulBorder = 8.0;  // of r_P: up to here a bend near the border is doubted
 // The number of bends does not need every sample; the comparison sees at most about so many.
 constexpr std::size_t kEnoughSamples = 8000;
-constexpr std::size_t kAllSamples = 60'000;
+constexpr std::size_t kAllSamples = kPointsAtOnce;
 // The live view has milliseconds: one tolerance, few samples, no comparisons.
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
-constexpr int kSteps = 15;
-constexpr double kTolerance = 3e-4;  // of chi square, far below the price of a parameter
+constexpr int kSteps = 60;
+constexpr double kTolerance = 2e-5;  // of chi square, far below the price of a parameter
 
 // Vertices and tangent lines of the simplified polygon. A line follows the nodes under its edge
 // where there are enough of them, which steadies it against the noise of the two end nodes.
@@ -83,12 +91,52 @@ ArcLineSpline InitialSpline(const SpinePolygon& polygon, double epsilon_mm) {
   return ApproximateByArcLineSpline(vertices, tangents, kArcTolerance * epsilon_mm);
 }
 
+// The radius that most of the well-determined bends share; none: they do not, or it would help none
+// of the others.
+std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit) {
+  struct Known {
+    double radius_mm, sigma_mm;
+  };
+  std::vector<Known> known;
+  const hal::BendProgram& program = fit.tube.program;
+  for (std::size_t i = 0; i < program.bend_count(); ++i) {
+    const double radius_mm = *program.rows[i].bend_radius_mm;
+    const double sigma_mm = fit.sigma.rows[i].bend_radius_mm.value_or(0.0);
+    const bool held = radius_mm < kTightest * fit.tube.pipe_radius_mm;
+    if (sigma_mm < kKnown * radius_mm && !held) known.push_back({radius_mm, sigma_mm});
+  }
+  UsualBendRadius best;
+  std::size_t most = 0;
+  for (const Known& one : known) {
+    double weights = 0, sum = 0;
+    std::size_t count = 0;
+    const double usual_mm = kUsualSpread * one.radius_mm;
+    for (const Known& other : known) {
+      const double sigma_mm = std::hypot(usual_mm, one.sigma_mm, other.sigma_mm);
+      if (std::abs(other.radius_mm - one.radius_mm) > kSame * sigma_mm) continue;
+      const double weight = 1.0 / (usual_mm * usual_mm + other.sigma_mm * other.sigma_mm);
+      weights += weight;
+      sum += weight * other.radius_mm;
+      ++count;
+    }
+    if (count <= most) continue;
+    most = count;
+    best = {sum / weights, kUsualSpread * sum / weights};
+  }
+  const bool shared =
+      most >= 2 && static_cast<double>(most) >= kMost * static_cast<double>(known.size());
+  if (!shared || most == program.bend_count()) return std::nullopt;
+  return best;
+}
+
 class Search {
  public:
   Search(const SpinePolygon& polygon, double pipe_radius_mm, std::span<const PointBlock> blocks,
-         std::size_t enough_samples, bool flattened = false)
+         std::size_t enough_samples, bool flattened = false, const FitPriors& priors = {})
       : radius_mm_(pipe_radius_mm),
         flattened_(flattened),
+        priors_(priors),
+        longest_mm_(kLongest * LengthOf(polygon)),
         polygon_(&polygon),
         blocks_(Thinned(blocks, CountPoints(blocks) / enough_samples + 1)),
         samples_(blocks_.point_count()) {}
@@ -134,12 +182,24 @@ class Search {
   bool IsFlattened(const SurfaceFit& round, const SurfaceFit& flattened) const {
     const auto bends = static_cast<double>(flattened.tube.program.bend_count());
     const double freedom = kFlatteningParameters * bends;
-    const double price = kPrice * std::log(static_cast<double>(samples_)) *
-                         std::max(0.0, Parameters(flattened) - Parameters(round));
+    const double price = std::max(0.0, PriceOf(flattened) - PriceOf(round));
     const double limit_mm = kTruncated * flattened.sigma_mm;
     const double variance = flattened.sigma_mm * flattened.sigma_mm * flattened.design_effect;
     return Cost(round, limit_mm) - Cost(flattened, limit_mm) >
            variance * (price + freedom + kInsist * std::sqrt(2.0 * freedom));
+  }
+
+  // Bayesian information criterion, the variance taken from the better fit of the two. Every sample
+  // costs at most kTruncated sigma: what neither model explains must not decide between them.
+  bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const {
+    const double variance = std::min(a.sigma_mm * a.sigma_mm * a.design_effect,
+                                     b.sigma_mm * b.sigma_mm * b.design_effect);
+    const double limit_mm = kTruncated * std::min(a.sigma_mm, b.sigma_mm);
+    const auto criterion = [&](const SurfaceFit& fit) {
+      return Cost(fit, limit_mm) / variance + PriceOf(fit) +
+             fit.priors.ChiSquare(fit.tube.program, fit.flattening);
+    };
+    return criterion(a) < criterion(b);
   }
 
  private:
@@ -155,27 +215,29 @@ class Search {
   SurfaceFit FitOnce(const hal::Tube& tube) const {
     return FitSurface(tube, blocks_,
                       {.reach_mm = kReach * radius_mm_,
+                       .max_length_mm = longest_mm_,
                        .flattened = flattened_,
+                       .priors = priors_,
                        .max_steps = kSteps,
                        .tolerance = kTolerance});
   }
 
-  // Bayesian information criterion, the variance taken from the better fit of the two. Every sample
-  // costs at most kTruncated sigma: what neither model explains must not decide between them.
-  bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const {
-    const double variance = std::min(a.sigma_mm * a.sigma_mm * a.design_effect,
-                                     b.sigma_mm * b.sigma_mm * b.design_effect);
-    const double price = kPrice * std::log(static_cast<double>(samples_)) * variance;
-    const double limit_mm = kTruncated * std::min(a.sigma_mm, b.sigma_mm);
-    return Cost(a, limit_mm) + Parameters(a) * price < Cost(b, limit_mm) + Parameters(b) * price;
-  }
-
-  static double Parameters(const SurfaceFit& fit) {
-    double count = fit.parameters;
+  // Of the parameters, in variances. One that is known before costs as much as the points know it
+  // better.
+  double PriceOf(const SurfaceFit& fit) const {
+    const double full = kPrice * std::log(static_cast<double>(samples_));
+    double price = full * fit.parameters;
     for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
-      if (fit.tube.program.rows[i].angle_deg < kSlightDeg) count += kSlightPrice;
+      const hal::BendRow& row = fit.tube.program.rows[i];
+      if (row.angle_deg < kSlightDeg) price += kSlightPrice * full;
+      const auto& usual = fit.priors.bend_radius;
+      if (!usual || RobustWeight(*row.bend_radius_mm - usual->mean_mm, usual->sigma_mm) < 0.5) {
+        continue;
+      }
+      const double better = usual->sigma_mm / fit.sigma.rows[i].bend_radius_mm.value_or(0.0);
+      price += std::clamp(2.0 * kPrice * std::log(better), 0.0, full) - full;
     }
-    return count;
+    return price;
   }
 
   static double Cost(const SurfaceFit& fit, double limit_mm) {
@@ -267,6 +329,8 @@ class Search {
 
   double radius_mm_;
   bool flattened_;
+  FitPriors priors_;
+  double longest_mm_;
   const SpinePolygon* polygon_;
   OwnedBlocks blocks_;
   std::size_t samples_;
@@ -291,8 +355,20 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
     fit = fine.Again(fit);
     fine.Refine(fit);
   }
+  FitPriors priors;
+  if (const auto usual = FindUsualBendRadius(fit)) {
+    priors.bend_radius = usual;
+    const Search one_die(polygon, pipe_radius_mm, blocks, enough, false, priors);
+    SurfaceFit of_one_die = one_die.Again(fit);
+    one_die.Refine(of_one_die);
+    if (one_die.IsBetter(of_one_die, fit)) {
+      fit = std::move(of_one_die);
+    } else {
+      priors = {};
+    }
+  }
   // Round bends that follow each other may have been put in the place of oval ones.
-  const Search oval(polygon, pipe_radius_mm, blocks, enough, true);
+  const Search oval(polygon, pipe_radius_mm, blocks, enough, true, priors);
   SurfaceFit flattened = oval.Again(fit);
   if (!oval.IsFlattened(fit, flattened)) return fit;
   oval.Refine(flattened);

@@ -180,17 +180,21 @@ std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {
     arc.angle_rad = 2.0 * std::numbers::pi - arc.angle_rad;
     arc.normal = -arc.normal;
   }
-  // Where the two outer lines come nearest to each other is the corner; the arc is as far from it
-  // as the outer touching points are on the average.
-  const Eigen::Vector3d w = b.end_mm - a.begin_mm;
-  const double c = a.tangent_in.dot(b.tangent_out);
-  const double det = 1.0 - c * c;
-  const double u = (w.dot(a.tangent_in) - c * w.dot(b.tangent_out)) / det;
-  const double v = (c * w.dot(a.tangent_in) - w.dot(b.tangent_out)) / det;
-  const double tangent_mm = 0.5 * (u - v);  // v is negative: before the end
-  arc.radius_mm = std::abs(tangent_mm / std::tan(0.5 * arc.angle_rad));
-  arc.begin_mm = a.begin_mm + (u - tangent_mm) * a.tangent_in;
-  arc.end_mm = b.end_mm + (v + tangent_mm) * b.tangent_out;
+  // As long as both together; then the least change of radius and beginning with which it meets the
+  // second line. (The corner of the two lines is nowhere for half a turn.)
+  const double between_mm = (b.begin_mm - a.end_mm).norm();
+  const double radius_mm =
+      (a.radius_mm * a.angle_rad + b.radius_mm * b.angle_rad + between_mm) / arc.angle_rad;
+  const Eigen::Vector3d inward = arc.normal.cross(a.tangent_in);
+  const Eigen::Vector3d chord =  // of an arc of radius 1
+      std::sin(arc.angle_rad) * a.tangent_in + (1.0 - std::cos(arc.angle_rad)) * inward;
+  const Eigen::Vector3d across = arc.normal.cross(b.tangent_out);
+  const Eigen::Vector2d feels(across.dot(a.tangent_in), across.dot(chord));
+  const double off_mm = across.dot(b.end_mm - a.begin_mm - radius_mm * chord);
+  const Eigen::Vector2d change = off_mm / feels.squaredNorm() * feels;
+  arc.radius_mm = radius_mm + change[1];
+  arc.begin_mm = a.begin_mm + change[0] * a.tangent_in;
+  arc.end_mm = arc.begin_mm + arc.radius_mm * chord;
   if (!arc.begin_mm.allFinite() || !(arc.radius_mm > 0)) return std::nullopt;
   return arc;
 }

@@ -122,7 +122,7 @@ std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const
     of_segment.setZero();
   }
   slope = -slope;
-  parameters.AddUsualFlattening(parameters.Initial(), fit.sigma_mm, information, slope);
+  fit.priors.Add(parameters, parameters.Initial(), fit.sigma_mm, information, slope);
   slope = -slope;
   Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
   for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;

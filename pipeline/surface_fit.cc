@@ -18,16 +18,19 @@ namespace {
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kMadToSigma = 1.4826;
 constexpr double kMinAngleRad = 1e-4;
+constexpr double kWidestBend = 100.0;  // pipe radii
 constexpr double kMaxFlattening = 0.4;
 // Steps that make chi square less by less than this, a tenth of a standard error long, are the
 // last.
 constexpr double kHardly = 0.03;
 constexpr double kFirstDamping = 1e-4;  // of the normal matrix's diagonal
 constexpr double kNoDamping = 1e-10;
+constexpr double kLeastDamping = 1e-8;  // that is felt
+constexpr double kLeastGrowth = 4;      // of the damping after a step that was in vain
 constexpr double kMostDamping = 1e6;
 // A step over all points leaves less than a thousandth of what it made chi square less by.
 constexpr double kLittle = 30;
-constexpr int kFullPasses = 4;
+constexpr int kFullPasses = 8;
 constexpr std::size_t kCoarsePoints = 10'000;
 constexpr std::size_t kFewPoints = 10;
 
@@ -36,7 +39,7 @@ constexpr std::size_t kFewPoints = 10;
 // needed of its points.
 struct NormalEquations {
   NormalEquations(const TubeParameters& parameters, const std::vector<hal::SpineSegment>& segments,
-                  std::span<const CondensedSum> sums, double sigma_mm)
+                  std::span<const CondensedSum> sums, const FitPriors& priors, double sigma_mm)
       : at(parameters.Initial()),
         matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
         right(Eigen::VectorXd::Zero(parameters.size())) {
@@ -49,7 +52,7 @@ struct NormalEquations {
       squares_mm2 += sums[k](kLocalState, kLocalState);
       weight += sums[k](kPipeRadiusState, kPipeRadiusState);
     }
-    parameters.AddUsualFlattening(at, sigma_mm, matrix, right);
+    priors.Add(parameters, at, sigma_mm, matrix, right);
     last_start = derivatives.back().row(0);
     scale = matrix.diagonal().cwiseSqrt();
     for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
@@ -70,7 +73,7 @@ struct NormalEquations {
 // The solution stays a tube: no negative straights, no angle of nothing, no bend tighter than the
 // pipe.
 struct Bounds {
-  Bounds(const TubeParameters& parameters, double pipe_radius_mm)
+  Bounds(const TubeParameters& parameters, double pipe_radius_mm, double max_length_mm)
       : low(Eigen::VectorXd::Constant(parameters.size(), -1e9)),
         high(Eigen::VectorXd::Constant(parameters.size(), 1e9)) {
     const auto bound = [&](int index, double from, double to) {
@@ -78,9 +81,9 @@ struct Bounds {
       high[index] = to;
     };
     for (std::size_t i = 0; i < parameters.bends(); ++i) {
-      bound(parameters.length(i), 0.0, 1e6);
+      bound(parameters.length(i), 0.0, max_length_mm);
       bound(parameters.angle(i), kMinAngleRad, 2.0 * std::numbers::pi);
-      bound(parameters.bend_radius(i), pipe_radius_mm, 1e4 * pipe_radius_mm);
+      bound(parameters.bend_radius(i), pipe_radius_mm, kWidestBend * pipe_radius_mm);
     }
     if (parameters.pipe_radius() >= 0) {
       bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
@@ -189,19 +192,22 @@ struct State {
     }
     return sums;
   }
-  // Points out of reach cost as much as if they were just there; flattening as much as it is
-  // unusual.
-  double ChiSquare(double sigma, double reach_mm) const {
+  // Points out of reach cost as much as if they were just there.
+  double ChiSquare(double sigma, const SurfaceFitOptions& options) const {
     const auto out_of_reach =
         static_cast<double>(assignment.total - assignment.distances_mm.size());
-    double unusual = 0;
-    for (const Flattening& f : flattening) {
-      unusual += f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse;
-    }
-    return RobustSum(assignment.distances_mm, sigma) + out_of_reach * RobustSum(reach_mm, sigma) +
-           unusual / (kUsualFlattening * kUsualFlattening);
+    return RobustSum(assignment.distances_mm, sigma) +
+           out_of_reach * RobustSum(options.reach_mm, sigma) +
+           options.priors.ChiSquare(tube.program, flattening);
   }
 };
+
+// The same of a walk over the points.
+double ChiSquareOf(const SurfacePass& pass, double sigma_mm, const SurfaceFitOptions& options) {
+  const auto out_of_reach = static_cast<double>(pass.total - pass.magnitudes.Count());
+  return pass.magnitudes.Sum([sigma_mm](double d) { return RobustSum(d, sigma_mm); }) +
+         out_of_reach * RobustSum(options.reach_mm, sigma_mm);
+}
 
 void Report(const TubeParameters& parameters, const NormalEquations& equations, SurfaceFit& fit) {
   fit.parameters = parameters.flattened() ? parameters.flattening(0) : parameters.size();
@@ -247,23 +253,25 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
                   const SurfaceFitOptions& options) {
   SurfaceFit fit;
   fit.tube = start;
+  fit.priors = options.priors;
   State state, next;
   state.tube = start;
   if (options.flattened) state.flattening.resize(start.program.bend_count());
   const TubeParameters first = state.Parameters(options);
-  const Bounds bounds(first, start.pipe_radius_mm);
+  const Bounds bounds(first, start.pipe_radius_mm, options.max_length_mm);
   state.MoveTo(first, bounds.Inside(first.Initial()), blocks, options);
   double damping = kFirstDamping;
+  double growth = kLeastGrowth;
   std::optional<NormalEquations> equations;
   for (int i = 0; state.assignment.distances_mm.size() >= kFewPoints; ++i) {
     const TubeParameters parameters = state.Parameters(options);
     if (!equations) {
-      equations.emplace(parameters, state.segments, state.Sums(), state.sigma_mm);
+      equations.emplace(parameters, state.segments, state.Sums(), options.priors, state.sigma_mm);
     }
     fit.tube = state.tube;
     fit.flattening = state.flattening;
     if (i >= options.max_steps || damping > kMostDamping) break;
-    const double chi_square = state.ChiSquare(state.sigma_mm, options.reach_mm);
+    const double chi_square = state.ChiSquare(state.sigma_mm, options);
     const double hardly_mm2 =
         std::max(kHardly, options.tolerance * chi_square) * state.sigma_mm * state.sigma_mm;
     Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
@@ -278,12 +286,14 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
       break;
     }
     next.MoveTo(parameters, moved, blocks, options);
-    if (next.ChiSquare(state.sigma_mm, options.reach_mm) < chi_square) {
+    if (next.ChiSquare(state.sigma_mm, options) < chi_square) {
       std::swap(state, next);
       equations.reset();
       damping = std::max(kNoDamping, 0.1 * damping);
+      growth = kLeastGrowth;
     } else {
-      damping = 10.0 * std::max(damping, kFirstDamping);
+      damping = growth * std::max(damping, kLeastDamping);
+      growth *= kLeastGrowth;
     }
   }
   fit.points = state.assignment.total;
@@ -293,7 +303,8 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
   fit.design_effect = design_effect.Value();
   SetMeanSquares(state.assignment.segment_sum_mm2, state.assignment.segment_count, fit);
   const TubeParameters parameters = state.Parameters(options);
-  if (!equations) equations.emplace(parameters, state.segments, state.Sums(), state.sigma_mm);
+  if (!equations)
+    equations.emplace(parameters, state.segments, state.Sums(), options.priors, state.sigma_mm);
   Report(parameters, *equations, fit);
   fit.distances_mm = std::move(state.assignment.distances_mm);
   return fit;
@@ -306,28 +317,52 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
 SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
                       const SurfaceFitOptions& options) {
   const std::size_t points = CountPoints(blocks);
-  if (points <= 4 * kCoarsePoints) return FitFew(start, blocks, options);
+  if (points <= kPointsAtOnce) return FitFew(start, blocks, options);
   SurfaceFit fit = FitFew(start, Thinned(blocks, points / kCoarsePoints), options);
-  for (int i = 0; i < kFullPasses; ++i) {
-    const TubeParameters parameters(fit.tube, options.free_pipe_radius, fit.flattening);
-    const Bounds bounds(parameters, start.pipe_radius_mm);
-    const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-    const SurfacePass pass =
-        PassOverSurface(SegmentFrames(segments, kBeyond * fit.tube.pipe_radius_mm, fit.flattening),
-                        fit.tube.pipe_radius_mm, blocks, options.reach_mm, fit.sigma_mm);
-    const NormalEquations equations(parameters, segments, pass.sums, fit.sigma_mm);
-    const Eigen::VectorXd step = BoundedStep(equations, bounds, kNoDamping);
-    fit.tube = parameters.TubeAt(equations.at + step);
-    fit.flattening = parameters.FlatteningAt(equations.at + step);
-    fit.points = pass.total;
-    fit.design_effect = pass.design_effect.Value();
-    SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
-    Report(parameters, equations, fit);
-    fit.sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * pass.magnitudes.Quantile(0.5));
-    fit.converged = step.dot(equations.right) < kLittle * fit.sigma_mm * fit.sigma_mm;
-    if (fit.converged) break;
-  }
   fit.distances_mm.clear();
+  fit.converged = false;
+  const Bounds bounds(TubeParameters(fit.tube, options.free_pipe_radius, fit.flattening),
+                      start.pipe_radius_mm, options.max_length_mm);
+  hal::Tube tube = fit.tube;
+  std::vector<Flattening> flattening = fit.flattening;
+  std::optional<NormalEquations> equations;  // at the best tube so far
+  double chi_square = 0;
+  double sigma_mm = fit.sigma_mm;
+  double damping = kNoDamping;
+  for (int i = 0; i < kFullPasses && !fit.converged; ++i) {
+    const TubeParameters parameters(tube, options.free_pipe_radius, flattening);
+    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+    const SurfacePass pass =
+        PassOverSurface(SegmentFrames(segments, kBeyond * tube.pipe_radius_mm, flattening),
+                        tube.pipe_radius_mm, blocks, options.reach_mm, sigma_mm);
+    const double here =
+        ChiSquareOf(pass, sigma_mm, options) + options.priors.ChiSquare(tube.program, flattening);
+    if (!equations || here < chi_square) {
+      fit.tube = tube;
+      fit.flattening = flattening;
+      equations.emplace(parameters, segments, pass.sums, options.priors, sigma_mm);
+      fit.points = pass.total;
+      fit.design_effect = pass.design_effect.Value();
+      SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
+      Report(parameters, *equations, fit);
+      sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * pass.magnitudes.Quantile(0.5));
+      fit.sigma_mm = sigma_mm;
+      chi_square =
+          ChiSquareOf(pass, sigma_mm, options) + options.priors.ChiSquare(tube.program, flattening);
+      damping = std::max(kNoDamping, 0.1 * damping);
+    } else {
+      damping = 10.0 * std::max(damping, kFirstDamping);
+    }
+    const TubeParameters from(fit.tube, options.free_pipe_radius, fit.flattening);
+    const Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
+    tube = from.TubeAt(equations->at + step);
+    flattening = from.FlatteningAt(equations->at + step);
+    fit.converged = step.dot(equations->right) < kLittle * sigma_mm * sigma_mm;
+  }
+  if (fit.converged) {  // so short a step needs no proof
+    fit.tube = tube;
+    fit.flattening = flattening;
+  }
   return fit;
 }
 

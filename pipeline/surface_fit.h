@@ -6,9 +6,13 @@
 #include <vector>
 
 #include "hal/tube.h"
+#include "pipeline/fit_priors.h"
 #include "pipeline/surface_points.h"
 
 namespace bendloop::pipeline {
+
+// So many points are fitted at once; of more the fit keeps no distances.
+constexpr std::size_t kPointsAtOnce = 40'000;
 
 struct SurfaceFitOptions {
   // Points further than this from the surface are never looked at [mm].
@@ -16,8 +20,10 @@ struct SurfaceFitOptions {
   // The least standard deviation that is believed [mm]: keeps noise-free data from rejecting all.
   double min_sigma_mm = 1e-4;
   bool free_pipe_radius = true;
-  bool flattened = false;  // the bends need not be round
-  int max_steps = 40;      // of Levenberg-Marquardt
+  double max_length_mm = 1e6;  // of a straight
+  bool flattened = false;      // the bends need not be round
+  FitPriors priors = {};
+  int max_steps = 40;  // of Levenberg-Marquardt
   // A step that makes chi square less by no more than this part is the last.
   double tolerance = 0;
 };
@@ -26,12 +32,13 @@ struct SurfaceFit {
   hal::Tube tube;
   hal::BendProgram sigma;  // 1 sigma, from the covariance; first and last length: fit part only
   double pipe_radius_sigma_mm = 0;
+  FitPriors priors;                    // as given
   std::vector<Flattening> flattening;  // of every bend; none: they are round
   std::vector<FlatteningSigma> flattening_sigma;
   double sigma_mm = 0;  // robust standard deviation of the distances
   // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
   double design_effect = 1;
-  std::vector<double> distances_mm;  // of the points within reach; none if they are very many
+  std::vector<double> distances_mm;             // of the points within reach, if they are few
   std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
   std::size_t used = 0;                         // points with weight
   std::size_t points = 0;                       // all points looked at

@@ -422,4 +422,8 @@ double RobustSum(double distance_mm, double sigma_mm) {
   return Robust(std::abs(distance_mm), 1.0 / sigma_mm);
 }
 
+double RobustWeight(double distance_mm, double sigma_mm) {
+  return Weight(std::abs(distance_mm), 1.0 / sigma_mm);
+}
+
 }  // namespace bendloop::pipeline

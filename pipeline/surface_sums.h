@@ -74,5 +74,6 @@ CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,
 // and less steep where the weight fades. `reach_mm` bounds the distances.
 double RobustSum(std::span<const double> distances_mm, double sigma_mm);
 double RobustSum(double distance_mm, double sigma_mm);
+double RobustWeight(double distance_mm, double sigma_mm);
 
 }  // namespace bendloop::pipeline

@@ -82,15 +82,6 @@ std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& para
   return list;
 }
 
-void TubeParameters::AddUsualFlattening(const Eigen::VectorXd& parameters, double sigma_mm,
-                                        Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const {
-  const double certainty = sigma_mm * sigma_mm / (kUsualFlattening * kUsualFlattening);
-  for (Eigen::Index i = first_flattening_; i < size_; ++i) {
-    matrix(i, i) += certainty;
-    right[i] -= certainty * parameters[i];
-  }
-}
-
 std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
     const Eigen::VectorXd& parameters, const std::vector<hal::SpineSegment>& segments) const {
   // Each parameter moves everything after it as a rigid body: a velocity of the point at `pivot`

@@ -43,11 +43,6 @@ class TubeParameters {
     return first_flattening_ + kFlatteningParameters * static_cast<int>(bend);
   }
 
-  // What is known of flattening in general counts like a few more points: adds them to the normal
-  // equations, whose points have the noise `sigma_mm`.
-  void AddUsualFlattening(const Eigen::VectorXd& parameters, double sigma_mm,
-                          Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const;
-
   // For each segment the kLocalState x size() derivative of its local state (surface_sums.h).
   std::vector<Eigen::MatrixXd> FrameDerivatives(
       const Eigen::VectorXd& parameters, const std::vector<hal::SpineSegment>& segments) const;
