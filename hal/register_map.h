@@ -36,7 +36,7 @@ struct RegisterField {
   RegisterType type = RegisterType::kUint16;
   double scale = 1;
   double offset = 0;
-  ObjectAddress object;  // in a map of objects; `address` is then only where the link keeps it
+  ObjectAddress object = {};  // in a map of objects; `address` is then only where the link keeps it
 };
 
 // Where a whole program stands: a head and `max_rows` rows, `row_stride` registers apart.
@@ -47,7 +47,7 @@ struct ProgramArea {
   RegisterField crc;        // uint32
   std::uint16_t rows_address = 0;
   RegisterSpace rows_space = RegisterSpace::kHolding;
-  ObjectAddress rows_object;  // DOMAIN: the rows one after the other
+  ObjectAddress rows_object = {};  // DOMAIN: the rows one after the other
 };
 
 // How a PLC shows a bender: read from a register-map file, so that no code knows an address. Either

@@ -14,8 +14,8 @@
 namespace bendloop::drivers {
 
 struct CanopenBenderOptions {
-  std::string interface;     // "can0", up and at the bus's bit rate
-  std::uint8_t node_id = 1;  // 1 to 127
+  std::string interface = "can0";  // , up and at the bus's bit rate
+  std::uint8_t node_id = 1;        // 1 to 127
   // Who must answer there, as object 1018 says it; 0: whoever.
   std::uint32_t vendor_id = 0;
   std::uint32_t product_code = 0;

@@ -101,13 +101,14 @@ hal::Result<void> CanopenNode::Drain(const std::string& what) {
 hal::Result<void> CanopenNode::Resynchronise() {
   const ObjectId probe = kProbes[probe_++ % std::size(kProbes)];
   client_.Upload(probe, 4, SdoClient::Mode::kTolerant);
-  auto done = Run("ask for " + hal::Name(probe) + ", to find the node again");
+  auto done =
+      Run("ask for " + hal::Name(probe) + ", to find the node again", 2 * response_timeout_);
   if (done) unsure_ = false;
   return done;
 }
 
 hal::Result<void> CanopenNode::Transfer(const std::string& what) {
-  auto done = Run(what);
+  auto done = Run(what, response_timeout_);
   if (!done) unsure_ = true;
   if (done && client_.block_declined()) no_blocks_ = true;
   return done;
@@ -126,8 +127,8 @@ hal::Result<bool> CanopenNode::Take(std::chrono::nanoseconds wait) {
   return client_.Receive({frame.data.data(), std::min<std::size_t>(frame.size, 8)});
 }
 
-hal::Result<void> CanopenNode::Run(const std::string& what) {
-  auto deadline = clock_.Now() + response_timeout_;
+hal::Result<void> CanopenNode::Run(const std::string& what, std::chrono::milliseconds timeout) {
+  auto deadline = clock_.Now() + timeout;
   std::optional<SdoData> waiting;  // to be sent
   const auto broken = [&](const hal::Error& error) {
     port_.reset();
@@ -142,7 +143,7 @@ hal::Result<void> CanopenNode::Run(const std::string& what) {
       const auto left = std::max(deadline - now, std::chrono::nanoseconds(0));
       const auto further = Take(waiting ? std::chrono::nanoseconds(0) : left);
       if (!further) return broken(further.error());
-      if (*further) deadline = clock_.Now() + response_timeout_;
+      if (*further) deadline = clock_.Now() + timeout;
       if (client_.failed()) {
         waiting.reset();  // instead of it comes the abort
         continue;
@@ -154,7 +155,7 @@ hal::Result<void> CanopenNode::Run(const std::string& what) {
       if (!sent) return broken(sent.error());
       if (*sent) {
         waiting.reset();
-        deadline = clock_.Now() + response_timeout_;
+        deadline = clock_.Now() + timeout;
       } else if (clock_.Now() >= deadline) {
         client_.GiveUp(
             "the CAN interface's transmit queue stays full: nobody acknowledges on the "
@@ -165,13 +166,13 @@ hal::Result<void> CanopenNode::Run(const std::string& what) {
       }
     } else if (clock_.Now() >= deadline) {
       client_.Timeout();
-      deadline = clock_.Now() + response_timeout_;
+      deadline = clock_.Now() + timeout;
     }
   }
   if (!client_.failed()) return {};
   std::string why = client_.error();
   if (why.rfind("no answer", 0) == 0) {
-    why = "no answer within " + std::to_string(response_timeout_.count()) + " ms" + why.substr(9);
+    why = "no answer within " + std::to_string(timeout.count()) + " ms" + why.substr(9);
   }
   return hal::Fail(Fault(what, why));
 }

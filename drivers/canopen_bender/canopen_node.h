@@ -21,7 +21,8 @@ using CanPortOpener = std::function<hal::Result<std::unique_ptr<CanPort>>()>;
 // One node of a CANopen network, read and written by SDO. Each transfer ends within the response
 // timeout after its last progress. After one that failed the node may still answer it late, and SDO
 // numbers nothing: before the next transfer another object is asked for until its own answer comes,
-// and what comes before that is thrown away. Errors are kDevice, one line, and name the node.
+// and what comes before that is thrown away; for that it has twice the time. Errors are kDevice,
+// one line, and name the node.
 class CanopenNode {
  public:
   // `name` stands for the node in messages: "can0 node 5".
@@ -43,7 +44,7 @@ class CanopenNode {
 
  private:
   hal::Result<void> Transfer(const std::string& what);
-  hal::Result<void> Run(const std::string& what);
+  hal::Result<void> Run(const std::string& what, std::chrono::milliseconds timeout);
   hal::Result<void> Prepare(const std::string& what);
   hal::Result<void> Drain(const std::string& what);
   hal::Result<void> Resynchronise();

@@ -33,8 +33,13 @@ constexpr std::uint32_t kOperatorFault = 99;
 
 class SimulatedBender::Impl {
  public:
-  Impl(SimulatedBenderOptions options, std::unique_ptr<ModbusServer> server)
-      : options_(std::move(options)), server_(std::move(server)), memory_(options_.map) {}
+  // One of the two carries the requests.
+  Impl(SimulatedBenderOptions options, std::unique_ptr<ModbusServer> server,
+       std::unique_ptr<CanopenFront> node)
+      : options_(std::move(options)),
+        server_(std::move(server)),
+        node_(std::move(node)),
+        memory_(options_.map) {}
 
   hal::Result<void> Begin() {
     if (auto ok = memory_.LoadActive(options_.program); !ok) return ok;
@@ -48,12 +53,12 @@ class SimulatedBender::Impl {
       stopped_ = true;
     }
     cycle_changed_.notify_all();
-    server_->Wake();
+    Wake();
     if (thread_.joinable()) thread_.join();
   }
 
-  std::uint16_t port() const { return server_->port(); }
-  const std::string& device() const { return server_->device(); }
+  std::uint16_t port() const { return server_ ? server_->port() : 0; }
+  const std::string& device() const { return server_ ? server_->device() : node_->device(); }
 
   hal::Result<BentPart> Bend() {
     std::unique_lock lock(mutex_);
@@ -123,15 +128,19 @@ class SimulatedBender::Impl {
         panel_mode_ = parsed->mode;
         break;
     }
-    server_->Wake();
+    Wake();
     return {};
   }
 
  private:
   struct Deferred {
     Clock::time_point due;
-    ModbusRequest request;
+    std::function<void()> request;
   };
+
+  void Wake() {
+    if (server_) server_->Wake();  // a node never sleeps long
+  }
 
   hal::Result<void> LoadOtherProgram() {
     auto block = memory_.Active();
@@ -159,31 +168,50 @@ class SimulatedBender::Impl {
 
   void Run() {
     for (;;) {
-      server_->Poll(UntilNextDue(), [this](const ModbusRequest& request) {
-        const std::lock_guard lock(mutex_);
-        if (wrong_.late.count() > 0) {
-          late_.push_back({Clock::now() + wrong_.late, request});
-        } else {
-          Handle(request);
-        }
-      });
+      server_ ? PollServer() : PollNode();
       const std::lock_guard lock(mutex_);
       if (stopped_) return;
       if (std::exchange(reboot_, false)) {
-        server_->HangUpAll();
+        server_ ? server_->HangUpAll() : node_->Reboot();
         late_.clear();
       }
       const auto now = Clock::now();
       while (!late_.empty() && late_.front().due <= now) {
-        const ModbusRequest request = std::move(late_.front().request);
+        const std::function<void()> request = std::move(late_.front().request);
         late_.erase(late_.begin());
-        Handle(request);
+        request();
       }
       if (pending_commit_ && *pending_commit_ <= now) {
         pending_commit_.reset();
         CommitNow();
       }
     }
+  }
+
+  void PollServer() {
+    server_->Poll(UntilNextDue(), [this](const ModbusRequest& request) {
+      const std::lock_guard lock(mutex_);
+      if (wrong_.late.count() > 0) {
+        late_.push_back({Clock::now() + wrong_.late, [this, request] { Handle(request); }});
+      } else {
+        Handle(request);
+      }
+    });
+  }
+
+  void PollNode() {
+    std::unique_lock lock(mutex_);
+    const std::uint32_t fault = Mode() == hal::BenderMode::kFault ? kOperatorFault : 0;
+    const bool silent = wrong_.answer == Answer::kSilent;
+    lock.unlock();
+    node_->Poll(UntilNextDue(), fault, silent, [this](const SdoData& frame) {
+      const std::lock_guard locked(mutex_);
+      // A node does one thing after the other; that a transfer is given up it need not think over.
+      const bool abort = frame[0] == 0x80;
+      auto due = Clock::now() + (abort ? std::chrono::milliseconds(0) : wrong_.late);
+      if (!late_.empty()) due = std::max(due, late_.back().due);
+      late_.push_back({due, [this, frame] { node_->Handle(frame, wrong_, bender_); }});
+    });
   }
 
   std::chrono::milliseconds UntilNextDue() const {
@@ -232,31 +260,36 @@ class SimulatedBender::Impl {
   }
 
   void Execute(const ModbusRequest& request, const RegisterRange& range) {
+    if (!request.is_write()) return Perform(request, false);
+    const bool answered = Write(range, [&](bool drop) { Perform(request, drop); });
+    if (!answered) server_->HangUp(request.client);
+  }
+
+  // A write that `store` does, told whether to leave it unanswered; false: it is unanswered.
+  bool Write(const RegisterRange& range, const std::function<void(bool)>& store) {
     const auto& commit = options_.map.commit;
-    const bool is_commit = request.is_write() && commit && range.address <= commit->address &&
-                           commit->address < range.address + range.count;
-    if (is_commit && std::exchange(wrong_.drop_after_stage, false)) {
-      server_->HangUp(request.client);
-      return;
-    }
+    const bool is_commit =
+        commit && range.address <= commit->address && commit->address < range.address + range.count;
+    if (is_commit && std::exchange(wrong_.drop_after_stage, false)) return false;
     const bool drop = is_commit && std::exchange(wrong_.drop_after_commit, false);
-    const bool half = request.is_write() && !is_commit && std::exchange(wrong_.half_write, false);
+    constexpr std::uint32_t kSmall = 2;  // the half of a single value may be the same
+    const bool half = !is_commit && range.count > kSmall && std::exchange(wrong_.half_write, false);
     std::vector<std::uint16_t> kept;
     std::uint16_t* tail =
         memory_.image().At(range.space, static_cast<std::uint16_t>(range.address)) +
         range.count / 2;
     if (half) kept.assign(tail, tail + (range.count - range.count / 2));
 
-    Perform(request, drop);
+    store(drop);
     std::copy(kept.begin(), kept.end(), tail);
-    if (request.is_write() && memory_.AfterWrite(range)) {
+    if (memory_.AfterWrite(range)) {
       if (wrong_.acknowledge_late.count() > 0) {
         pending_commit_ = Clock::now() + wrong_.acknowledge_late;
       } else {
         CommitNow();
       }
     }
-    if (drop) server_->HangUp(request.client);
+    return !drop;
   }
 
   // Reads or writes the registers and answers, well or badly.
@@ -276,6 +309,15 @@ class SimulatedBender::Impl {
 
   const SimulatedBenderOptions options_;
   std::unique_ptr<ModbusServer> server_;
+  std::unique_ptr<CanopenFront> node_;
+  const CanopenFront::Bender bender_{
+      [this]() -> RegisterImage& {
+        ShowState();
+        return memory_.image();
+      },
+      [this](const RegisterRange& range, const std::function<void()>& store) {
+        return Write(range, [&store](bool) { store(); });
+      }};
   std::thread thread_;
 
   mutable std::mutex mutex_;  // of all below
@@ -304,11 +346,19 @@ hal::Result<std::unique_ptr<SimulatedBender>> SimulatedBender::Start(
       options.physics.default_bend_radius_mm = *row.bend_radius_mm;
     }
   }
+  if (options.canopen) {
+    auto node = CanopenFront::Open(*options.canopen, options.map);
+    if (!node) return hal::Fail(node.error());
+    return Begin(std::make_unique<Impl>(std::move(options), nullptr, std::move(*node)));
+  }
   auto server = options.can   ? ModbusServer::OpenCan(*options.can)
                 : options.rtu ? ModbusServer::OpenLine(options.unit_id)
                               : ModbusServer::Listen(options.port);
   if (!server) return hal::Fail(server.error());
-  auto impl = std::make_unique<Impl>(std::move(options), std::move(*server));
+  return Begin(std::make_unique<Impl>(std::move(options), std::move(*server), nullptr));
+}
+
+hal::Result<std::unique_ptr<SimulatedBender>> SimulatedBender::Begin(std::unique_ptr<Impl> impl) {
   if (auto ok = impl->Begin(); !ok) return hal::Fail(ok.error());
   return std::unique_ptr<SimulatedBender>(new SimulatedBender(std::move(impl)));
 }

@@ -11,6 +11,7 @@
 
 #include "drivers/modbus_bender/modbus_bender.h"
 #include "drivers/simulated_bender/bending_physics.h"
+#include "drivers/simulated_bender/canopen_front.h"
 #include "hal/bend_program.h"
 #include "hal/register_map.h"
 #include "hal/result.h"
@@ -21,7 +22,9 @@ struct SimulatedBenderOptions {
   std::uint16_t port = 0;         // on 127.0.0.1; 0 picks a free one
   bool rtu = false;               // instead: Modbus RTU on a pseudo-terminal, which device() names
   std::optional<CanChannel> can;  // or a CAN channel
-  std::uint8_t unit_id = 1;       // RTU; over TCP it answers any
+  // or a CANopen node; the map is then one of objects, bound to its dictionary
+  std::optional<SimulatedNode> canopen;
+  std::uint8_t unit_id = 1;  // RTU; over TCP it answers any
   hal::RegisterMap map;
   hal::ProgramBlock program;  // active at start; its crc is computed
   double pipe_radius_mm = 0;
@@ -37,9 +40,9 @@ struct BentPart {
   std::filesystem::path file;  // on the tray; empty without one
 };
 
-// A bender on a Modbus TCP port, RTU line or CAN channel: active program, staging area, state,
-// handshake, heartbeat, and a press that bends. It serves any number of clients on its own thread
-// from Start until Stop. All calls may come from any thread.
+// A bender on a Modbus TCP port, RTU line, CAN channel or CANopen network: active program, staging
+// area, state, handshake, heartbeat, and a press that bends. It serves any number of clients on its
+// own thread from Start until Stop. All calls may come from any thread.
 class SimulatedBender {
  public:
   static hal::Result<std::unique_ptr<SimulatedBender>> Start(SimulatedBenderOptions options);
@@ -66,6 +69,7 @@ class SimulatedBender {
  private:
   class Impl;
   explicit SimulatedBender(std::unique_ptr<Impl> impl);
+  static hal::Result<std::unique_ptr<SimulatedBender>> Begin(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "drivers/canopen_bender/canopen_bender.h"
+#include "tests/support/modbus_bender_under_test.h"
+
+namespace bendloop::test {
+
+// As register-maps/canopen.toml with its dictionary, already bound. `row` says what a row is.
+inline hal::RegisterMap ObjectMap(const hal::RegisterMap& row) {
+  using T = hal::RegisterType;
+  hal::RegisterMap map = row;
+  std::uint16_t next = 0;
+  const auto at = [&](std::uint16_t index, std::uint8_t sub, T type) {
+    hal::RegisterField field = Field(next, type);
+    field.object = {index, sub};
+    next = static_cast<std::uint16_t>(next + RegisterCount(type));
+    return field;
+  };
+  map.high_word_first = map.high_byte_first = false;
+  map.mode = at(0x2000, 1, T::kUint8);
+  map.fault_code = at(0x2000, 2, T::kUint16);
+  map.heartbeat = at(0x2000, 3, T::kUint16);
+  map.parts_bent = at(0x2000, 4, T::kUint32);
+  map.commit = at(0x2001, 1, T::kUint32);
+  map.reply_sequence = at(0x2001, 2, T::kUint32);
+  map.reply = at(0x2001, 3, T::kUint8);
+  map.reply_code = at(0x2001, 4, T::kUint16);
+  std::uint16_t index = 0x2010;
+  for (hal::ProgramArea* area : {&map.active, &map.staging}) {
+    *area = {at(index, 1, T::kUint32), at(index, 2, T::kUint32), at(index, 3, T::kUint16),
+             at(index, 4, T::kUint32)};
+    area->rows_address = next;
+    area->rows_object = {static_cast<std::uint16_t>(index + 1), 0};
+    next = static_cast<std::uint16_t>(next + map.max_rows * map.row_stride);
+    index += 0x10;
+  }
+  return map;
+}
+
+// The CANopen link and the simulated node, on `interface`, or on a bus of two of their own.
+class CanopenBenderUnderTest final : public BenderUnderTest {
+ public:
+  explicit CanopenBenderUnderTest(const hal::RegisterMap& map, const std::string& interface = "",
+                                  drivers::SdoServer::Options sdo = {}) {
+    auto simulated = SimulatorOptions(map);
+    simulated.canopen.emplace();
+    simulated.canopen->interface = interface.empty() ? "pair" : interface;
+    simulated.canopen->node_id = options_.node_id;
+    simulated.canopen->vendor_id = options_.vendor_id;
+    simulated.canopen->sdo = sdo;
+    options_.interface = simulated.canopen->interface;
+    int ends[2] = {-1, -1};
+    if (interface.empty()) {
+      EXPECT_EQ(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends), 0);
+      simulated.canopen->socket = ends[0];
+      ours_ = ends[1];
+    }
+    bender_ = StartBender(std::move(simulated));
+    link_ = interface.empty() ? drivers::MakeCanopenBender(
+                                    map, options_, clock_,
+                                    [this]() -> hal::Result<std::unique_ptr<drivers::CanPort>> {
+                                      return drivers::AdoptCanSocket(dup(ours_));
+                                    })
+                              : drivers::MakeCanopenBender(map, options_, clock_);
+  }
+  ~CanopenBenderUnderTest() override {
+    if (ours_ >= 0) close(ours_);
+  }
+
+  hal::BenderLink& link() override { return *link_; }
+  hal::ProgramBlock Active() override { return bender_->Active(); }
+  hal::ProgramBlock Staged() override { return bender_->Staged(); }
+  void Misbehave(const std::string& command) override {
+    const auto done = bender_->Misbehave(command);
+    EXPECT_TRUE(done) << done.error().message;
+  }
+
+ private:
+  drivers::CanopenBenderOptions options_{.node_id = 5, .vendor_id = 0x1234};
+  int ours_ = -1;
+  hal::SteadyClock clock_;
+  std::unique_ptr<drivers::SimulatedBender> bender_;
+  std::unique_ptr<hal::BenderLink> link_;
+};
+
+}  // namespace bendloop::test
