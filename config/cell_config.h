@@ -13,14 +13,27 @@
 
 namespace bendloop::config {
 
-enum class ScannerKind : std::uint8_t { kSimulated, kStream, kSession };
+enum class ScannerKind : std::uint8_t { kSimulated, kStream, kUsb, kSession };
+
+// A USB device's numbers.
+struct UsbId {
+  std::uint16_t vendor = 0;
+  std::uint16_t product = 0;
+};
+// "1209:0001", in hexadecimal.
+std::optional<UsbId> ParseUsbId(const std::string& text);
 
 // Where profiles come from.
 struct ScannerConfig {
   ScannerKind kind = ScannerKind::kStream;
-  std::string host = "127.0.0.1";  // kSimulated, kStream
-  std::uint16_t port = 7420;       // kSimulated, kStream
-  std::filesystem::path session;   // kSession: the recording to play
+  std::string host = "127.0.0.1";    // kSimulated, kStream
+  std::uint16_t port = 7420;         // kSimulated, kStream
+  std::string usb_id = "1209:0001";  // kUsb: the maker's numbers
+  std::string serial;                // kUsb: of the device; "": the only one
+  std::filesystem::path session;     // kSession: the recording to play
+  // What a live scanner is set to; 0: as it is.
+  double profiles_per_second = 0;
+  std::uint32_t exposure_us = 0;
   // Between acquisition and pipeline; all memory is taken at the start.
   std::size_t queue_profiles = 1024;
 };

@@ -6,8 +6,8 @@ namespace {
 
 constexpr Choice<ScannerKind> kScannerKinds[] = {{"simulated", ScannerKind::kSimulated},
                                                  {"stream", ScannerKind::kStream},
-                                                 {"session", ScannerKind::kSession},
-                                                 {"usb", std::nullopt}};
+                                                 {"usb", ScannerKind::kUsb},
+                                                 {"session", ScannerKind::kSession}};
 constexpr Choice<ScanDirection> kDirections[] = {{"auto", ScanDirection::kAuto},
                                                  {"forward", ScanDirection::kForward},
                                                  {"reverse", ScanDirection::kReverse}};
@@ -38,7 +38,11 @@ void VisitScanner(FieldVisitor& v, ScannerConfig& scanner) {
   v.Enum("kind", scanner.kind, kScannerKinds, Need::kRequired);
   v.Text("host", scanner.host);
   v.Integer("port", scanner.port, 1, 65535);
+  v.Text("usb_id", scanner.usb_id);
+  v.Text("serial", scanner.serial);
   v.Path("session", scanner.session);
+  v.Number("profiles_per_second", scanner.profiles_per_second, {0, 100000});
+  v.Integer("exposure_us", scanner.exposure_us, 0, 1000000);
   v.Integer("queue_profiles", scanner.queue_profiles, 16, 65536);
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <iterator>
 #include <optional>
 #include <utility>
@@ -73,16 +74,25 @@ void CheckStep(TomlDocument& document, const char* name, double step, double tot
                                                                   name + " = " + NumberText(total));
 }
 
-void CheckCell(TomlDocument& document, CellConfig& cell) {
-  const BenderConfig& bender = cell.bender;
-  const CorrectionConfig& correction = cell.correction;
-  CheckAddress(document, "scanner.host", cell.scanner.host);
-  CheckAddress(document, "bender.host", bender.host);
-  if (cell.scanner.kind == ScannerKind::kSession && cell.scanner.session.empty() &&
+void CheckScanner(TomlDocument& document, const ScannerConfig& scanner) {
+  CheckAddress(document, "scanner.host", scanner.host);
+  if (!ParseUsbId(scanner.usb_id)) {
+    document.Report("scanner.usb_id", "found '" + Printable(scanner.usb_id) +
+                                          "', expected vendor and product number in hexadecimal, "
+                                          "such as 1209:0001 (lsusb shows them)");
+  }
+  if (scanner.kind == ScannerKind::kSession && scanner.session.empty() &&
       document.IsGood("scanner")) {
     document.Report("scanner.session",
                     "found nothing, expected the recording that kind = 'session' plays");
   }
+}
+
+void CheckCell(TomlDocument& document, CellConfig& cell) {
+  const BenderConfig& bender = cell.bender;
+  const CorrectionConfig& correction = cell.correction;
+  CheckScanner(document, cell.scanner);
+  CheckAddress(document, "bender.host", bender.host);
   if (bender.link != BenderKind::kNone && bender.register_map_file.empty() &&
       document.IsGood("bender")) {
     document.Report("bender.register_map",
@@ -149,6 +159,17 @@ hal::Result<void> CheckTogether(const CellConfig& cell) {
 }
 
 }  // namespace
+
+std::optional<UsbId> ParseUsbId(const std::string& text) {
+  constexpr std::size_t kDigits = 4;
+  if (text.size() != 2 * kDigits + 1 || text[kDigits] != ':') return std::nullopt;
+  UsbId id;
+  const char* const begin = text.data();
+  const auto vendor = std::from_chars(begin, begin + kDigits, id.vendor, 16);
+  const auto product = std::from_chars(begin + kDigits + 1, begin + text.size(), id.product, 16);
+  if (vendor.ptr != begin + kDigits || product.ptr != begin + text.size()) return std::nullopt;
+  return id;
+}
 
 hal::Result<CellConfig> ParseCell(std::string_view toml, std::string_view name,
                                   const std::filesystem::path& directory) {

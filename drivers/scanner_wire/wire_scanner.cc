@@ -79,6 +79,11 @@ tl::unexpected<hal::Error> WireScanner::FailForGood(hal::Error error) {
   return Fail(std::move(error));
 }
 
+void WireScanner::CountStale(const WireMessage& message) {
+  const bool is_stale = message.type == WireType::kProfile || message.type == WireType::kEvent;
+  counters_.stale_messages += is_stale ? 1 : 0;
+}
+
 Result<WireIdentity> WireScanner::Identify() {
   const nanoseconds deadline = Now() + options_.answer_timeout;
   request_.clear();
@@ -88,6 +93,7 @@ Result<WireIdentity> WireScanner::Identify() {
   }
   while (true) {
     while (const auto message = decoder_.Next()) {
+      CountStale(*message);
       if (message->type != WireType::kIdentity) continue;
       WireIdentity identity;
       if (DecodeIdentity(message->payload, identity)) return identity;
@@ -133,11 +139,9 @@ Result<void> WireScanner::AwaitStart(std::uint32_t settings_sequence,
   while (true) {
     // What was on its way before the reply belongs to an earlier start.
     while (const auto message = decoder_.Next()) {
+      CountStale(*message);
+      if (message->type != WireType::kReply) continue;
       WireReply reply;
-      if (message->type != WireType::kReply) {
-        if (message->type != WireType::kIdentity) ++counters_.stale_messages;
-        continue;
-      }
       if (!DecodeReply(message->payload, reply)) {
         ++counters_.bad_messages;
         continue;

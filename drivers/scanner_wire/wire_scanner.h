@@ -57,6 +57,7 @@ class WireScanner : public hal::ProfileSource {
 
  private:
   hal::Result<WireIdentity> Identify();
+  void CountStale(const WireMessage& message);
   hal::Result<void> AwaitStart(std::uint32_t settings_sequence, std::uint32_t start_sequence);
   // What a message means for the reader; empty: nothing.
   std::optional<hal::ReadStatus> Take(const WireMessage& message, hal::LaserProfile& profile,

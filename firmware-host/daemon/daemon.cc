@@ -201,7 +201,7 @@ int Daemon::Impl::Run() {
 }
 
 bool Daemon::Impl::ServeScanner(CellLoop& loop) {
-  auto source = MakeSource(cell_.scanner, clock_);
+  auto source = MakeSource(cell_.scanner, clock_, RealtimeOf(cell_.realtime));
   if (!source) {
     spdlog::error("scanner: {}", source.error().message);
     exit_code_ = hal::ExitCode(source.error().kind);
@@ -237,6 +237,8 @@ bool Daemon::Impl::ServeScanner(CellLoop& loop) {
   spdlog::info("scanner: {} profiles, {} dropped, {} missing, ring peak {} of {}",
                counters.profiles.load(), counters.dropped_profiles.load(),
                counters.missing_profiles.load(), counters.queue_peak.load(), ring.capacity());
+  const std::string remarks = (*source)->Remarks();
+  if (!remarks.empty()) spdlog::warn("scanner: {}", remarks);
   switch (end) {
     case CellEnd::kSourceFault:
       ScannerIsAway(acquisition.fault().message);

@@ -2,6 +2,7 @@
 #include "firmware-host/daemon/daemon_options.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <iostream>
 
@@ -48,7 +49,8 @@ hal::Result<std::optional<DaemonOptions>> ParseDaemonOptions(int argc, char** ar
       ->type_name("CELL.toml");
   app.add_option("--bender", bender, "Reach the bender here instead, over Modbus TCP")
       ->type_name("HOST:PORT");
-  app.add_option("--scanner", scanner, "Reach the scanner here instead, over TCP")
+  app.add_option("--scanner", scanner,
+                 "Reach the scanner here instead, over TCP; or on USB: usb, or usb:SERIAL")
       ->type_name("HOST:PORT");
   app.add_option("--parts", options.parts, "End after so many scans (0: never)")->type_name("N");
   app.add_option("--status-port", options.status_port,
@@ -69,7 +71,9 @@ hal::Result<std::optional<DaemonOptions>> ParseDaemonOptions(int argc, char** ar
     if (!endpoint) return hal::Fail(endpoint.error());
     options.bender = *endpoint;
   }
-  if (!scanner.empty()) {
+  if (scanner == "usb" || scanner.rfind("usb:", 0) == 0) {
+    options.usb_scanner = scanner.substr(std::min<std::size_t>(scanner.size(), 4));
+  } else if (!scanner.empty()) {
     auto endpoint = ParseEndpoint(scanner, "--scanner");
     if (!endpoint) return hal::Fail(endpoint.error());
     options.scanner = *endpoint;
@@ -87,6 +91,10 @@ void ApplyOverrides(const DaemonOptions& options, config::CellConfig& cell) {
     cell.scanner.kind = config::ScannerKind::kStream;
     cell.scanner.host = options.scanner->host;
     cell.scanner.port = options.scanner->port;
+  }
+  if (options.usb_scanner) {
+    cell.scanner.kind = config::ScannerKind::kUsb;
+    cell.scanner.serial = *options.usb_scanner;
   }
 }
 

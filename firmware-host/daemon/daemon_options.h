@@ -22,10 +22,11 @@ hal::Result<Endpoint> ParseEndpoint(const std::string& text, const std::string& 
 // The command line of bendloopd.
 struct DaemonOptions {
   std::filesystem::path config;
-  std::optional<Endpoint> bender;   // instead of what the cell file says
-  std::optional<Endpoint> scanner;  // the same
-  std::uint64_t parts = 0;          // end after so many scans; 0: never
-  std::uint16_t status_port = 0;    // 0: any free one
+  std::optional<Endpoint> bender;          // instead of what the cell file says
+  std::optional<Endpoint> scanner;         // the same
+  std::optional<std::string> usb_scanner;  // the same: its serial number, "" for the only one
+  std::uint64_t parts = 0;                 // end after so many scans; 0: never
+  std::uint16_t status_port = 0;           // 0: any free one
   bool check_only = false;
 };
 

@@ -123,7 +123,7 @@ class Operator {
     const auto kind = drivers::MisbehaviourFromName(name);
     if (!kind || (!(words >> amount) && !words.eof())) {
       std::cout << "error misbehave: expected gap N, repeat, garbage BYTES, corrupt, bad-pose, "
-                   "stall MS, cut or fault"
+                   "stall MS, mute MS, flood N, cut or fault"
                 << std::endl;
       return;
     }
@@ -203,7 +203,9 @@ int Run(int argc, char** argv) {
       "  garbage BYTES        random bytes between messages\n"
       "  corrupt              a wrong byte in a message\n"
       "  bad-pose             a whole message with a pose that is none\n"
-      "  stall MS             silence\n"
+      "  stall MS             no profiles for a while\n"
+      "  mute MS              nothing at all for a while, not even replies\n"
+      "  flood N              N messages of an unknown type at once\n"
       "  cut                  half a message, then hang up\n"
       "  fault                a fault event\n"
       "Example:\n"

@@ -9,13 +9,13 @@
 #include <thread>
 #include <vector>
 
-#include "call_guard.h"
+#include "tests/support/call_guard.h"
 #include "fake_source.h"
 
 namespace bendloop::host {
 namespace {
 
-using testing::CallGuard;
+using test::CallGuard;
 using testing::FakeSource;
 using namespace std::chrono_literals;
 

@@ -131,7 +131,7 @@ max_gap_mm = [1]
             R"(cell.toml: 11 problems:
 cell.toml:1: key 'part': found nothing, expected a text of 1 to 255 bytes in quotes
 cell.toml:2: key 'name': found 5, expected a text of 1 to 255 bytes in quotes
-cell.toml:4: key 'scanner.kind': found the text 'usbb', expected one of 'simulated', 'stream', 'session'
+cell.toml:4: key 'scanner.kind': found the text 'usbb', expected one of 'simulated', 'stream', 'usb', 'session'; did you mean 'usb'?
 cell.toml:5: key 'scanner.port': found 70000, expected a whole number from 1 to 65535
 cell.toml:6: key 'scanner.queue_profiles': found 100.5, expected a whole number from 16 to 65536
 cell.toml:8: key 'scan.max_seconds': found nan, expected a number from 1 to 3600
@@ -159,6 +159,15 @@ TEST(Cell, RefusesWhatOneKeyAloneDoesNotShow) {
               HasSubstr("key 'bender.register_map': found nothing"));
   EXPECT_THAT(ErrorOf(With(kMinimal, "\"stream\"", "\"session\"")),
               HasSubstr("key 'scanner.session': found nothing"));
+  for (const char* id : {"1209", "1209:001", "1209:000g", "0x12:0001", "+209:0001", "1209:00012"}) {
+    EXPECT_THAT(
+        ErrorOf(With(kMinimal, "\"stream\"", std::string("\"usb\"\nusb_id = \"") + id + "\"")),
+        HasSubstr("key 'scanner.usb_id': found '" + std::string(id) + "', expected vendor"));
+  }
+  const auto id = ParseUsbId("04b4:00F1");
+  ASSERT_TRUE(id);
+  EXPECT_EQ(id->vendor, 0x04b4);
+  EXPECT_EQ(id->product, 0x00f1);
   EXPECT_THAT(ErrorOf(std::string(kMinimal) +
                       "[correction]\nmax_step_angle_deg = 5\nmax_total_angle_deg = 4"),
               HasSubstr("cell.toml:9: key 'correction.max_step_angle_deg': found 5, expected at "

@@ -2,17 +2,12 @@
 #include "drivers/stream_scanner/stream_scanner.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
-#include <cstring>
-#include <filesystem>
 #include <functional>
 #include <mutex>
 #include <thread>
 
-#include "drivers/session/session_source.h"
-#include "drivers/simulated_scanner/simulate_session.h"
 #include "drivers/simulated_scanner/simulated_scanner.h"
 
 namespace bendloop::drivers {
@@ -40,6 +35,7 @@ class StreamScannerTest : public ::testing::Test {
     options_.port = device_->port();
     thread_ = std::thread([this] {
       while (!stop_) {
+        while (wanted_) std::this_thread::yield();  // a mutex alone may starve who waits for it
         const std::lock_guard lock(mutex_);
         EXPECT_TRUE(device_->Poll(milliseconds(1)));
       }
@@ -50,7 +46,9 @@ class StreamScannerTest : public ::testing::Test {
     thread_.join();
   }
   void Device(const std::function<void(SimulatedScanner&)>& action) {
+    wanted_ = true;
     const std::lock_guard lock(mutex_);
+    wanted_ = false;
     action(*device_);
   }
   void Trigger(std::initializer_list<Misbehaviour> misbehaviours = {}) {
@@ -96,6 +94,7 @@ class StreamScannerTest : public ::testing::Test {
   StreamScannerOptions options_;
   std::mutex mutex_;
   std::atomic<bool> stop_ = false;
+  std::atomic<bool> wanted_ = false;
   std::thread thread_;
 };
 
@@ -118,57 +117,6 @@ TEST_F(StreamScannerTest, DeliversTheScanTwiceAndAfterReopening) {
     EXPECT_EQ(scanner.counters().wire.resyncs, 0u);
     scanner.Stop();
   }
-}
-
-// The same scan, recorded and streamed, is the same bit for bit.
-TEST_F(StreamScannerTest, StreamAndSessionAgree) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "bendloop-XXXXXX").string();
-  const std::filesystem::path folder = mkdtemp(pattern.data());
-  SimulateSessionOptions recording;
-  recording.scan = scan_options_;
-  recording.lay_on_table = false;
-  ASSERT_TRUE(SimulateSession(tube_, recording, (folder / "a").string()));
-  StreamScanner stream(options_);
-  SessionSource session((folder / "a").string(), ReplayPace::kMax, clock_);
-  for (hal::ProfileSource* source :
-       {static_cast<hal::ProfileSource*>(&stream), static_cast<hal::ProfileSource*>(&session)}) {
-    ASSERT_TRUE(source->Open());
-    ASSERT_TRUE(source->Start());
-  }
-  Trigger();
-  hal::LaserProfile a(200);
-  hal::LaserProfile b(200);
-  hal::ScanEvent event_a;
-  hal::ScanEvent event_b;
-  const nanoseconds deadline = clock_.Now() + seconds(20);
-  std::size_t count = 0;
-  while (clock_.Now() < deadline) {
-    const auto from_session = session.Read(b, event_b, seconds(1));
-    ASSERT_TRUE(from_session);
-    if (*from_session == ReadStatus::kEnd) break;
-    auto from_stream = stream.Read(a, event_a, seconds(1));
-    while (from_stream && *from_stream == ReadStatus::kTimeout && clock_.Now() < deadline) {
-      from_stream = stream.Read(a, event_a, seconds(1));
-    }
-    ASSERT_TRUE(from_stream);
-    ASSERT_EQ(*from_stream, *from_session);
-    if (*from_stream == ReadStatus::kEvent) {
-      EXPECT_EQ(event_a.kind, event_b.kind);
-      EXPECT_EQ(event_a.t_ns, event_b.t_ns);
-      continue;
-    }
-    ++count;
-    EXPECT_EQ(a.sequence, b.sequence);
-    EXPECT_EQ(a.t_ns, b.t_ns);
-    EXPECT_EQ(a.X_WS.position_mm, b.X_WS.position_mm);
-    EXPECT_EQ(a.X_WS.orientation.coeffs(), b.X_WS.orientation.coeffs());
-    EXPECT_EQ(a.intensity, b.intensity);
-    ASSERT_EQ(a.points.size(), b.points.size());
-    EXPECT_TRUE(a.points.empty() ||
-                std::memcmp(a.points.data(), b.points.data(), a.points.size() * 8) == 0);
-  }
-  EXPECT_EQ(count, scan_->profile_count());
-  std::filesystem::remove_all(folder);
 }
 
 TEST_F(StreamScannerTest, ReportsLostProfilesAsGaps) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "call_guard.h"
+#include "tests/support/call_guard.h"
 
 #include <dlfcn.h>
 #include <pthread.h>
@@ -60,7 +60,7 @@ int pthread_rwlock_wrlock(pthread_rwlock_t* lock) noexcept {
 }
 #endif
 
-namespace bendloop::testing {
+namespace bendloop::test {
 
 CallGuard::CallGuard() {
   g_allocations = 0;
@@ -80,4 +80,4 @@ bool CallGuard::works() {
 #endif
 }
 
-}  // namespace bendloop::testing
+}  // namespace bendloop::test

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-namespace bendloop::testing {
+namespace bendloop::test {
 
 // Counts what the calling thread does between construction and destruction, by standing in front of
 // the C library's functions in this test program.
@@ -18,4 +18,4 @@ class CallGuard {
   static bool works();
 };
 
-}  // namespace bendloop::testing
+}  // namespace bendloop::test

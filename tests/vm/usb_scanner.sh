@@ -1,0 +1,5 @@
+# shellcheck shell=sh
+# In the guest: the software scanner on an emulated device port (dummy_hcd), the driver on its host.
+set -e
+mount -t configfs none /sys/kernel/config
+usb_guest_test

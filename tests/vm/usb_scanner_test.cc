@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The USB scanner's driver over a real kernel's USB, with the software scanner as the device; run
+// in a guest (usb_scanner.sh).
+#include "drivers/usb_scanner/usb_scanner.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/support/child_process.h"
+#include "tests/support/profile_source_conformance.h"
+
+namespace bendloop::test {
+namespace {
+
+using drivers::UsbScanner;
+using drivers::UsbScannerOptions;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+// bendloop-usbscanner on the guest's emulated device port.
+class SoftwareScanner {
+ public:
+  SoftwareScanner()
+      : process_({"bendloop-usbscanner", "--serial", "G1", "--pace", "max", "--max-points",
+                  std::to_string(ReferenceScan::kPoints)}) {
+    EXPECT_EQ(process_.ReadLine(), "listening G1");
+  }
+  ~SoftwareScanner() {
+    process_.WriteLine("quit");
+    EXPECT_EQ(process_.Wait(), 0);
+  }
+  void Scan() { process_.WriteLine("scan " + ReferenceScan::Get().session); }
+  void Do(const std::string& command) { process_.WriteLine(command); }
+
+ private:
+  ChildProcess process_;
+};
+
+UsbScannerOptions Options() {
+  UsbScannerOptions options;
+  options.match.serial = "G1";
+  options.arrival_timeout = std::chrono::seconds(10);
+  return options;
+}
+
+class UsbUnderTest final : public SourceUnderTest {
+ public:
+  hal::ProfileSource& source() override { return source_; }
+  void Scan() override { device_.Scan(); }
+
+ private:
+  SoftwareScanner device_;
+  UsbScanner source_{Options()};
+};
+
+INSTANTIATE_TEST_SUITE_P(Kernel, ProfileSourceConformance,
+                         ::testing::Values(SourceFactory{
+                             "Usb", [] { return std::make_unique<UsbUnderTest>(); }}),
+                         [](const auto& factory) { return factory.param.name; });
+
+class UsbFaults : public ::testing::Test {
+ protected:
+  void OpenAndStart() {
+    const auto opened = source_.Open();
+    ASSERT_TRUE(opened) << opened.error().message;
+    const auto started = source_.Start();
+    ASSERT_TRUE(started) << started.error().message;
+  }
+  SoftwareScanner device_;
+  UsbScanner source_{Options()};
+};
+
+TEST_F(UsbFaults, UnpluggedInTheMiddleAndPluggedInAgain) {
+  for (const char* fault : {"unplug 50", "cut"}) {
+    OpenAndStart();
+    device_.Do("misbehave " + std::string(fault));
+    device_.Scan();
+    const auto items = ReadScan(source_);
+    EXPECT_THAT(items.back(), StartsWith("error USB scanner 1209:0001 G1: ")) << fault;
+    EXPECT_LT(items.size(), ReferenceItems().size());
+  }
+  OpenAndStart();
+  device_.Scan();
+  EXPECT_EQ(ReadScan(source_), ReferenceItems());
+}
+
+TEST_F(UsbFaults, HaltsAreCleared) {
+  OpenAndStart();
+  for (int i = 0; i < 3; ++i) device_.Do("misbehave halt");
+  device_.Scan();
+  EXPECT_EQ(ReadScan(source_), ReferenceItems());
+  EXPECT_THAT(source_.Remarks(), HasSubstr("stalls"));
+}
+
+TEST_F(UsbFaults, GarbageFloodsLossAndRepeats) {
+  OpenAndStart();
+  for (const char* fault : {"repeat", "garbage 300000", "corrupt", "flood 20000", "gap 5"}) {
+    device_.Do("misbehave " + std::string(fault));
+  }
+  device_.Scan();
+  const auto items = ReadScan(source_);
+  EXPECT_EQ(items.back(), ReferenceItems().back());
+  EXPECT_EQ(source_.counters().lost_profiles, 5u);
+  EXPECT_EQ(source_.counters().wire.payload_errors, 1u);
+  EXPECT_EQ(source_.counters().wire.unknown_types, 20000u);
+}
+
+TEST(UsbSilence, AMuteDeviceIsGivenUp) {
+  SoftwareScanner device;
+  UsbScannerOptions options = Options();
+  options.patience = std::chrono::milliseconds(300);
+  UsbScanner source(options);
+  ASSERT_TRUE(source.Open());
+  ASSERT_TRUE(source.Start());
+  device.Do("misbehave mute 3600000");
+  device.Scan();
+  EXPECT_THAT(ReadScan(source).back(), HasSubstr("not even when asked"));
+}
+
+TEST(UsbMatching, NamesWhatIsThere) {
+  UsbScannerOptions options = Options();
+  options.arrival_timeout = std::chrono::nanoseconds(0);
+  const auto nothing = UsbScanner(options).Open();
+  ASSERT_FALSE(nothing);
+  EXPECT_THAT(nothing.error().message, HasSubstr("is not plugged in; check its cable"));
+  const SoftwareScanner device;
+  UsbScanner first(Options());
+  ASSERT_TRUE(first.Open());
+  options.match.serial = "G2";
+  const auto other = UsbScanner(options).Open();
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().message, HasSubstr("(but serial 'G1')"));
+  options.match.serial.clear();
+  const auto busy = UsbScanner(options).Open();
+  ASSERT_FALSE(busy);
+  EXPECT_THAT(busy.error().message, HasSubstr("is in use by another program"));
+}
+
+}  // namespace
+}  // namespace bendloop::test
