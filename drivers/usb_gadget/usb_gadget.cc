@@ -273,9 +273,16 @@ bool UsbGadget::Write(std::span<const std::uint8_t> bytes) {
 }
 
 bool UsbGadget::Halt() {
-  // To read from a pipe that goes the other way is how FunctionFS halts it.
+  // To read from a pipe that goes the other way is how FunctionFS halts it; not before the last
+  // packet has left.
   std::uint8_t byte = 0;
-  return read(in_, &byte, 1) < 0 && errno == EBADMSG;
+  for (int i = 0; i < 1000; ++i) {
+    if (read(in_, &byte, 1) >= 0) return false;
+    if (errno == EBADMSG) return true;
+    if (errno != EAGAIN && errno != EINTR) return false;
+    usleep(1000);
+  }
+  return false;
 }
 
 }  // namespace bendloop::drivers

@@ -131,10 +131,9 @@ Result<std::string> LibusbPort::OpenOnce(const UsbMatch& match, const std::strin
     if (const int code = libusb_open(list[i], &handle); code != 0) {
       closed =
           code == LIBUSB_ERROR_ACCESS
-              ? hal::Error{ErrorKind::kDevice,
-                           name + ": no access to " + Where(list[i]) +
-                               "; install config/70-bendloop-scanner.rules "
-                               "and run as a member of group bendloop"}
+              ? hal::Error{ErrorKind::kDevice, name + ": no access to " + Where(list[i]) +
+                                                   "; install config/70-bendloop-scanner.rules "
+                                                   "and run as a member of group bendloop"}
               : UsbError(name, "cannot open " + Where(list[i]), code);
       continue;
     }

@@ -170,10 +170,13 @@ void UsbCarrier::Ended(const UsbCompletion& completion) {
   --in_flight_;
   if (broken_) return;
   if (completion.end == UsbEnd::kStall) {
-    ++stalls_;
-    if (++stalls_in_a_row_ > kMostInARow) return Break(Fault::kStalls);
-    if (!halted_) port_->CancelIn();  // a halt is cleared when nothing is in flight
-    halted_ = true;
+    // All that is in flight may end so; it is one halt, cleared when nothing is in flight any more.
+    if (!halted_) {
+      ++stalls_;
+      if (++stalls_in_a_row_ > kMostInARow) return Break(Fault::kStalls);
+      halted_ = true;
+      port_->CancelIn();
+    }
   } else if (completion.end == UsbEnd::kError) {
     ++errors_;
     if (++errors_in_a_row_ > kMostInARow) return Break(Fault::kErrors);

@@ -86,10 +86,12 @@ TEST_F(UsbFaults, UnpluggedInTheMiddleAndPluggedInAgain) {
 
 TEST_F(UsbFaults, HaltsAreCleared) {
   OpenAndStart();
-  for (int i = 0; i < 3; ++i) device_.Do("misbehave halt");
+  for (const char* fault : {"halt", "repeat", "halt", "repeat", "halt"}) {
+    device_.Do("misbehave " + std::string(fault));
+  }
   device_.Scan();
   EXPECT_EQ(ReadScan(source_), ReferenceItems());
-  EXPECT_THAT(source_.Remarks(), HasSubstr("stalls"));
+  EXPECT_THAT(source_.Remarks(), HasSubstr("3 stalls, 2 profiles repeated"));
 }
 
 TEST_F(UsbFaults, GarbageFloodsLossAndRepeats) {

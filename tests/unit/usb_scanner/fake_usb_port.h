@@ -39,6 +39,7 @@ class FakeBus {
   ScannerDevice device;
   bool plugged = true;
   bool replays_late = false;     // a new host first gets what the last one left
+  bool stalls_all = false;       // a halt ends all transfers in flight, not one
   bool takes_requests = true;    // false: OUT transfers never end
   std::size_t most_bytes = 700;  // of a transfer
   std::vector<std::pair<Fault, int>> plan;
@@ -156,9 +157,13 @@ class FakeUsbPort final : public UsbPort {
           return Fill();
         }
         halted_ = fault == FakeBus::Fault::kStall;
-        End(0, fault == FakeBus::Fault::kStall   ? UsbEnd::kStall
-               : fault == FakeBus::Fault::kError ? UsbEnd::kError
-                                                 : UsbEnd::kData);
+        if (halted_ && bus_.stalls_all) {  // as some host controllers do
+          while (!submitted_.empty()) End(0, UsbEnd::kStall);
+        } else {
+          End(0, halted_                           ? UsbEnd::kStall
+                 : fault == FakeBus::Fault::kError ? UsbEnd::kError
+                                                   : UsbEnd::kData);
+        }
         continue;
       }
       if (waiting.empty()) return;

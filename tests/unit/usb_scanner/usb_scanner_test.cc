@@ -76,6 +76,16 @@ TEST_F(UsbScannerTest, ClearsHaltsAndOutlivesErrorsAndEmptyPackets) {
   EXPECT_EQ(scanner.Remarks(), "10 stalls, 5 USB errors");
 }
 
+TEST_F(UsbScannerTest, AHaltMayEndAllTransfers) {
+  bus_.stalls_all = true;
+  UsbScanner& scanner = Open();
+  bus_.Plan(Fault::kStall, 5);
+  bus_.Plan(Fault::kStall, 100);
+  Scan();
+  EXPECT_EQ(ReadScan(scanner), ReferenceItems());
+  EXPECT_EQ(scanner.Remarks(), "2 stalls");
+}
+
 TEST_F(UsbScannerTest, GivesUpOnAPipeThatOnlyStalls) {
   UsbScanner& scanner = Open();
   bus_.Plan(Fault::kStall, 0, 1000);
