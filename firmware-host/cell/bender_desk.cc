@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "drivers/canopen_bender/canopen_bender.h"
 #include "drivers/modbus_bender/modbus_bender.h"
 #include "drivers/simulated_bender/simulated_bender.h"
 
@@ -42,6 +43,23 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
     desk->name_ = "none";
     return desk;
   }
+  const auto attach = [&](std::unique_ptr<hal::BenderLink> link) {
+    desk->link_ = std::move(link);
+    desk->protocol_ =
+        std::make_unique<CommitProtocol>(*desk->link_, desk->journal_, clock, options.commit);
+  };
+  if (bender.link == config::BenderKind::kCanopen) {
+    desk->name_ = "canopen " + bender.can_interface + " node " + std::to_string(bender.can_node_id);
+    attach(drivers::MakeCanopenBender(bender.register_map,
+                                      {.interface = bender.can_interface,
+                                       .node_id = bender.can_node_id,
+                                       .vendor_id = bender.can_vendor_id,
+                                       .product_code = bender.can_product_code,
+                                       .response_timeout = bender.response_timeout,
+                                       .heartbeat_timeout = bender.heartbeat_timeout},
+                                      clock));
+    return desk;
+  }
   drivers::ModbusBenderOptions link;
   link.host = bender.host;
   link.port = bender.port;
@@ -71,9 +89,7 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
     desk->name_ = "simulated";
     desk->simulator_ = std::make_unique<Simulator>(Simulator{std::move(*started)});
   }
-  desk->link_ = drivers::MakeModbusBender(bender.register_map, link, clock);
-  desk->protocol_ =
-      std::make_unique<CommitProtocol>(*desk->link_, desk->journal_, clock, options.commit);
+  attach(drivers::MakeModbusBender(bender.register_map, link, clock));
   return desk;
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <map>
 #include <memory>
+#include <string>
 
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cli/demo/demo.h"
@@ -14,11 +16,13 @@ constexpr const char* kFooter = R"(
 Examples:
   bendloop demo
   bendloop demo --parts 5 --seed 7 --out /tmp/demo
+  sudo ip link add vcan0 type vcan && sudo ip link set vcan0 up   # a CAN bus without hardware
+  bendloop demo --link can --can-interface vcan0
 
-Three processes beside this one, over loopback: a simulated bender (Modbus TCP) whose steel springs
-back more than the part file says, a simulated scanner, and the daemon. Each part is bent, scanned
-while it is measured, inspected and corrected; the next one is bent with the corrected program.
-The folder --out gets cell.toml, part.toml, results/, sessions/ and report.html; what an earlier
+Three processes beside this one: a simulated bender (Modbus TCP, CANopen or ISO-TP) whose steel
+springs back more than the part file says, a simulated scanner, and the daemon. Each part is bent,
+scanned while it is measured, inspected and corrected; the next one is bent with the corrected
+program. The folder --out gets cell.toml, part.toml, results/, sessions/ and report.html; what an earlier
 demo left there is removed. Exit code 1 when the second part is not better than the first.)";
 
 }  // namespace
@@ -31,6 +35,19 @@ CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
   command->footer(kFooter);
   command->add_option("--out", options->out, "Folder for everything it makes")
       ->type_name("DIR")
+      ->capture_default_str();
+  command->add_option("--part", options->part, "Part file; without it the shipped demo part")
+      ->type_name("PART.toml")
+      ->check(CLI::ExistingFile);
+  command
+      ->add_option("--link", options->link,
+                   "To the bender: tcp (Modbus on loopback), can (CANopen), can-isotp")
+      ->transform(
+          CLI::Transformer(std::map<std::string, DemoLink>{{"tcp", DemoLink::kTcp},
+                                                           {"can", DemoLink::kCanopen},
+                                                           {"can-isotp", DemoLink::kCanIsotp}}))
+      ->default_str("tcp");
+  command->add_option("--can-interface", options->can_interface, "For --link can: up already")
       ->capture_default_str();
   command->add_option("--parts", options->parts, "How many are bent")
       ->check(CLI::Range(1, 1000))

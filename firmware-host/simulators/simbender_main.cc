@@ -10,6 +10,7 @@
 #include <string>
 
 #include "config/load.h"
+#include "config/object_dictionary.h"
 #include "drivers/simulated_bender/misbehaviour.h"
 #include "drivers/simulated_bender/simulated_bender.h"
 #include "firmware-host/result/program_json.h"
@@ -88,10 +89,9 @@ int Run(int argc, char** argv) {
   std::vector<std::string> faults;
   unsigned cycle_ms = 200;
   CLI::App app{
-      "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) with a program, a "
-      "press and "
-      "its\n"
-      "moods. Prints \"listening PORT\", then obeys one command a line on standard input:\n"
+      "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) or a CANopen node\n"
+      "with a program, a press and its moods. Prints \"listening PORT\", then obeys one command a "
+      "line on standard input:\n"
       "  bend                 run one cycle; prints \"bent part-0001.json\" when the part is on "
       "the\n"
       "                       tray\n"
@@ -119,6 +119,21 @@ int Run(int argc, char** argv) {
   app.add_option("--can-reply-id", can.reply_id, "of replies")
       ->capture_default_str()
       ->check(CLI::Range(0, 0x1fffffff));
+  drivers::SimulatedNode node;
+  std::string eds_file;
+  unsigned heartbeat_ms = 100;
+  auto* node_interface =
+      app.add_option("--canopen", node.interface,
+                     "a CANopen node on this CAN interface; prints \"listening can0\"");
+  app.add_option("--node", node.node_id, "with --canopen: its id")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 127));
+  app.add_option("--object-dictionary", eds_file, "with --canopen: EDS file")
+      ->needs(node_interface);
+  app.add_option("--heartbeat-ms", heartbeat_ms, "with --canopen: between heartbeats; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(0u, 60000u));
+  app.add_flag("!--no-block", node.sdo.block, "with --canopen: decline SDO block transfer");
   app.add_option("--unit", options.unit_id, "with --rtu: its unit id")
       ->capture_default_str()
       ->check(CLI::Range(1, 247));
@@ -156,9 +171,23 @@ int Run(int argc, char** argv) {
   }
   options.cycle = std::chrono::milliseconds(cycle_ms);
   if (*can_interface) options.can = can;
+  node.heartbeat = std::chrono::milliseconds(heartbeat_ms);
 
   auto map = config::LoadRegisterMap(map_file);
   if (!map) return Complain(map.error());
+  if (*node_interface) {
+    const auto dictionary = config::LoadObjectDictionary(eds_file);
+    if (!dictionary) return Complain(dictionary.error());
+    if (auto bound = config::BindObjects(*map, *dictionary); !bound) return Complain(bound.error());
+    node.vendor_id = dictionary->vendor_number;
+    node.product_code = dictionary->product_number;
+    options.canopen = node;
+  }
+  if (map->of_objects() != options.canopen.has_value()) {
+    return Complain({hal::ErrorKind::kUsage, map_file + ": a map of CANopen objects goes with "
+                                                        "--canopen and --object-dictionary, one of "
+                                                        "registers with all others"});
+  }
   options.map = std::move(*map);
   auto program = ReadProgram(program_file);
   if (!program) return Complain(program.error());

@@ -120,17 +120,26 @@ hal::Result<void> Demo::Launch(std::optional<ChildProcess>& child, const std::st
 
 hal::Result<void> Demo::StartProcesses() {
   const std::string radius = std::to_string(cell_.part.pipe_radius_mm);
+  const bool canopen = options_.link == DemoLink::kCanopen;
+  const char* map = canopen ? "canopen-map.toml" : "register-map.toml";
   std::vector<std::string> bender = {
-      "--map",         (options_.out / "register-map.toml").string(),
+      "--map",         (options_.out / map).string(),
       "--program",     (options_.out / "first-program.json").string(),
       "--part-number", std::to_string(cell_.part.part_number),
       "--pipe-radius", radius,
       "--tray",        (options_.out / "tray").string(),
       "--seed",        std::to_string(options_.seed)};
   bender.insert(bender.end(), kPhysics.begin(), kPhysics.end());
+  if (canopen) {
+    bender.insert(bender.end(),
+                  {"--canopen", options_.can_interface, "--node", std::to_string(kDemoNodeId),
+                   "--object-dictionary", (options_.out / "bender.eds").string()});
+  } else if (options_.link == DemoLink::kCanIsotp) {
+    bender.insert(bender.end(), {"--can", options_.can_interface});
+  }
   if (auto started = Launch(bender_, "bendloop-simbender", bender); !started) return started;
-  const auto bender_port = bender_->Expect("listening", kStartTimeout);
-  if (!bender_port) return hal::Fail(bender_port.error());
+  const auto bender_place = bender_->Expect("listening", kStartTimeout);
+  if (!bender_place) return hal::Fail(bender_place.error());
 
   // Posts hold the tube above a table, which is in view, and clamps hide it in two places. Half a
   // millimetre between profiles: the tube's ends are known no better than that.
@@ -144,12 +153,20 @@ hal::Result<void> Demo::StartProcesses() {
   const auto scanner_port = scanner_->Expect("listening", kStartTimeout);
   if (!scanner_port) return hal::Fail(scanner_port.error());
 
-  auto started = Launch(
-      daemon_, "bendloopd",
-      {"--config", (options_.out / "cell.toml").string(), "--bender", "127.0.0.1:" + *bender_port,
-       "--scanner", "127.0.0.1:" + *scanner_port, "--parts", std::to_string(options_.parts)});
-  if (!started) return started;
-  std::cout << "bender   Modbus TCP, 127.0.0.1:" << *bender_port << "\n"
+  std::vector<std::string> daemon = {"--config",  LiveCellFile(options_).string(),
+                                     "--scanner", "127.0.0.1:" + *scanner_port,
+                                     "--parts",   std::to_string(options_.parts)};
+  std::string reached = *bender_place;
+  if (options_.link == DemoLink::kTcp) {
+    reached = "127.0.0.1:" + *bender_place;
+    daemon.insert(daemon.end(), {"--bender", reached});
+  }
+  if (auto started = Launch(daemon_, "bendloopd", daemon); !started) return started;
+  std::cout << "bender   "
+            << (canopen                           ? "CANopen, "
+                : options_.link == DemoLink::kTcp ? "Modbus TCP, "
+                                                  : "Modbus by ISO-TP, ")
+            << reached << "\n"
             << "scanner  laser profiles, 127.0.0.1:" << *scanner_port << "\n";
   return AwaitDaemon();
 }
@@ -283,7 +300,7 @@ hal::Result<void> Demo::Run() {
 }  // namespace
 
 hal::Result<void> RunDemo(const DemoOptions& options) {
-  if (auto written = WriteDemoFiles(options.out); !written) return written;
+  if (auto written = WriteDemoFiles(options); !written) return written;
   auto cell = config::LoadCell(options.out / "cell.toml");
   if (!cell) return hal::Fail(cell.error());
   const auto plan = MakePartPlan(*cell);

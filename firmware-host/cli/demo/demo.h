@@ -3,13 +3,20 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 
 #include "hal/result.h"
 
 namespace bendloop::host {
 
+// How the bender is reached: Modbus TCP on loopback, CANopen or ISO-TP on a CAN interface.
+enum class DemoLink { kTcp, kCanopen, kCanIsotp };
+
 struct DemoOptions {
   std::filesystem::path out = "demo-out";
+  std::filesystem::path part;  // part file; empty: the shipped demo part
+  DemoLink link = DemoLink::kTcp;
+  std::string can_interface = "can0";
   std::uint32_t parts = 3;
   std::uint64_t seed = 1;
   bool colour = true;
@@ -17,7 +24,8 @@ struct DemoOptions {
 };
 
 // The whole main job with three processes of our own: bendloop-simbender, bendloop-simscanner and
-// bendloopd, over loopback. kRefused when the second part is not better than the first.
+// bendloopd, over loopback or a CAN bus. kRefused when the second part is not better than the
+// first.
 hal::Result<void> RunDemo(const DemoOptions& options);
 
 }  // namespace bendloop::host

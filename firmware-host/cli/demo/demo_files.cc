@@ -3,6 +3,8 @@
 
 #include <string>
 #include <system_error>
+#include <utility>
+#include <vector>
 
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cli/demo/shipped_texts.h"
@@ -18,9 +20,10 @@ namespace fs = std::filesystem;
 // By this a folder is known to be a demo's own.
 constexpr const char* kMarker = ".bendloop-demo";
 
-constexpr const char* kCell =
-    R"(# Written by `bendloop demo`. The live run reached its scanner and bender by the daemon's options
-# --scanner and --bender; a replay starts the simulated bender itself.
+constexpr const char* kCellHead =
+    R"(# Written by `bendloop demo`. The live run reached its scanner and a bender on TCP by the daemon's
+# options --scanner and --bender, one on CAN by live-cell.toml; a replay of cell.toml starts the
+# simulated bender itself.
 schema = "bendloop.cell/1"
 name = "Demo cell"
 part = "part.toml"
@@ -29,11 +32,9 @@ state_dir = "."
 [scanner]
 kind = "simulated"
 queue_profiles = 4096   # 4 s of scan: other work on this machine must not cost profiles
+)";
 
-[bender]
-link = "simulated"
-register_map = "register-map.toml"
-
+constexpr const char* kCellTail = R"(
 [correction]
 gain_length = 1.0
 gain_rotation = 1.0
@@ -42,6 +43,10 @@ gain_angle = 1.0
 [record]
 directory = "sessions"
 )";
+
+std::string CellText(const std::string& bender) {
+  return std::string(kCellHead) + "\n[bender]\n" + bender + kCellTail;
+}
 
 hal::Result<void> Clear(const fs::path& out) {
   std::error_code error;
@@ -56,10 +61,28 @@ hal::Result<void> Clear(const fs::path& out) {
                                                  "empty or a new folder");
   }
   // The marker goes last, so that a removal cut short can be taken up again.
-  for (const char* name : {"cell.toml", "part.toml", "register-map.toml", "first-program.json",
-                           "journal.db", "journal.db-wal", "journal.db-shm", "history.db",
-                           "history.db-wal", "history.db-shm", "lot.json", "lock", "status.json",
-                           "report.html", "results", "sessions", "tray", "logs", kMarker}) {
+  for (const char* name : {"cell.toml",
+                           "live-cell.toml",
+                           "part.toml",
+                           "register-map.toml",
+                           "canopen-map.toml",
+                           "bender.eds",
+                           "first-program.json",
+                           "journal.db",
+                           "journal.db-wal",
+                           "journal.db-shm",
+                           "history.db",
+                           "history.db-wal",
+                           "history.db-shm",
+                           "lot.json",
+                           "lock",
+                           "status.json",
+                           "report.html",
+                           "results",
+                           "sessions",
+                           "tray",
+                           "logs",
+                           kMarker}) {
     fs::remove_all(out / name, error);
   }
   return {};
@@ -67,7 +90,18 @@ hal::Result<void> Clear(const fs::path& out) {
 
 }  // namespace
 
-hal::Result<void> WriteDemoFiles(const fs::path& out) {
+fs::path LiveCellFile(const DemoOptions& options) {
+  return options.out / (options.link == DemoLink::kTcp ? "cell.toml" : "live-cell.toml");
+}
+
+hal::Result<void> WriteDemoFiles(const DemoOptions& options) {
+  const fs::path& out = options.out;
+  std::string part = kDemoPart;
+  if (!options.part.empty()) {
+    auto text = ReadWholeFile(options.part);
+    if (!text) return hal::Fail(text.error());
+    part = std::move(*text);
+  }
   if (auto cleared = Clear(out); !cleared) return cleared;
   std::error_code error;
   fs::create_directories(out / "tray", error);
@@ -76,11 +110,25 @@ hal::Result<void> WriteDemoFiles(const fs::path& out) {
     return hal::Fail(hal::ErrorKind::kDevice,
                      out.string() + ": cannot be created: " + error.message());
   }
-  const std::pair<const char*, std::string_view> files[] = {
+  std::vector<std::pair<const char*, std::string>> files = {
       {kMarker, ""},
-      {"cell.toml", kCell},
-      {"part.toml", kDemoPart},
+      {"cell.toml", CellText("link = \"simulated\"\nregister_map = \"register-map.toml\"\n")},
+      {"part.toml", part},
       {"register-map.toml", kDefaultRegisterMap}};
+  const std::string interface = "can_interface = \"" + options.can_interface + "\"\n";
+  if (options.link == DemoLink::kCanIsotp) {
+    files.emplace_back("live-cell.toml", CellText("link = \"can-isotp\"\n" + interface +
+                                                  "register_map = \"register-map.toml\"\n"));
+  }
+  if (options.link == DemoLink::kCanopen) {
+    files.emplace_back("live-cell.toml",
+                       CellText("link = \"canopen\"\n" + interface +
+                                "can_node_id = " + std::to_string(kDemoNodeId) +
+                                "\nobject_dictionary = \"bender.eds\"\nregister_map = "
+                                "\"canopen-map.toml\"\n"));
+    files.emplace_back("canopen-map.toml", kCanopenRegisterMap);
+    files.emplace_back("bender.eds", kDefaultObjectDictionary);
+  }
   for (const auto& [name, text] : files) {
     if (auto written = WriteFileAtomically(out / name, text); !written) return written;
   }
