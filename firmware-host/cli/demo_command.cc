@@ -54,6 +54,12 @@ CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
       ->capture_default_str();
   command->add_option("--seed", options->seed, "Of bender and scanner")->capture_default_str();
   command->add_flag("--no-color,--no-colour", *no_color, "Plain text");
+  command->add_option("--spacing", options->spacing_mm, "Between profiles [mm]")
+      ->check(CLI::Range(0.1, 10.0).description("0.1 to 10"))
+      ->capture_default_str();
+  command->add_option("--rays", options->rays, "Points of a profile, at most")
+      ->check(CLI::Range(50, 5000))
+      ->capture_default_str();
   command->add_flag("--quick", options->quick,
                     "Scan as fast as it goes instead of at a hand's pace");
   command->callback([options, no_color, &run] {

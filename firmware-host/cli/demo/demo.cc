@@ -141,12 +141,12 @@ hal::Result<void> Demo::StartProcesses() {
   const auto bender_place = bender_->Expect("listening", kStartTimeout);
   if (!bender_place) return hal::Fail(bender_place.error());
 
-  // Posts hold the tube above a table, which is in view, and clamps hide it in two places. Half a
-  // millimetre between profiles: the tube's ends are known no better than that.
+  // Posts hold the tube above a table, which is in view, and clamps hide it in two places.
   std::vector<std::string> scanner = {"--seed",      std::to_string(options_.seed),
                                       "--clutter",   "table,clamps",
                                       "--table-gap", "30",
-                                      "--spacing",   "0.5",
+                                      "--spacing",   std::to_string(options_.spacing_mm),
+                                      "--rays",      std::to_string(options_.rays),
                                       "--views",     options_.quick ? "2" : "3",
                                       "--rate",      options_.quick ? "4000" : "800"};
   if (auto started = Launch(scanner_, "bendloop-simscanner", scanner); !started) return started;

@@ -20,7 +20,10 @@ struct DemoOptions {
   std::uint32_t parts = 3;
   std::uint64_t seed = 1;
   bool colour = true;
-  bool quick = false;  // a coarser scan, for tests
+  bool quick = false;  // as fast as it goes, for tests
+  // Between profiles: half a millimetre, as the tube's ends are known no better than that.
+  double spacing_mm = 0.5;
+  int rays = 640;  // of a profile
 };
 
 // The whole main job with three processes of our own: bendloop-simbender, bendloop-simscanner and

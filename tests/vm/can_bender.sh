@@ -1,0 +1,66 @@
+# shellcheck shell=sh
+# In the guest: benders over ISO-TP and CANopen on a virtual CAN bus, asked by can-utils, by the links'
+# tests, and by the whole demo with its daemon.
+set -e
+step() { echo "== [$(cut -d ' ' -f 1 /proc/uptime) s] $*"; }
+ip link set lo up
+ip link add dev vcan0 type vcan
+ip link set vcan0 up
+ip link add dev vcan1 type vcan
+cd /tmp
+
+step "ISO-TP: a simulated bender, asked by can-utils"
+echo '{"rows": [{"length_mm": 100, "rotation_deg": 0, "angle_deg": 90, "bend_radius_mm": 30},
+  {"length_mm": 80, "rotation_deg": 0, "angle_deg": 0, "bend_radius_mm": null}]}' >program.json
+mkfifo operator
+bendloop-simbender --map /map.toml --program program.json --pipe-radius 8 --part-number 77 \
+  --can vcan0 <operator >simbender &
+exec 3>operator
+until grep -q 'listening vcan0' simbender; do usleep 50000; done
+isotprecv -s 7E0 -d 7E8 vcan0 >answer &
+until [ -s answer ]; do # isotprecv may not listen yet
+  # Modbus TCP, transaction 5, unit 1: read 2 holding registers from 100, the active part number.
+  echo '00 05 00 00 00 06 01 03 00 64 00 02' | isotpsend -s 7E0 -d 7E8 -p CC:CC vcan0
+  usleep 200000
+done
+grep '00 05 00 00 00 07 01 03 04 00 00 00 4D' answer
+echo quit >&3
+
+step "Both links' tests"
+candump -n 1 vcan0,18DA10F1:1FFFFFFF >isotp_seen &
+can_bender_test --gtest_brief=1 --gtest_filter='*isotp*' &
+isotp=$!
+can_bender_test --gtest_brief=1 --gtest_filter='*canopen*'
+wait $isotp
+can_bender_test --gtest_brief=1 --gtest_filter='CanBus.*'
+grep '18DA10F1   \[8\]  10 0C' isotp_seen
+
+step "The demo with its daemon over CANopen, among foreign traffic"
+cangen vcan0 -g 1 -I 1A5 -L 8 &
+foreign=$!
+candump -L vcan0,585:7FF,605:7FF,705:7FF,085:7FF >canopen.log &
+dump=$!
+bendloop demo --link can --can-interface vcan0 --part /one_bend.toml --parts 2 --quick --spacing 1 \
+  --rays 160 --no-color --out demo >demo.out 2>&1 || { cat demo.out demo/logs/*; exit 1; }
+kill $foreign $dump
+grep -E 'bender   CANopen|committed|PASS|of the tolerance' demo.out
+grep -q 'committed as sequence 2' demo.out
+
+step "The same session again, over CANopen, with a bender that holds what bent the part"
+sed 's/state_dir = "."/state_dir = "again"/' demo/live-cell.toml >demo/again.toml
+mkfifo other
+bendloop-simbender --map demo/canopen-map.toml --program demo/first-program.json --pipe-radius 4 \
+  --part-number 7 --canopen vcan0 --node 5 --object-dictionary demo/bender.eds <other >simnode &
+exec 4>other
+until grep -q 'listening vcan0' simnode; do usleep 50000; done
+cansend vcan0 605#4000200100000000 # the mode, as can-utils ask for it
+bendloop replay demo/sessions/part-0001.session --config demo/again.toml >again.out 2>&1 || [ $? = 1 ]
+grep 'committed' again.out
+echo status >&4
+until grep 'sequence' simnode; do usleep 50000; done
+grep -q 'sequence 2 .*accepted 1 ' simnode
+echo quit >&4
+
+step "CANopen frames, for dissect_canopen.sh"
+head -n 600 canopen.log
+step "done"
