@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 
@@ -33,6 +34,7 @@ constexpr double kSlightPrice = 8;  // in parameters, above those of the bend
 constexpr double kUsualSpread = 0.015;  // 1 sigma: springback opens bends
 constexpr double kKnown = 0.03;         // 1 sigma of a radius that may speak for others
 constexpr double kTightest = 1.05;      // of r_P: where the fit is held
+constexpr double kMaySigma = 4.0;       // from the usual one and still of the same die
 constexpr double kSame = 2.5;           // sigma
 constexpr double kMost = 0.7;           // of the known ones
 constexpr double kLongest = 1.1;        // straight, of the polygon's length
@@ -52,6 +54,10 @@ constexpr std::size_t kAllSamples = kPointsAtOnce;
 // The live view has milliseconds: one tolerance, few samples, no comparisons.
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
+constexpr std::size_t kScouts = 2000;  // samples
+constexpr double kHopeless = 2.0;      // times the rival's cost
+constexpr double kNoGoal = std::numeric_limits<double>::infinity();
+constexpr double kSlack = 100;  // variances, by which criteria that are not quite the same differ
 constexpr int kSteps = 60;
 constexpr double kTolerance = 2e-5;  // of chi square, far below the price of a parameter
 
@@ -129,6 +135,18 @@ std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit) {
   return best;
 }
 
+// The tube with the usual radius where the fit allows it: the priors do not pull from afar.
+hal::Tube WithUsualRadii(const SurfaceFit& fit, const UsualBendRadius& usual) {
+  hal::Tube tube = fit.tube;
+  for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
+    double& radius_mm = *tube.program.rows[i].bend_radius_mm;
+    const double sigma_mm =
+        std::hypot(usual.sigma_mm, fit.sigma.rows[i].bend_radius_mm.value_or(0.0));
+    if (std::abs(radius_mm - usual.mean_mm) < kMaySigma * sigma_mm) radius_mm = usual.mean_mm;
+  }
+  return tube;
+}
+
 class Search {
  public:
   Search(const SpinePolygon& polygon, double pipe_radius_mm, std::span<const PointBlock> blocks,
@@ -139,7 +157,8 @@ class Search {
         longest_mm_(kLongest * LengthOf(polygon)),
         polygon_(&polygon),
         blocks_(Thinned(blocks, CountPoints(blocks) / enough_samples + 1)),
-        samples_(blocks_.point_count()) {}
+        samples_(blocks_.point_count()),
+        scouts_(Thinned(blocks_, samples_ / kScouts + 1)) {}
 
   SurfaceFit Glance(const SpinePolygon& polygon) const {
     return Fit(TubeFromSpline(InitialSpline(polygon, kGlanceTolerance * radius_mm_), radius_mm_));
@@ -175,7 +194,7 @@ class Search {
   }
 
   // The same tube with the samples, and the shape of the bends, of this search.
-  SurfaceFit Again(const SurfaceFit& fit) const { return Fit(fit.tube); }
+  SurfaceFit Again(const hal::Tube& tube) const { return Fit(tube); }
 
   // Whether the samples insist that the bends are not round. Out of nothing but noise the gain is
   // chi-squared with the flattening's number of parameters.
@@ -203,23 +222,46 @@ class Search {
   }
 
  private:
-  SurfaceFit Fit(const hal::Tube& tube) const {
-    SurfaceFit fit = FitOnce(tube);
-    ArcLineSpline spline = SplineFromTube(fit.tube);
-    if (TrimBorders(spline, radius_mm_)) {
-      fit = FitOnce(TubeFromSpline(spline, fit.tube.pipe_radius_mm));
+  SurfaceFit Fit(const hal::Tube& tube) const { return FitWith(tube, blocks_, kNoGoal); }
+
+  // A fit that is better than another one; none: it is not. Of fewer bends a part of the samples
+  // says first whether all of them are worth asking, and about where the fit is.
+  std::optional<SurfaceFit> Better(const ArcLineSpline& spline, const SurfaceFit& rival) const {
+    hal::Tube tube = TubeFromSpline(spline, rival.tube.pipe_radius_mm);
+    if (tube.program.bend_count() < rival.tube.program.bend_count()) {
+      const double part =
+          static_cast<double>(scouts_.point_count()) / static_cast<double>(samples_);
+      const double hopeless_mm2 = kHopeless * part * rival.cost_mm2;
+      const SurfaceFit scouted = FitWith(tube, scouts_, hopeless_mm2);
+      if (scouted.cost_mm2 > hopeless_mm2) return std::nullopt;
+      tube = scouted.tube;
     }
+    const double fewer = static_cast<double>(rival.tube.program.bend_count()) -
+                         static_cast<double>(tube.program.bend_count());
+    const double price = kPrice * std::log(static_cast<double>(samples_));
+    const double goal_mm2 = rival.cost_mm2 + (4.0 * std::max(0.0, fewer) * price + kSlack) *
+                                                 rival.sigma_mm * rival.sigma_mm *
+                                                 rival.design_effect;
+    SurfaceFit fit = FitWith(tube, blocks_, goal_mm2);
+    if (!IsBetter(fit, rival)) return std::nullopt;
     return fit;
   }
 
-  SurfaceFit FitOnce(const hal::Tube& tube) const {
-    return FitSurface(tube, blocks_,
-                      {.reach_mm = kReach * radius_mm_,
-                       .max_length_mm = longest_mm_,
-                       .flattened = flattened_,
-                       .priors = priors_,
-                       .max_steps = kSteps,
-                       .tolerance = kTolerance});
+  SurfaceFit FitWith(const hal::Tube& tube, std::span<const PointBlock> blocks,
+                     double goal_mm2) const {
+    const SurfaceFitOptions options{.reach_mm = kReach * radius_mm_,
+                                    .max_length_mm = longest_mm_,
+                                    .flattened = flattened_,
+                                    .priors = priors_,
+                                    .max_steps = kSteps,
+                                    .tolerance = kTolerance,
+                                    .goal_mm2 = goal_mm2};
+    SurfaceFit fit = FitSurface(tube, blocks, options);
+    ArcLineSpline spline = SplineFromTube(fit.tube);
+    if (TrimBorders(spline, radius_mm_)) {
+      fit = FitSurface(TubeFromSpline(spline, fit.tube.pipe_radius_mm), blocks, options);
+    }
+    return fit;
   }
 
   // Of the parameters, in variances. One that is known before costs as much as the points know it
@@ -261,10 +303,10 @@ class Search {
       const auto arcs = SplitArc(spline.arcs[i]);
       finer.arcs[i] = arcs[0];
       finer.arcs.insert(finer.arcs.begin() + static_cast<std::ptrdiff_t>(i) + 1, arcs[1]);
-      SurfaceFit candidate = Fit(TubeFromSpline(finer, fit.tube.pipe_radius_mm));
-      if (!IsBetter(candidate, fit)) continue;
-      fit = std::move(candidate);
-      return true;
+      if (auto better = Better(finer, fit)) {
+        fit = std::move(*better);
+        return true;
+      }
     }
     return false;
   }
@@ -276,10 +318,10 @@ class Search {
     for (const MissingBend& missing : FindMissingBends(fit, blocks_, kReach * radius_mm_)) {
       if (missing.gain < kAsk || ++tries > kMaxTries) return false;
       for (const ArcLineSpline& with : WithBend(spline, fit.tube, missing, *polygon_)) {
-        SurfaceFit candidate = Fit(TubeFromSpline(with, fit.tube.pipe_radius_mm));
-        if (!IsBetter(candidate, fit)) continue;
-        fit = std::move(candidate);
-        return true;
+        if (auto better = Better(with, fit)) {
+          fit = std::move(*better);
+          return true;
+        }
       }
     }
     return false;
@@ -290,10 +332,8 @@ class Search {
     const ArcLineSpline spline = SplineFromTube(fit.tube);
     std::optional<SurfaceFit> best;
     const auto consider = [&](const ArcLineSpline& simpler) {
-      SurfaceFit candidate = Fit(TubeFromSpline(simpler, fit.tube.pipe_radius_mm));
-      if (IsBetter(candidate, fit) && (!best || IsBetter(candidate, *best))) {
-        best = std::move(candidate);
-      }
+      auto better = Better(simpler, fit);
+      if (better && (!best || IsBetter(*better, *best))) best = std::move(better);
     };
     for (std::size_t i = 0; i < spline.arcs.size(); ++i) {
       for (std::size_t j = i + 1; j < std::min(i + 3, spline.arcs.size()); ++j) {
@@ -334,6 +374,7 @@ class Search {
   const SpinePolygon* polygon_;
   OwnedBlocks blocks_;
   std::size_t samples_;
+  OwnedBlocks scouts_;
 };
 
 }  // namespace
@@ -352,14 +393,14 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
   const std::size_t enough = samples <= kEnoughSamples ? kEnoughSamples : kAllSamples;
   if (enough == kAllSamples) {
     const Search fine(polygon, pipe_radius_mm, blocks, enough);
-    fit = fine.Again(fit);
+    fit = fine.Again(fit.tube);
     fine.Refine(fit);
   }
   FitPriors priors;
   if (const auto usual = FindUsualBendRadius(fit)) {
     priors.bend_radius = usual;
     const Search one_die(polygon, pipe_radius_mm, blocks, enough, false, priors);
-    SurfaceFit of_one_die = one_die.Again(fit);
+    SurfaceFit of_one_die = one_die.Again(WithUsualRadii(fit, *usual));
     one_die.Refine(of_one_die);
     if (one_die.IsBetter(of_one_die, fit)) {
       fit = std::move(of_one_die);
@@ -369,7 +410,7 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
   }
   // Round bends that follow each other may have been put in the place of oval ones.
   const Search oval(polygon, pipe_radius_mm, blocks, enough, true, priors);
-  SurfaceFit flattened = oval.Again(fit);
+  SurfaceFit flattened = oval.Again(fit.tube);
   if (!oval.IsFlattened(fit, flattened)) return fit;
   oval.Refine(flattened);
   return oval.IsFlattened(fit, flattened) ? flattened : fit;

@@ -81,7 +81,7 @@ std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const
                                           double reach_mm) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const TubeParameters parameters(fit.tube, true, fit.flattening);
-  const auto derivatives = parameters.FrameDerivatives(parameters.Initial(), segments);
+  const auto derivatives = parameters.FrameDerivatives(segments);
   const double r = fit.tube.pipe_radius_mm;
   const auto frames = SegmentFrames(segments, kBeyond * r, fit.flattening);
   SurfaceAssignment assignment;

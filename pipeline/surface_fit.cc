@@ -17,8 +17,8 @@ namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kMadToSigma = 1.4826;
-constexpr double kMinAngleRad = 1e-4;
-constexpr double kWidestBend = 100.0;  // pipe radii
+constexpr double kMaxTurnBackRad = 0.5;  // a slight bend may turn over to the other side
+constexpr double kWidestBend = 100.0;    // pipe radii
 constexpr double kMaxFlattening = 0.4;
 // Steps that make chi square less by less than this, a tenth of a standard error long, are the
 // last.
@@ -26,6 +26,8 @@ constexpr double kHardly = 0.03;
 constexpr double kFirstDamping = 1e-4;  // of the normal matrix's diagonal
 constexpr double kNoDamping = 1e-10;
 constexpr double kLeastDamping = 1e-8;  // that is felt
+constexpr double kFurther = 8;          // times the last step's gain may still come
+constexpr int kMaxIdle = 2;             // steps without a gain
 constexpr double kLeastGrowth = 4;      // of the damping after a step that was in vain
 constexpr double kMostDamping = 1e6;
 // A step over all points leaves less than a thousandth of what it made chi square less by.
@@ -43,7 +45,7 @@ struct NormalEquations {
       : at(parameters.Initial()),
         matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
         right(Eigen::VectorXd::Zero(parameters.size())) {
-    const auto derivatives = parameters.FrameDerivatives(at, segments);
+    const auto derivatives = parameters.FrameDerivatives(segments);
     for (std::size_t k = 0; k < segments.size(); ++k) {
       const Eigen::Matrix<double, kLocalState, Eigen::Dynamic> weighted =
           sums[k].topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
@@ -82,7 +84,7 @@ struct Bounds {
     };
     for (std::size_t i = 0; i < parameters.bends(); ++i) {
       bound(parameters.length(i), 0.0, max_length_mm);
-      bound(parameters.angle(i), kMinAngleRad, 2.0 * std::numbers::pi);
+      bound(parameters.angle(i), -kMaxTurnBackRad, 2.0 * std::numbers::pi);
       bound(parameters.bend_radius(i), pipe_radius_mm, kWidestBend * pipe_radius_mm);
     }
     if (parameters.pipe_radius() >= 0) {
@@ -262,6 +264,8 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
   state.MoveTo(first, bounds.Inside(first.Initial()), blocks, options);
   double damping = kFirstDamping;
   double growth = kLeastGrowth;
+  int idle = 0;
+  double last_cost_mm2 = 0, pace_mm2 = 0;
   std::optional<NormalEquations> equations;
   for (int i = 0; state.assignment.distances_mm.size() >= kFewPoints; ++i) {
     const TubeParameters parameters = state.Parameters(options);
@@ -276,8 +280,9 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
         std::max(kHardly, options.tolerance * chi_square) * state.sigma_mm * state.sigma_mm;
     Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
     if (step.dot(equations->right) < hardly_mm2) {
-      step = BoundedStep(*equations, bounds, kNoDamping);
-      fit.converged = step.dot(equations->right) < hardly_mm2;
+      const Eigen::VectorXd undamped = BoundedStep(*equations, bounds, kNoDamping);
+      fit.converged = undamped.dot(equations->right) < hardly_mm2;
+      if (fit.converged) step = undamped;
     }
     const Eigen::VectorXd moved = equations->at + step;
     if (fit.converged) {
@@ -285,6 +290,13 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
       fit.flattening = parameters.FlatteningAt(moved);
       break;
     }
+    const double cost_mm2 = chi_square * state.sigma_mm * state.sigma_mm;
+    pace_mm2 = i == 0 ? cost_mm2 : std::max(0.5 * pace_mm2, last_cost_mm2 - cost_mm2);
+    last_cost_mm2 = cost_mm2;
+    if (cost_mm2 - options.goal_mm2 > kFurther * pace_mm2) break;
+    // Points that change their segment make steps fail that are much shorter than the noise.
+    idle = step.dot(equations->right) < hardly_mm2 ? idle + 1 : 0;
+    if (idle > kMaxIdle) break;
     next.MoveTo(parameters, moved, blocks, options);
     if (next.ChiSquare(state.sigma_mm, options) < chi_square) {
       std::swap(state, next);
@@ -298,6 +310,7 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
   }
   fit.points = state.assignment.total;
   fit.sigma_mm = state.sigma_mm;
+  fit.cost_mm2 = state.ChiSquare(fit.sigma_mm, options) * fit.sigma_mm * fit.sigma_mm;
   DesignEffect design_effect;
   design_effect.Add(state.assignment, kNoWeight * state.sigma_mm);
   fit.design_effect = design_effect.Value();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -26,6 +27,8 @@ struct SurfaceFitOptions {
   int max_steps = 40;  // of Levenberg-Marquardt
   // A step that makes chi square less by no more than this part is the last.
   double tolerance = 0;
+  // A fit of few points that will not come down to this `cost_mm2` at its present pace is given up.
+  double goal_mm2 = std::numeric_limits<double>::infinity();
 };
 
 struct SurfaceFit {
@@ -42,6 +45,7 @@ struct SurfaceFit {
   std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
   std::size_t used = 0;                         // points with weight
   std::size_t points = 0;                       // all points looked at
+  double cost_mm2 = 0;                          // sum of squares, bounded for what is far off
   int parameters = 0;                           // flattening not counted
   bool converged = false;
 };

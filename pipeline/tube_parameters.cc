@@ -2,6 +2,7 @@
 #include "pipeline/tube_parameters.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -11,6 +12,8 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
+constexpr double kSlight = 0.5;  // rad
+constexpr double kLeast = 1e-4;  // rad: a bend of nothing has no plane
 
 Eigen::Matrix3d AxesOf(const hal::SpineSegment& segment) {
   Eigen::Matrix3d axes;
@@ -54,9 +57,30 @@ Eigen::VectorXd TubeParameters::Initial() const {
   return parameters;
 }
 
+std::vector<TubeParameters::Turn> TubeParameters::TurnsAt(const Eigen::VectorXd& parameters) const {
+  std::vector<Turn> turns;
+  double azimuth = parameters[2];
+  for (std::size_t i = 0; i < bends_; ++i) {
+    const hal::BendRow& row = reference_.program.rows[i];
+    const double before = row.angle_deg / kDegrees;
+    const double along = parameters[angle(i)];
+    if (i > 0) azimuth += parameters[rotation(i)] - row.rotation_deg / kDegrees;
+    if (before < kSlight) {
+      const double across = before * azimuth;
+      turns.push_back({std::max(kLeast, std::hypot(along, across)), std::atan2(across, along)});
+    } else {
+      turns.push_back(
+          {std::max(kLeast, std::abs(along)), along < 0 ? azimuth + std::numbers::pi : azimuth});
+    }
+  }
+  return turns;
+}
+
 hal::Tube TubeParameters::TubeAt(const Eigen::VectorXd& parameters) const {
   hal::Tube tube = reference_;
-  const Eigen::Quaterniond turn = Eigen::AngleAxisd(parameters[2], Eigen::Vector3d::UnitX()) *
+  const std::vector<Turn> turns = TurnsAt(parameters);
+  const double roll = bends_ > 0 ? turns[0].azimuth_change : parameters[2];
+  const Eigen::Quaterniond turn = Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX()) *
                                   Eigen::AngleAxisd(parameters[3], Eigen::Vector3d::UnitY()) *
                                   Eigen::AngleAxisd(parameters[4], Eigen::Vector3d::UnitZ());
   tube.X_WT.position_mm +=
@@ -66,8 +90,12 @@ hal::Tube TubeParameters::TubeAt(const Eigen::VectorXd& parameters) const {
   for (std::size_t i = 0; i < bends_; ++i) {
     hal::BendRow& row = tube.program.rows[i];
     row.length_mm = parameters[length(i)];
-    if (i > 0) row.rotation_deg = hal::WrapRotationDeg(parameters[rotation(i)] * kDegrees);
-    row.angle_deg = parameters[angle(i)] * kDegrees;
+    if (i > 0) {
+      const double change = turns[i].azimuth_change - turns[i - 1].azimuth_change;
+      row.rotation_deg =
+          hal::WrapRotationDeg(reference_.program.rows[i].rotation_deg + change * kDegrees);
+    }
+    row.angle_deg = turns[i].angle * kDegrees;
     row.bend_radius_mm = parameters[bend_radius(i)];
   }
   return tube;
@@ -83,7 +111,7 @@ std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& para
 }
 
 std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
-    const Eigen::VectorXd& parameters, const std::vector<hal::SpineSegment>& segments) const {
+    const std::vector<hal::SpineSegment>& segments) const {
   // Each parameter moves everything after it as a rigid body: a velocity of the point at `pivot`
   // and an angular velocity.
   struct Twist {
@@ -94,14 +122,11 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
   std::vector<std::pair<int, Twist>> active;
   const Eigen::Matrix3d R = reference_.X_WT.orientation.toRotationMatrix();
   const Eigen::Vector3d start = segments.front().start_mm;
-  const Eigen::AngleAxisd about_x(parameters[2], Eigen::Vector3d::UnitX());
-  const Eigen::AngleAxisd about_y(parameters[3], Eigen::Vector3d::UnitY());
   active.push_back({0, {start, R.col(1), Eigen::Vector3d::Zero()}});
   active.push_back({1, {start, R.col(2), Eigen::Vector3d::Zero()}});
   active.push_back({2, {start, Eigen::Vector3d::Zero(), R.col(0)}});
-  active.push_back({3, {start, Eigen::Vector3d::Zero(), R * (about_x * Eigen::Vector3d::UnitY())}});
-  active.push_back(
-      {4, {start, Eigen::Vector3d::Zero(), R * (about_x * (about_y * Eigen::Vector3d::UnitZ()))}});
+  active.push_back({3, {start, Eigen::Vector3d::Zero(), R.col(1)}});
+  active.push_back({4, {start, Eigen::Vector3d::Zero(), R.col(2)}});
 
   std::vector<Eigen::MatrixXd> derivatives;
   derivatives.reserve(segments.size());
@@ -121,7 +146,7 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
           to_local * (twist.velocity + twist.omega.cross(segment.start_mm - twist.pivot));
       derivative.block<3, 1>(3, column) = to_local * twist.omega;
     }
-    if (pipe_radius_ >= 0) derivative(7, pipe_radius_) = 1.0;
+    if (pipe_radius_ >= 0) derivative(kPipeRadiusState, pipe_radius_) = 1.0;
     if (is_straight) {
       if (bend < bends_) {
         active.push_back(
@@ -133,9 +158,9 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
         derivative.block<kFlatteningParameters, kFlatteningParameters>(
             kFlatteningState, flattening(bend)) = Eigen::Matrix3d::Identity();
       }
-      const double a = parameters[angle(bend)];
+      const double a = segment.angle_rad();
       const Eigen::Vector3d inward = segment.normal.cross(segment.tangent);
-      const double bend_mm = parameters[bend_radius(bend)];
+      const double bend_mm = segment.bend_radius_mm;
       active.push_back(
           {angle(bend),
            {segment.start_mm + bend_mm * inward, Eigen::Vector3d::Zero(), segment.normal}});

@@ -43,11 +43,21 @@ class TubeParameters {
     return first_flattening_ + kFlatteningParameters * static_cast<int>(bend);
   }
 
-  // For each segment the kLocalState x size() derivative of its local state (surface_sums.h).
+  // For each segment of the reference the kLocalState x size() derivative of its local state
+  // (surface_sums.h), by the parameters at Initial().
   std::vector<Eigen::MatrixXd> FrameDerivatives(
-      const Eigen::VectorXd& parameters, const std::vector<hal::SpineSegment>& segments) const;
+      const std::vector<hal::SpineSegment>& segments) const;
 
  private:
+  // A bend's angle and by how much its plane has turned about the tangent, as carried along the
+  // spine without twist.
+  struct Turn {
+    double angle, azimuth_change;
+  };
+  // Angle and plane of a slight bend are polar coordinates near their pole, where long steps go
+  // astray: such bends move straight on in the plane of these.
+  std::vector<Turn> TurnsAt(const Eigen::VectorXd& parameters) const;
+
   hal::Tube reference_;
   std::vector<Flattening> flattening_;
   std::size_t bends_;
