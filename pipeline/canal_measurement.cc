@@ -24,6 +24,8 @@ constexpr std::size_t kMaxSurface = 20'000;  // samples kept for deviations and 
 constexpr double kTightest = 0.7;  // of the tightest bend: the thickest pipe that lines and arcs
                                    // are looked for on
 constexpr std::size_t kArcPoints = 60'000;
+// What shrinking to an even pipe leaves, neighbours have in common.
+constexpr double kCaution = 4.0;
 
 double MeanRadius(const CanalScan& scan) {
   double sum = 0;
@@ -177,8 +179,9 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
   for (std::size_t i = 0; i < scan.spine.size(); ++i) {
     polygon.push_back({scan.spine[i].position_mm, scan.tangents[i], 0, 1, 0});
   }
-  const SurfaceFit structure = FindStructure(polygon, even_mm, blocks);
-  const SurfaceFit fit = FitSurface(structure.tube, blocks, {.reach_mm = 0.5 * even_mm});
+  const SurfaceFit structure = FindStructure(polygon, even_mm, blocks, kCaution);
+  const SurfaceFit fit = FitSurface(
+      structure.tube, blocks, {.reach_mm = 0.5 * even_mm, .priors = structure.priors});
   const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);
   measurement.tube = ends.tube;
   measurement.tube.pipe_radius_mm = mean_mm;

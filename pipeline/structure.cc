@@ -147,13 +147,18 @@ hal::Tube WithUsualRadii(const SurfaceFit& fit, const UsualBendRadius& usual) {
   return tube;
 }
 
+struct SearchOptions {
+  bool flattened = false;
+  FitPriors priors = {};
+  double caution = 1;  // times the price of a parameter
+};
+
 class Search {
  public:
   Search(const SpinePolygon& polygon, double pipe_radius_mm, std::span<const PointBlock> blocks,
-         std::size_t enough_samples, bool flattened = false, const FitPriors& priors = {})
+         std::size_t enough_samples, const SearchOptions& options)
       : radius_mm_(pipe_radius_mm),
-        flattened_(flattened),
-        priors_(priors),
+        options_(options),
         longest_mm_(kLongest * LengthOf(polygon)),
         polygon_(&polygon),
         blocks_(Thinned(blocks, CountPoints(blocks) / enough_samples + 1)),
@@ -238,7 +243,7 @@ class Search {
     }
     const double fewer = static_cast<double>(rival.tube.program.bend_count()) -
                          static_cast<double>(tube.program.bend_count());
-    const double price = kPrice * std::log(static_cast<double>(samples_));
+    const double price = Price();
     const double goal_mm2 = rival.cost_mm2 + (4.0 * std::max(0.0, fewer) * price + kSlack) *
                                                  rival.sigma_mm * rival.sigma_mm *
                                                  rival.design_effect;
@@ -251,8 +256,8 @@ class Search {
                      double goal_mm2) const {
     const SurfaceFitOptions options{.reach_mm = kReach * radius_mm_,
                                     .max_length_mm = longest_mm_,
-                                    .flattened = flattened_,
-                                    .priors = priors_,
+                                    .flattened = options_.flattened,
+                                    .priors = options_.priors,
                                     .max_steps = kSteps,
                                     .tolerance = kTolerance,
                                     .goal_mm2 = goal_mm2};
@@ -264,10 +269,15 @@ class Search {
     return fit;
   }
 
-  // Of the parameters, in variances. One that is known before costs as much as the points know it
+  // Of a parameter, in variances.
+  double Price() const {
+    return options_.caution * kPrice * std::log(static_cast<double>(samples_));
+  }
+
+  // Of all parameters. One that is known before costs as much as the points know it
   // better.
   double PriceOf(const SurfaceFit& fit) const {
-    const double full = kPrice * std::log(static_cast<double>(samples_));
+    const double full = Price();
     double price = full * fit.parameters;
     for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
       const hal::BendRow& row = fit.tube.program.rows[i];
@@ -368,8 +378,7 @@ class Search {
   }
 
   double radius_mm_;
-  bool flattened_;
-  FitPriors priors_;
+  SearchOptions options_;
   double longest_mm_;
   const SpinePolygon* polygon_;
   OwnedBlocks blocks_;
@@ -381,25 +390,27 @@ class Search {
 
 SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                              std::span<const PointBlock> blocks) {
-  return Search(polygon, pipe_radius_mm, blocks, kGlanceSamples).Glance(polygon);
+  return Search(polygon, pipe_radius_mm, blocks, kGlanceSamples, {}).Glance(polygon);
 }
 
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
-                         std::span<const PointBlock> blocks) {
-  SurfaceFit fit = Search(polygon, pipe_radius_mm, blocks, kEnoughSamples).Run(polygon);
+                         std::span<const PointBlock> blocks, double caution) {
+  const SearchOptions any{.caution = caution};
+  SurfaceFit fit = Search(polygon, pipe_radius_mm, blocks, kEnoughSamples, any).Run(polygon);
   std::size_t samples = 0;
   for (const PointBlock& block : blocks) samples += block.points.size();
   // Small bends are seen in more samples than the way there needed.
   const std::size_t enough = samples <= kEnoughSamples ? kEnoughSamples : kAllSamples;
   if (enough == kAllSamples) {
-    const Search fine(polygon, pipe_radius_mm, blocks, enough);
+    const Search fine(polygon, pipe_radius_mm, blocks, enough, any);
     fit = fine.Again(fit.tube);
     fine.Refine(fit);
   }
   FitPriors priors;
   if (const auto usual = FindUsualBendRadius(fit)) {
     priors.bend_radius = usual;
-    const Search one_die(polygon, pipe_radius_mm, blocks, enough, false, priors);
+    const Search one_die(polygon, pipe_radius_mm, blocks, enough,
+                         {.priors = priors, .caution = caution});
     SurfaceFit of_one_die = one_die.Again(WithUsualRadii(fit, *usual));
     one_die.Refine(of_one_die);
     if (one_die.IsBetter(of_one_die, fit)) {
@@ -409,7 +420,8 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
     }
   }
   // Round bends that follow each other may have been put in the place of oval ones.
-  const Search oval(polygon, pipe_radius_mm, blocks, enough, true, priors);
+  const Search oval(polygon, pipe_radius_mm, blocks, enough,
+                    {.flattened = true, .priors = priors, .caution = caution});
   SurfaceFit flattened = oval.Again(fit.tube);
   if (!oval.IsFlattened(fit, flattened)) return fit;
   oval.Refine(flattened);
