@@ -89,9 +89,11 @@ int Run(int argc, char** argv) {
   std::vector<std::string> faults;
   unsigned cycle_ms = 200;
   CLI::App app{
-      "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) or a CANopen node\n"
-      "with a program, a press and its moods. Prints \"listening PORT\", then obeys one command a "
-      "line on standard input:\n"
+      "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) or a CANopen node "
+      "with\n"
+      "a program, a press and its moods. Prints \"listening PORT\", then obeys one command a line "
+      "on\n"
+      "standard input:\n"
       "  bend                 run one cycle; prints \"bent part-0001.json\" when the part is on "
       "the\n"
       "                       tray\n"
@@ -126,10 +128,10 @@ int Run(int argc, char** argv) {
       app.add_option("--canopen", node.interface,
                      "a CANopen node on this CAN interface; prints \"listening can0\"");
   app.add_option("--node", node.node_id, "with --canopen: its id")
-      ->capture_default_str()
+      ->default_str("1")
       ->check(CLI::Range(1, 127));
-  app.add_option("--object-dictionary", eds_file, "with --canopen: EDS file")
-      ->needs(node_interface);
+  node_interface->needs(
+      app.add_option("--object-dictionary", eds_file, "with --canopen: EDS file"));
   app.add_option("--heartbeat-ms", heartbeat_ms, "with --canopen: between heartbeats; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0u, 60000u));
@@ -175,6 +177,11 @@ int Run(int argc, char** argv) {
 
   auto map = config::LoadRegisterMap(map_file);
   if (!map) return Complain(map.error());
+  if (map->of_objects() != (node_interface->count() > 0)) {
+    return Complain({hal::ErrorKind::kUsage, map_file + ": a map of CANopen objects goes with "
+                                                        "--canopen and --object-dictionary, one of "
+                                                        "registers with all others"});
+  }
   if (*node_interface) {
     const auto dictionary = config::LoadObjectDictionary(eds_file);
     if (!dictionary) return Complain(dictionary.error());
@@ -182,11 +189,6 @@ int Run(int argc, char** argv) {
     node.vendor_id = dictionary->vendor_number;
     node.product_code = dictionary->product_number;
     options.canopen = node;
-  }
-  if (map->of_objects() != options.canopen.has_value()) {
-    return Complain({hal::ErrorKind::kUsage, map_file + ": a map of CANopen objects goes with "
-                                                        "--canopen and --object-dictionary, one of "
-                                                        "registers with all others"});
   }
   options.map = std::move(*map);
   auto program = ReadProgram(program_file);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "firmware-host/commit/commit_protocol.h"
+#include "tests/support/canopen_bender_under_test.h"
 #include "tests/support/faulty_link.h"
 #include "tests/support/memory_bender.h"
 #include "tests/support/modbus_bender_under_test.h"
@@ -302,8 +303,9 @@ TEST_F(BenderFaults, PlcWithoutCommitRegisterNeverHoldsAMixture) {
   }
 }
 
-// The same over a real connection, with the simulator's own faults.
-TEST(BenderFaultsOverModbus, EveryMisbehaviourLeavesTheOldOrTheNewProgram) {
+// The same over real connections, with the simulator's own faults.
+template <class Cell>
+void EveryMisbehaviourLeavesTheOldOrTheNewProgram(const hal::RegisterMap& map) {
   host::CommitOptions options;
   options.reply_timeout = std::chrono::milliseconds(1500);
   hal::SteadyClock clock;
@@ -328,32 +330,38 @@ TEST(BenderFaultsOverModbus, EveryMisbehaviourLeavesTheOldOrTheNewProgram) {
       {"ack-late 100", {CommitOutcome::kCommitted}},
       {"ack-late 60000", {CommitOutcome::kFailed}},
       {"reboot", {CommitOutcome::kRefused, CommitOutcome::kFailed, CommitOutcome::kCommitted}}};
-  for (const hal::RegisterMap& map : {PlainMap(), OddMap()}) {
-    for (const Case& c : cases) {
-      SCOPED_TRACE(map.name + ": " + c.fault);
-      ModbusBenderUnderTest cell(map);
-      CommitJournal journal = CommitJournal::Open(":memory:").value();
-      CommitProtocol protocol(cell.link(), journal, clock, options);
-      std::mt19937_64 random(5);
-      const auto base = cell.link().ReadActive();
-      ASSERT_TRUE(base) << base.error().message;
-      const CommitRequest request{"scan", *base, RandomProgram(random, 4)};
-      cell.Misbehave(c.fault);
-      const hal::ProgramBlock before = cell.Active();
-      const CommitReport report = protocol.Commit(request);
-      EXPECT_THAT(c.allowed, testing::Contains(report.outcome))
-          << Name(report.outcome) << ": " << report.reason;
-      EXPECT_EQ(report.reason.find('\n'), std::string::npos);
-      if (report.outcome == CommitOutcome::kCommitted) {
-        EXPECT_EQ(cell.Active(), report.active);
-        EXPECT_EQ(cell.bender().commits_accepted(), 1u);
-      } else {
-        EXPECT_FALSE(report.reason.empty());
-        EXPECT_EQ(cell.Active(), before);
-        EXPECT_EQ(cell.bender().commits_accepted(), 0u);
-      }
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.fault);
+    Cell cell(map);
+    CommitJournal journal = CommitJournal::Open(":memory:").value();
+    CommitProtocol protocol(cell.link(), journal, clock, options);
+    std::mt19937_64 random(5);
+    const auto base = cell.link().ReadActive();
+    ASSERT_TRUE(base) << base.error().message;
+    const CommitRequest request{"scan", *base, RandomProgram(random, 4)};
+    cell.Misbehave(c.fault);
+    const hal::ProgramBlock before = cell.Active();
+    const CommitReport report = protocol.Commit(request);
+    EXPECT_THAT(c.allowed, testing::Contains(report.outcome))
+        << Name(report.outcome) << ": " << report.reason;
+    EXPECT_EQ(report.reason.find('\n'), std::string::npos);
+    if (report.outcome == CommitOutcome::kCommitted) {
+      EXPECT_EQ(cell.Active(), report.active);
+      EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+    } else {
+      EXPECT_FALSE(report.reason.empty());
+      EXPECT_EQ(cell.Active(), before);
+      EXPECT_EQ(cell.bender().commits_accepted(), 0u);
     }
   }
+}
+
+TEST(BenderFaultsOverModbus, EveryMisbehaviourLeavesTheOldOrTheNewProgram) {
+  EveryMisbehaviourLeavesTheOldOrTheNewProgram<ModbusBenderUnderTest>(PlainMap());
+}
+
+TEST(BenderFaultsOverCanopen, EveryMisbehaviourLeavesTheOldOrTheNewProgram) {
+  EveryMisbehaviourLeavesTheOldOrTheNewProgram<CanopenBenderUnderTest>(ObjectMap(PlainMap()));
 }
 
 }  // namespace

@@ -83,6 +83,7 @@ class CanopenBenderUnderTest final : public BenderUnderTest {
     const auto done = bender_->Misbehave(command);
     EXPECT_TRUE(done) << done.error().message;
   }
+  drivers::SimulatedBender& bender() { return *bender_; }
 
  private:
   drivers::CanopenBenderOptions options_{.node_id = 5, .vendor_id = 0x1234};

@@ -52,6 +52,14 @@ TEST(CanopenBender, SaysWhatIsWrongInTheWordsOfTheStandard) {
       "bender pair node 5: row_count: object 2010sub3 says 41 rows; at most 40 were expected");
 }
 
+// drivers/README.md shows this one.
+TEST(CanopenBender, WorkedExampleOfTheCrc) {
+  CanopenBenderUnderTest cell(ObjectMap(PlainMap()));
+  const auto encoded = cell.link().Encode({7, 12, {{{100, 0, 45.5, 30}, {80.25, 0, 0, {}}}}, 0});
+  ASSERT_TRUE(encoded) << encoded.error().message;
+  EXPECT_EQ(encoded->crc, 0x29B6029Cu);
+}
+
 TEST(CanopenBender, HeartbeatAndEmergencyStandInForObjectsThatAreNotThere) {
   hal::RegisterMap map = ObjectMap(PlainMap());
   map.heartbeat.reset();

@@ -21,6 +21,7 @@ using testing::StartsWith;
 
 const char kSimulator[] = BENDLOOP_BIN_DIR "/bendloop-simbender";
 const char kMap[] = BENDLOOP_SOURCE_DIR "/config/register-maps/default.toml";
+const char kEds[] = BENDLOOP_SOURCE_DIR "/config/object-dictionaries/default.eds";
 
 class SimbenderCommand : public testing::Test {
  protected:
@@ -119,6 +120,12 @@ TEST_F(SimbenderCommand, ExitCodesSayWhoHasToAct) {
   EXPECT_EQ(exit_code(Command({"--frobnicate"})), 2);
   EXPECT_EQ(exit_code(Command({"--springback-20", "nan"})), 3);
   EXPECT_EQ(exit_code(Command({"--misbehave", "dance"})), 2);
+  EXPECT_EQ(exit_code(Command({"--canopen", "nocan9"})), 2);  // without --object-dictionary
+  EXPECT_EQ(exit_code(Command({"--canopen", "nocan9", "--object-dictionary", kEds})), 2);  // map
+  EXPECT_EQ(exit_code({kSimulator, "--canopen", "nocan9", "--object-dictionary", kEds, "--map",
+                       BENDLOOP_SOURCE_DIR "/config/register-maps/canopen.toml", "--program",
+                       program().string(), "--pipe-radius", "4"}),
+            4);
   for (const char* bad :
        {"", "{", "[]", R"({"rows": 3})", R"({"rows": []})", R"({"rows": [{"length_mm": 1}]})",
         R"({"rows": [{"length_mm": null, "rotation_deg": 0, "angle_deg": 0,
