@@ -18,6 +18,7 @@ Examples:
   bendloop demo --parts 5 --seed 7 --out /tmp/demo
   sudo ip link add vcan0 type vcan && sudo ip link set vcan0 up   # a CAN bus without hardware
   bendloop demo --link can --can-interface vcan0
+  modprobe dummy_hcd && bendloop demo --scanner usb     (as root: a USB device port without hardware)
 
 Three processes beside this one: a simulated bender (Modbus TCP, CANopen or ISO-TP) whose steel
 springs back more than the part file says, a simulated scanner, and the daemon. Each part is bent,
@@ -49,6 +50,13 @@ CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
       ->default_str("tcp");
   command->add_option("--can-interface", options->can_interface, "For --link can: up already")
       ->capture_default_str();
+  command
+      ->add_option("--scanner", options->scanner,
+                   "tcp: on loopback; usb: a USB device, on a device port that leads back to this "
+                   "machine")
+      ->transform(CLI::Transformer(std::map<std::string, DemoScanner>{{"tcp", DemoScanner::kTcp},
+                                                                      {"usb", DemoScanner::kUsb}}))
+      ->default_str("tcp");
   command->add_option("--parts", options->parts, "How many are bent")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();

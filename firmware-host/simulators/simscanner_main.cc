@@ -7,16 +7,14 @@
 #include <array>
 #include <csignal>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <memory>
-#include <optional>
 #include <sstream>
 #include <string>
 
 #include "drivers/simulated_scanner/simulate_session.h"
 #include "drivers/simulated_scanner/simulated_scanner.h"
-#include "firmware-host/result/program_json.h"
+#include "firmware-host/simulators/tray_file.h"
 
 namespace bendloop::host {
 namespace {
@@ -29,39 +27,8 @@ using hal::ErrorKind;
 using hal::Fail;
 using hal::Result;
 
-constexpr std::uintmax_t kMaxTrayBytes = 4 << 20;
 constexpr std::size_t kMaxLineBytes = 1 << 16;
 constexpr std::int64_t kBetweenScansNs = 1'000'000'000;
-
-struct TrayPart {
-  std::uint32_t serial = 1;
-  hal::Tube tube;
-};
-
-Result<TrayPart> ReadTray(const std::string& file) {
-  std::error_code no_size;
-  const auto size = std::filesystem::file_size(file, no_size);
-  std::ifstream in(file);
-  if (no_size || !in || size > kMaxTrayBytes) {
-    return Fail(ErrorKind::kBadInput,
-                file + ": cannot be read; expected a tray file (JSON) of at most 4 MiB");
-  }
-  const Json json = Json::parse(in, nullptr, false);
-  if (json.is_discarded()) return Fail(ErrorKind::kBadInput, file + ": is not JSON");
-  std::optional<hal::Error> error;
-  const JsonReader reader(json, file, error);
-  const std::string schema = reader.At("schema").Text();
-  TrayPart part;
-  if (reader.Has("serial")) part.serial = reader.At("serial").Count32();
-  part.tube.pipe_radius_mm = reader.At("pipe_radius_mm").Number();
-  part.tube.program = ReadRows(reader.At("rows"));
-  if (error) return Fail(*error);
-  if (schema != "bendloop.tray/1") {
-    return Fail(ErrorKind::kBadInput,
-                file + ": schema is \"" + schema + "\", expected \"bendloop.tray/1\"");
-  }
-  return part;
-}
 
 // The simulated scanner and who stands beside it.
 class Operator {

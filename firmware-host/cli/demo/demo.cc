@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "config/load.h"
+#include "drivers/simulated_scanner/simulate_session.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cli/demo/child_process.h"
 #include "firmware-host/cli/demo/demo_files.h"
@@ -20,6 +21,7 @@
 #include "firmware-host/daemon/status_server.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/result/result_json.h"
+#include "firmware-host/simulators/tray_file.h"
 #include "firmware-host/text/progress.h"
 #include "firmware-host/text/result_text.h"
 #include "firmware-host/text/style.h"
@@ -41,6 +43,11 @@ const std::vector<std::string> kPhysics = {"--springback-20",    "1.9",  "--spri
                                            "--elongation",       "2.6",  "--twist",          "0.4",
                                            "--scatter-angle",    "0.03", "--scatter-length", "0.03",
                                            "--scatter-rotation", "0.03"};
+
+// Posts hold the tube above a table, which is in view, and clamps hide it in two places.
+constexpr int kTableGapMm = 30;
+constexpr int kClamps = 2;
+constexpr const char* kUsbSerial = "DEMO";
 
 // Worst deviation of a part on each axis.
 struct Worst {
@@ -92,6 +99,10 @@ class Demo {
   hal::Result<void> Launch(std::optional<ChildProcess>& child, const std::string& program,
                            const std::vector<std::string>& arguments);
   hal::Result<void> StartProcesses();
+  hal::Result<std::string> StartScanner();
+  hal::Result<fs::path> ScanOf(const fs::path& tray);
+  int Views() const { return options_.quick ? 2 : 3; }
+  int Rate() const { return options_.quick ? 4000 : 800; }
   hal::Result<void> AwaitDaemon();
   hal::Result<RunResult> MakePart(std::uint32_t part);
   hal::Result<void> AwaitResult(const fs::path& file);
@@ -141,20 +152,11 @@ hal::Result<void> Demo::StartProcesses() {
   const auto bender_place = bender_->Expect("listening", kStartTimeout);
   if (!bender_place) return hal::Fail(bender_place.error());
 
-  // Posts hold the tube above a table, which is in view, and clamps hide it in two places.
-  std::vector<std::string> scanner = {"--seed",      std::to_string(options_.seed),
-                                      "--clutter",   "table,clamps",
-                                      "--table-gap", "30",
-                                      "--spacing",   std::to_string(options_.spacing_mm),
-                                      "--rays",      std::to_string(options_.rays),
-                                      "--views",     options_.quick ? "2" : "3",
-                                      "--rate",      options_.quick ? "4000" : "800"};
-  if (auto started = Launch(scanner_, "bendloop-simscanner", scanner); !started) return started;
-  const auto scanner_port = scanner_->Expect("listening", kStartTimeout);
-  if (!scanner_port) return hal::Fail(scanner_port.error());
+  auto scanner = StartScanner();
+  if (!scanner) return hal::Fail(scanner.error());
 
   std::vector<std::string> daemon = {"--config",  LiveCellFile(options_).string(),
-                                     "--scanner", "127.0.0.1:" + *scanner_port,
+                                     "--scanner", *scanner,
                                      "--parts",   std::to_string(options_.parts)};
   std::string reached = *bender_place;
   if (options_.link == DemoLink::kTcp) {
@@ -167,8 +169,60 @@ hal::Result<void> Demo::StartProcesses() {
                 : options_.link == DemoLink::kTcp ? "Modbus TCP, "
                                                   : "Modbus by ISO-TP, ")
             << reached << "\n"
-            << "scanner  laser profiles, 127.0.0.1:" << *scanner_port << "\n";
+            << "scanner  laser profiles, " << *scanner << "\n";
   return AwaitDaemon();
+}
+
+// Where the daemon finds it.
+hal::Result<std::string> Demo::StartScanner() {
+  if (options_.scanner == DemoScanner::kUsb) {
+    const std::vector<std::string> scanner = {"--serial", kUsbSerial, "--pace",
+                                              options_.quick ? "max" : "real"};
+    if (auto started = Launch(scanner_, "bendloop-usbscanner", scanner); !started) {
+      return hal::Fail(started.error());
+    }
+    if (auto there = scanner_->Expect("listening", kStartTimeout); !there) {
+      return hal::Fail(there.error());
+    }
+    return std::string("usb:") + kUsbSerial;
+  }
+  const std::vector<std::string> scanner = {"--seed",      std::to_string(options_.seed),
+                                            "--clutter",   "table,clamps",
+                                            "--clamps",    std::to_string(kClamps),
+                                            "--table-gap", std::to_string(kTableGapMm),
+                                            "--spacing",   std::to_string(options_.spacing_mm),
+                                            "--rays",      std::to_string(options_.rays),
+                                            "--views",     std::to_string(Views()),
+                                            "--rate",      std::to_string(Rate())};
+  if (auto started = Launch(scanner_, "bendloop-simscanner", scanner); !started) {
+    return hal::Fail(started.error());
+  }
+  const auto port = scanner_->Expect("listening", kStartTimeout);
+  if (!port) return hal::Fail(port.error());
+  return "127.0.0.1:" + *port;
+}
+
+// The file that the scanner is given for a part: the part itself for the simulated scanner; for the
+// one on USB, which plays recordings, what the simulated one would see of it.
+hal::Result<fs::path> Demo::ScanOf(const fs::path& tray) {
+  if (options_.scanner == DemoScanner::kTcp) return fs::absolute(tray);
+  const auto part = ReadTray(tray.string());
+  if (!part) return hal::Fail(part.error());
+  drivers::SimulateSessionOptions recording;
+  recording.scan.seed = options_.seed * 1'000'003 + part->serial;
+  recording.scan.clutter.table = true;
+  recording.scan.clutter.clamps = kClamps;
+  recording.scan.clutter.table_gap_mm = kTableGapMm;
+  recording.scan.path.profile_spacing_mm = options_.spacing_mm;
+  recording.scan.path.views_deg = drivers::SpreadViewsDeg(Views(), false);
+  recording.scan.rays = options_.rays;
+  recording.scan.profiles_per_second = Rate();
+  const fs::path session =
+      fs::absolute(options_.out / "scans" / (tray.stem().string() + ".session"));
+  if (auto made = drivers::SimulateSession(part->tube, recording, session.string()); !made) {
+    return hal::Fail(made.error());
+  }
+  return session;
 }
 
 hal::Result<void> Demo::AwaitDaemon() {
@@ -228,7 +282,9 @@ hal::Result<RunResult> Demo::MakePart(std::uint32_t part) {
   if (!bent) return hal::Fail(bent.error());
   const fs::path tray = options_.out / "tray" / fs::path(*bent).filename();
   std::cout << "bent, scanning ...\n" << std::flush;
-  if (auto asked = scanner_->WriteLine("scan " + fs::absolute(tray).string()); !asked) {
+  const auto scan = ScanOf(tray);
+  if (!scan) return hal::Fail(scan.error());
+  if (auto asked = scanner_->WriteLine("scan " + scan->string()); !asked) {
     return hal::Fail(asked.error());
   }
   const fs::path file = options_.out / "results" / (NameOf(part) + ".json");

@@ -11,12 +11,16 @@ namespace bendloop::host {
 
 // How the bender is reached: Modbus TCP on loopback, CANopen or ISO-TP on a CAN interface.
 enum class DemoLink { kTcp, kCanopen, kCanIsotp };
+// kUsb: bendloop-usbscanner, a real USB device on a device port of this machine that leads back to
+// it (dummy_hcd).
+enum class DemoScanner { kTcp, kUsb };
 
 struct DemoOptions {
   std::filesystem::path out = "demo-out";
   std::filesystem::path part;  // part file; empty: the shipped demo part
   DemoLink link = DemoLink::kTcp;
   std::string can_interface = "can0";
+  DemoScanner scanner = DemoScanner::kTcp;
   std::uint32_t parts = 3;
   std::uint64_t seed = 1;
   bool colour = true;

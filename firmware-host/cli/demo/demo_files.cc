@@ -81,6 +81,7 @@ hal::Result<void> Clear(const fs::path& out) {
                            "results",
                            "sessions",
                            "tray",
+                           "scans",
                            "logs",
                            kMarker}) {
     fs::remove_all(out / name, error);
@@ -106,6 +107,7 @@ hal::Result<void> WriteDemoFiles(const DemoOptions& options) {
   std::error_code error;
   fs::create_directories(out / "tray", error);
   fs::create_directories(out / "logs", error);
+  fs::create_directories(out / "scans", error);
   if (error) {
     return hal::Fail(hal::ErrorKind::kDevice,
                      out.string() + ": cannot be created: " + error.message());
