@@ -25,10 +25,14 @@ struct Misbehaviour {
   };
   Kind kind = Kind::kGap;
   std::uint32_t amount = 1;
+  std::uint32_t after = 0;  // so many more profiles
 };
 
 // "gap", "repeat", "garbage", "corrupt", "bad-pose", "stall", "fault", "flood", "mute", "cut",
 // "halt", "unplug".
 std::optional<Misbehaviour::Kind> MisbehaviourFromName(const std::string& name);
+
+// "unplug 200 after 50": name, amount (1 if not given) and after (0).
+std::optional<Misbehaviour> ParseMisbehaviour(const std::string& words);
 
 }  // namespace bendloop::drivers

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <sstream>
 #include <utility>
 
 #include "drivers/scanner_wire/crc32c.h"
@@ -43,6 +44,20 @@ std::optional<Misbehaviour::Kind> MisbehaviourFromName(const std::string& name) 
     if (name == known) return kind;
   }
   return std::nullopt;
+}
+
+std::optional<Misbehaviour> ParseMisbehaviour(const std::string& words) {
+  std::istringstream in(words);
+  std::string word;
+  in >> word;
+  const auto kind = MisbehaviourFromName(word);
+  if (!kind) return std::nullopt;
+  Misbehaviour parsed{*kind, 1, 0};
+  if (!(in >> std::ws).eof() && in.peek() != 'a' && !(in >> parsed.amount)) return std::nullopt;
+  if (in >> word && (word != "after" || !(in >> parsed.after))) return std::nullopt;
+  if (!(in >> std::ws).eof()) return std::nullopt;
+  parsed.amount = std::max(parsed.amount, 1U);
+  return parsed;
 }
 
 ScannerDevice::ScannerDevice(WireIdentity identity, hal::Clock& clock)
@@ -251,7 +266,12 @@ void ScannerDevice::SendNext() {
       encoder_.Append(event_, out_);
       break;
     case ReadStatus::kProfile:
-      if (!misbehaviours_.empty() && DoMisbehave()) return;
+      if (!misbehaviours_.empty()) {
+        if (misbehaviours_.front().after == 0 && DoMisbehave()) return;
+        if (!misbehaviours_.empty() && misbehaviours_.front().after > 0) {
+          --misbehaviours_.front().after;
+        }
+      }
       (void)SendProfile();
       break;
     case ReadStatus::kEnd:

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "hal/clock.h"
+
 namespace bendloop::drivers {
 namespace {
 
@@ -13,8 +15,10 @@ using hal::Fail;
 using hal::Result;
 using std::chrono::nanoseconds;
 
-// A device that fails so often without any data in between has failed.
+// A device that fails so often without any data in between has failed. A cable that was pulled
+// shows as errors until the kernel has noticed, which the pauses leave it time for.
 constexpr std::uint32_t kMostInARow = 16;
+constexpr std::chrono::milliseconds kPause{50};
 constexpr std::chrono::milliseconds kPumpTurn{100};
 
 }  // namespace
@@ -70,7 +74,7 @@ Result<void> UsbCarrier::Open() {
   in_flight_ = 0;
   halted_ = broken_ = false;
   resting_.clear();
-  stalls_in_a_row_ = errors_in_a_row_ = 0;
+  failures_in_a_row_ = 0;
   stalls_ = errors_ = 0;
   transfers_ = 0;
   stop_ = false;
@@ -129,8 +133,9 @@ Result<bool> UsbCarrier::Receive(WireDecoder& decoder, nanoseconds timeout) {
 
 void UsbCarrier::Pump() {
   for (std::uint32_t i = 0; i < options_.transfers; ++i) Submit(i);
+  const hal::SteadyClock clock;
   while (!stop_) {
-    port_->Wait(kPumpTurn);
+    port_->Wait(halted_ && in_flight_ == 0 ? kPause : kPumpTurn);
     while (const auto completion = port_->TakeEnded()) {
       if (completion->transfer == UsbCompletion::kOut) {
         RequestEnded(*completion);
@@ -139,7 +144,7 @@ void UsbCarrier::Pump() {
       }
     }
     for (std::uint32_t index = 0; returned_.try_dequeue(index);) Submit(index);
-    if (halted_ && in_flight_ == 0) Recover();
+    if (halted_ && in_flight_ == 0 && clock.Now() >= recover_at_) Recover();
     if (request_state_ == Request::kPosted) {
       request_state_ = Request::kSending;
       if (broken_ || !port_->SendOut({request_.data(), request_bytes_})) {
@@ -166,25 +171,25 @@ void UsbCarrier::Deliver(const UsbCompletion& completion) {
                        static_cast<std::uint32_t>(completion.bytes), Fault::kNone});
 }
 
+// All that is in flight may end so; it is one failure, mended when nothing is in flight any more.
+void UsbCarrier::Halt(UsbEnd end) {
+  if (halted_) return;
+  const bool is_stall = end == UsbEnd::kStall;
+  ++(is_stall ? stalls_ : errors_);
+  if (++failures_in_a_row_ > kMostInARow) return Break(is_stall ? Fault::kStalls : Fault::kErrors);
+  recover_at_ = failures_in_a_row_ > 1 ? hal::SteadyClock().Now() + kPause : nanoseconds(0);
+  halted_ = true;
+  port_->CancelIn();
+}
+
 void UsbCarrier::Ended(const UsbCompletion& completion) {
   --in_flight_;
   if (broken_) return;
-  if (completion.end == UsbEnd::kStall) {
-    // All that is in flight may end so; it is one halt, cleared when nothing is in flight any more.
-    if (!halted_) {
-      ++stalls_;
-      if (++stalls_in_a_row_ > kMostInARow) return Break(Fault::kStalls);
-      halted_ = true;
-      port_->CancelIn();
-    }
-  } else if (completion.end == UsbEnd::kError) {
-    ++errors_;
-    if (++errors_in_a_row_ > kMostInARow) return Break(Fault::kErrors);
-  } else if (completion.end == UsbEnd::kGone) {
-    return Break(Fault::kGone);
-  }
+  if (completion.end == UsbEnd::kGone) return Break(Fault::kGone);
+  if (completion.end == UsbEnd::kStall || completion.end == UsbEnd::kError) Halt(completion.end);
+  if (broken_) return;
   if (completion.bytes > 0) {
-    if (completion.end == UsbEnd::kData) stalls_in_a_row_ = errors_in_a_row_ = 0;
+    if (completion.end == UsbEnd::kData) failures_in_a_row_ = 0;
     Deliver(completion);  // what came before a failure is good, or the decoder finds out
   } else {
     Submit(static_cast<std::uint32_t>(completion.transfer));

@@ -59,6 +59,7 @@ class UsbCarrier final : public ByteCarrier {
   void Ended(const UsbCompletion& completion);
   void RequestEnded(const UsbCompletion& completion);
   void Deliver(const UsbCompletion& completion);
+  void Halt(UsbEnd end);
   void Recover();
   void Break(Fault fault);
 
@@ -83,9 +84,9 @@ class UsbCarrier final : public ByteCarrier {
   std::size_t in_flight_ = 0;
   bool halted_ = false;
   bool broken_ = false;
-  std::vector<std::uint32_t> resting_;  // until the halt is cleared
-  std::uint32_t stalls_in_a_row_ = 0;
-  std::uint32_t errors_in_a_row_ = 0;
+  std::vector<std::uint32_t> resting_;  // until the pipe is mended
+  std::uint32_t failures_in_a_row_ = 0;
+  std::chrono::nanoseconds recover_at_{0};
 
   std::atomic<std::uint64_t> stalls_{0};
   std::atomic<std::uint64_t> errors_{0};

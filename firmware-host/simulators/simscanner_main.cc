@@ -84,17 +84,16 @@ class Operator {
   }
 
   void Misbehave(std::istringstream& words) {
-    std::string name;
-    std::uint32_t amount = 1;
-    words >> name;
-    const auto kind = drivers::MisbehaviourFromName(name);
-    if (!kind || (!(words >> amount) && !words.eof())) {
+    std::string fault;
+    std::getline(words, fault);
+    const auto parsed = drivers::ParseMisbehaviour(fault);
+    if (!parsed) {
       std::cout << "error misbehave: expected gap N, repeat, garbage BYTES, corrupt, bad-pose, "
-                   "stall MS, mute MS, flood N, cut or fault"
+                   "stall MS, mute MS, flood N, cut or fault; then perhaps after N"
                 << std::endl;
       return;
     }
-    scanner_.Misbehave({*kind, std::max(amount, 1U)});
+    scanner_.Misbehave(*parsed);
     std::cout << "ok" << std::endl;
   }
 
@@ -160,7 +159,7 @@ int Run(int argc, char** argv) {
       "                       a host has started the scanner; prints \"scanning NAME N profiles\"\n"
       "                       and at its end \"scanned NAME\", or \"abandoned NAME\" if the host\n"
       "                       went away\n"
-      "  misbehave FAULT      before the next profile, once (below)\n"
+      "  misbehave FAULT [after N]  before the next profile, or N later; once (below)\n"
       "  quit                 or the end of input: switch off"};
   app.name("bendloop-simscanner");
   app.footer(

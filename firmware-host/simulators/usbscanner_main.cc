@@ -129,18 +129,15 @@ class Operator {
   }
 
   Result<void> Misbehave(std::istringstream& words) {
-    std::string name;
-    std::uint32_t amount = 1;
-    words >> name;
-    const auto kind = drivers::MisbehaviourFromName(name);
-    if (!kind || (!(words >> amount) && !words.eof())) {
+    std::string fault;
+    std::getline(words, fault);
+    const auto parsed = drivers::ParseMisbehaviour(fault);
+    if (!parsed) {
       return Fail(ErrorKind::kUsage,
                   "misbehave: expected gap N, repeat, garbage BYTES, corrupt, bad-pose, stall MS, "
-                  "fault, flood N, mute MS, cut, halt or unplug MS");
+                  "fault, flood N, mute MS, cut, halt or unplug MS; then perhaps after N");
     }
-    service_.WithDevice([&](ScannerDevice& device) {
-      device.Misbehave({*kind, std::max(amount, 1U)});
-    });
+    service_.WithDevice([&](ScannerDevice& device) { device.Misbehave(*parsed); });
     return {};
   }
 
@@ -193,7 +190,7 @@ int Run(int argc, char** argv) {
       "  scan FILE            play this session as soon as a host has started the scanner; prints\n"
       "                       \"scanning NAME\" and at its end \"scanned NAME\", or \"abandoned\n"
       "                       NAME\" if the host went away\n"
-      "  misbehave FAULT      before the next profile, once (below)\n"
+      "  misbehave FAULT [after N]  before the next profile, or N later; once (below)\n"
       "  drift PPM            its clock runs fast by so much\n"
       "  unplug, plug         the cable\n"
       "  quit                 or the end of input: unplug and remove the device"};

@@ -61,14 +61,10 @@ class FakeUsbPort final : public UsbPort {
     submitted_.clear();
     ended_.clear();
     out_pending_ = false;
-    halted_ = false;
-    open_ = true;
+    halted_ = failed_ = false;
     return std::string("F1");
   }
-  void Close() override {
-    const std::lock_guard lock(bus_.mutex);
-    open_ = false;
-  }
+  void Close() override {}
   bool Submit(std::size_t transfer) override {
     const std::lock_guard lock(bus_.mutex);
     if (!bus_.plugged) return false;
@@ -101,8 +97,8 @@ class FakeUsbPort final : public UsbPort {
   bool ClearHalt(UsbPipe) override {
     const std::lock_guard lock(bus_.mutex);
     if (!submitted_.empty()) Wrong("halt cleared with transfers in flight");
-    if (!halted_) Wrong("no halt to clear");
-    halted_ = false;
+    if (!halted_ && !failed_) Wrong("nothing to clear");
+    halted_ = failed_ = false;
     ++bus_.halts_cleared;
     return bus_.plugged;
   }
@@ -142,9 +138,9 @@ class FakeUsbPort final : public UsbPort {
       while (!submitted_.empty()) End(0, UsbEnd::kGone);
       return;
     }
-    if (halted_) return;
+    if (halted_ || failed_) return;
     bus_.device.Work();
-    while (!submitted_.empty() && !halted_) {
+    while (!submitted_.empty() && !halted_ && !failed_) {
       const auto waiting = bus_.device.Waiting();
       const auto planned = std::find_if(bus_.plan.begin(), bus_.plan.end(),
                                         [&](const auto& p) { return p.second <= bus_.filled; });
@@ -157,6 +153,7 @@ class FakeUsbPort final : public UsbPort {
           return Fill();
         }
         halted_ = fault == FakeBus::Fault::kStall;
+        failed_ = failed_ || fault == FakeBus::Fault::kError;
         if (halted_ && bus_.stalls_all) {  // as some host controllers do
           while (!submitted_.empty()) End(0, UsbEnd::kStall);
         } else {
@@ -185,7 +182,7 @@ class FakeUsbPort final : public UsbPort {
   std::atomic<bool> woken_{false};
   bool out_pending_ = false;
   bool halted_ = false;
-  bool open_ = false;
+  bool failed_ = false;
 };
 
 }  // namespace bendloop::drivers
