@@ -103,8 +103,10 @@ hal::Result<void> CanopenNode::Resynchronise() {
   client_.Upload(probe, 4, SdoClient::Mode::kTolerant);
   auto done =
       Run("ask for " + hal::Name(probe) + ", to find the node again", 2 * response_timeout_);
-  if (done) unsure_ = false;
-  return done;
+  // That it does not have the object is its own answer, too.
+  if (!done && !client_.refused()) return done;
+  unsure_ = false;
+  return {};
 }
 
 hal::Result<void> CanopenNode::Transfer(const std::string& what) {

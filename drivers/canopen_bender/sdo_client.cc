@@ -38,6 +38,7 @@ void SdoClient::Begin(ObjectId object, Mode mode) {
   position_ = 0;
   toggle_ = false;
   repeats_ = 0;
+  refused_ = false;
   block_declined_ = false;
   pending_.reset();
   last_.reset();
@@ -130,6 +131,7 @@ bool SdoClient::ServerAborted(const SdoData& frame) {
     upload ? AskUpload() : AskDownload();
     return true;
   }
+  refused_ = true;
   Fail(0, "the bender aborts: " + AbortText(SdoValue(frame)));
   return true;
 }

@@ -45,6 +45,8 @@ class SdoClient {
   // What was read, once finished.
   const std::vector<std::uint8_t>& data() const { return data_; }
   const std::string& error() const { return error_; }  // one line, if failed
+  // It failed by the server's own word: an abort about this object.
+  bool refused() const { return refused_; }
   // The server declined a block transfer and served the object otherwise.
   bool block_declined() const { return block_declined_; }
 
@@ -104,6 +106,7 @@ class SdoClient {
   std::uint8_t block_size_ = 0;  // segments in a block
   std::uint8_t sequence_ = 0;    // of the last good segment in the block
   int repeats_ = 0;              // blocks that had to be repeated
+  bool refused_ = false;
   bool block_declined_ = false;
   std::optional<SdoData> pending_;
   std::optional<SdoData> last_;      // the last frame that was accepted

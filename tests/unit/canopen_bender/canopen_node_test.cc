@@ -121,6 +121,8 @@ TEST_F(Node, AbortsAndForeignFramesDoNotStayInTheWay) {
   EXPECT_EQ(ErrorOfRead(),
             "bender can7 node 5: read 2001sub3: the bender aborts: 0x06020000, the object does not "
             "exist in the object dictionary");
+  bus_.store.objects.clear();  // not even those that every node has
+  EXPECT_THAT(ErrorOfRead(), HasSubstr("read 2001sub3: the bender aborts"));
   bus_.store.objects[kObject] = value_;
   for (int i = 0; i < 3000; ++i) bus_.coming.push_back(Bus::Frame(0x123, {1, 2, 3}));
   bus_.coming.push_back(Bus::Frame(kCobSdoReply + kNode + 1, Bytes(8, 0x80)));
