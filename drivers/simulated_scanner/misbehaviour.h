@@ -17,7 +17,7 @@ struct Misbehaviour {
     kBadPose,  // a whole message with a pose that is none
     kStall,    // no profiles for `amount` milliseconds
     kFault,    // a fault event
-    kFlood,    // `amount` messages of an unknown type at once
+    kFlood,    // the next profile `amount` times at once
     kMute,     // says nothing at all for `amount` milliseconds, not even replies
     kCut,      // half a message, then the connection is closed or the cable pulled
     kHalt,     // USB: the IN pipe stalls

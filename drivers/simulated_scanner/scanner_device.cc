@@ -21,8 +21,7 @@ using std::chrono::nanoseconds;
 constexpr std::size_t kMostWaitingBytes = 256 * 1024;
 constexpr int kMostItemsATurn = 256;
 constexpr std::uint32_t kMostGarbage = 1 << 24;
-constexpr std::uint32_t kMostFlood = 1 << 20;
-constexpr auto kUnknownType = static_cast<WireType>(0xF0);
+constexpr std::size_t kMostFloodBytes = 64 << 20;
 
 }  // namespace
 
@@ -189,6 +188,18 @@ bool ScannerDevice::SendProfile() {
   return sent;
 }
 
+// The next profile's message so many times; it is sent once more afterwards.
+void ScannerDevice::Flood(std::uint32_t messages) {
+  const std::size_t begin = out_.size();
+  if (!SendProfile()) return;
+  const std::size_t size = out_.size() - begin;
+  messages = std::min(messages, static_cast<std::uint32_t>(kMostFloodBytes / size));
+  out_.resize(begin + size * messages);
+  for (std::uint32_t i = 1; i < messages; ++i) {
+    std::copy_n(out_.data() + begin, size, out_.data() + begin + i * size);
+  }
+}
+
 bool ScannerDevice::DoMisbehave() {
   using Kind = Misbehaviour::Kind;
   const Misbehaviour now = misbehaviours_.front();
@@ -216,9 +227,7 @@ bool ScannerDevice::DoMisbehave() {
       }
       return true;
     case Kind::kFlood:
-      for (std::uint32_t i = 0; i < std::min(now.amount, kMostFlood); ++i) {
-        encoder_.Append(kUnknownType, {}, out_);
-      }
+      Flood(now.amount);
       return true;
     case Kind::kFault: {
       hal::ScanEvent event;

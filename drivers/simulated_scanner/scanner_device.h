@@ -83,6 +83,7 @@ class ScannerDevice {
   void Abandon();
   void SendNext();
   bool SendProfile();
+  void Flood(std::uint32_t messages);
   // Applies what waits; true if the next profile is not to be sent now.
   bool DoMisbehave();
   std::int64_t ItemTime() const;

@@ -15,7 +15,7 @@ using namespace std::chrono_literals;
 using drivers::Misbehaviour;
 using drivers::UsbGadget;
 
-constexpr std::size_t kChunk = 16384;
+constexpr std::size_t kChunk = 65536;
 constexpr auto kTurn = 100ms;
 
 }  // namespace

@@ -204,7 +204,7 @@ int Run(int argc, char** argv) {
       "  bad-pose             a whole message with a pose that is none\n"
       "  stall MS             no profiles for a while\n"
       "  mute MS              nothing at all for a while, not even replies\n"
-      "  flood N              N messages of an unknown type at once\n"
+      "  flood N              the next profile N times at once\n"
       "  fault                a fault event\n"
       "  halt                 the IN pipe stalls until the host clears it\n"
       "  cut                  half a message, then the cable out and in\n"
