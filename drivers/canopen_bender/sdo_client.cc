@@ -297,8 +297,8 @@ void SdoClient::AcknowledgeBlock() {
 
 bool SdoClient::TakeBlockUploadEnd(const SdoData& frame) {
   if ((frame[0] & 0xe3) != Command(kScsBlockUpload, 1)) return Unexpected(frame);
-  const std::size_t unused = frame[0] >> 2 & 7;
-  data_.resize(data_.size() - std::min(unused, data_.size()));
+  const std::size_t unused = std::min<std::size_t>(frame[0] >> 2 & 7, data_.size());
+  data_.erase(data_.end() - static_cast<long>(unused), data_.end());
   if (!Accepts(data_.size(), "sent") || !CheckWhole()) return true;
   const auto crc = static_cast<std::uint16_t>(frame[1] | frame[2] << 8);
   if (crc_ && crc != SdoCrc(data_)) {

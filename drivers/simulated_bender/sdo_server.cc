@@ -138,7 +138,8 @@ void SdoServer::BlockDownload(const SdoData& request) {
     return Answer(SdoFrame(0xa4, object_, options_.block_size));
   }
   if (phase_ != Phase::kBlockDownloadEnd) return Abort(kAbortCommand);
-  data_.resize(data_.size() - std::min<std::size_t>(request[0] >> 2 & 7u, data_.size()));
+  const std::size_t unused = std::min<std::size_t>(request[0] >> 2 & 7u, data_.size());
+  data_.erase(data_.end() - static_cast<long>(unused), data_.end());
   if (SdoCrc(data_) != (request[1] | request[2] << 8)) return Abort(kAbortCrc);
   Finish(SdoData{0xa1});
 }
