@@ -20,8 +20,10 @@ constexpr auto kTurn = 100ms;
 
 }  // namespace
 
-GadgetService::GadgetService(UsbGadget& gadget, drivers::ScannerDevice& device)
+GadgetService::GadgetService(UsbGadget& gadget, drivers::ScannerDevice& device,
+                             const std::string& capture)
     : gadget_(gadget), device_(device), wake_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  if (!capture.empty()) capture_.open(capture, std::ios::binary);
   watch_ = std::thread([this] { Watch(); });
   receive_ = std::thread([this] { Receive(); });
   send_ = std::thread([this] { Send(); });
@@ -106,7 +108,13 @@ void GadgetService::Send() {
       continue;
     }
     lock.unlock();
-    if (!gadget_.Write(chunk)) {
+    if (gadget_.Write(chunk)) {
+      if (capture_.is_open()) {
+        capture_.write(reinterpret_cast<const char*>(chunk.data()),
+                       static_cast<std::streamsize>(chunk.size()));
+        capture_.flush();
+      }
+    } else {
       // The watch learns why; until then there is nobody to talk to.
       lock.lock();
       changed_.wait_for(lock, 1ms);

@@ -3,8 +3,10 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <fstream>
 #include <functional>
 #include <mutex>
+#include <string>
 #include <thread>
 
 #include "drivers/simulated_scanner/scanner_device.h"
@@ -16,8 +18,10 @@ namespace bendloop::host {
 // host and the cable do.
 class GadgetService {
  public:
-  // Plugs in. Both outlive the service.
-  GadgetService(drivers::UsbGadget& gadget, drivers::ScannerDevice& device);
+  // Both outlive the service. What goes to the host is kept in the file `capture` as well, unless
+  // it is "".
+  GadgetService(drivers::UsbGadget& gadget, drivers::ScannerDevice& device,
+                const std::string& capture);
   ~GadgetService();
   GadgetService(const GadgetService&) = delete;
   GadgetService& operator=(const GadgetService&) = delete;
@@ -36,6 +40,7 @@ class GadgetService {
   drivers::UsbGadget& gadget_;
   drivers::ScannerDevice& device_;
   const int wake_;
+  std::ofstream capture_;
   std::atomic<bool> stop_{false};
   std::mutex mutex_;
   std::condition_variable changed_;

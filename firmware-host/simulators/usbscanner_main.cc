@@ -41,6 +41,7 @@ struct Options {
   std::vector<std::string> sessions;
   bool forever = false;
   double drift_ppm = 0;
+  std::string capture;
 };
 
 // Who stands beside the scanner.
@@ -229,6 +230,8 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--drift", options.drift_ppm, "its clock runs fast by so much [ppm]")
       ->capture_default_str();
+  app.add_option("--capture", options.capture, "keep the bytes that the host gets in this file")
+      ->type_name("FILE");
   app.add_option("--udc", options.gadget.udc,
                  "device port, of /sys/class/udc (default: the first)");
   try {
@@ -261,7 +264,7 @@ int Run(int argc, char** argv) {
                         options.calibration, options.max_points},
                        clock);
   device.set_clock_drift_ppm(options.drift_ppm);
-  GadgetService service(**gadget, device);
+  GadgetService service(**gadget, device, options.capture);
   if (auto plugged = service.Plug(); !plugged) return Complain(plugged.error());
   std::cout << "listening " << options.gadget.serial << std::endl;
   Operator person(service, options, clock);

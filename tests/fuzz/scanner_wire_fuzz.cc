@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Links: bendloop_drivers_scanner_wire
+// Seeds: tests/data/scanner_wire
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
