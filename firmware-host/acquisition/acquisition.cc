@@ -10,6 +10,9 @@
 namespace bendloop::host {
 namespace {
 
+// Profiles between two looks at the clocks.
+constexpr std::uint64_t kDriftPeriod = 64;
+
 // There is one writer, so load and store need no read-modify-write.
 template <class T>
 void Raise(std::atomic<T>& peak, T value) {
@@ -95,6 +98,12 @@ void Acquisition::TakeProfile(Slot& slot) {
   slot.arrived_ns = clock_.Now().count();
   if (is_live_) {
     const std::int64_t delay = slot.arrived_ns - profile.t_ns;
+    drift_.Add(profile.t_ns, slot.arrived_ns);
+    if (counters_.profiles.load(std::memory_order_relaxed) % kDriftPeriod == 0) {
+      if (const auto ppm = drift_.Ppm()) {
+        counters_.clock_drift_ppm.store(*ppm, std::memory_order_relaxed);
+      }
+    }
     quickest_ns_ = std::min(delay, quickest_ns_.value_or(delay));
     counters_.lateness_last_ns.store(delay - *quickest_ns_, std::memory_order_relaxed);
     Raise(counters_.lateness_peak_ns, delay - *quickest_ns_);

@@ -4,9 +4,11 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <thread>
 
+#include "firmware-host/acquisition/clock_drift.h"
 #include "firmware-host/acquisition/profile_ring.h"
 #include "firmware-host/acquisition/realtime.h"
 #include "hal/clock.h"
@@ -29,6 +31,8 @@ struct AcquisitionCounters {
   // Delay of a profile beyond the quickest one of its scan: (arrival - exposure) - min.
   std::atomic<std::int64_t> lateness_last_ns{0};
   std::atomic<std::int64_t> lateness_peak_ns{0};
+  // The scanner's clock against ours [ppm], positive: fast (ClockDrift); NaN: not known.
+  std::atomic<double> clock_drift_ppm{std::numeric_limits<double>::quiet_NaN()};
 };
 
 struct AcquisitionOptions {
@@ -85,6 +89,7 @@ class Acquisition {
   std::uint32_t dropped_since_ = 0;
   std::optional<std::uint64_t> last_sequence_;
   std::optional<std::int64_t> quickest_ns_;
+  ClockDrift drift_;
 };
 
 }  // namespace bendloop::host

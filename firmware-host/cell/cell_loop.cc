@@ -2,6 +2,7 @@
 #include "firmware-host/cell/cell_loop.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "firmware-host/cell/version.h"
@@ -336,6 +337,8 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
     s.queue_capacity = ring.capacity();
     s.lateness_last_ms = static_cast<double>(counters.lateness_last_ns) * 1e-6;
     s.lateness_peak_ms = static_cast<double>(counters.lateness_peak_ns) * 1e-6;
+    const double drift_ppm = counters.clock_drift_ppm;
+    s.clock_drift_ppm = std::isnan(drift_ppm) ? std::nullopt : std::optional<double>(drift_ppm);
     if (reconstruction_) {
       s.live = live_;
       s.live.profiles = scan_.profiles();

@@ -71,6 +71,7 @@ Json StatusJson(const CellSnapshot& s) {
         {"queue_capacity", s.queue_capacity},
         {"lateness_last_ms", Number(s.lateness_last_ms, 3)},
         {"lateness_peak_ms", Number(s.lateness_peak_ms, 3)},
+        {"clock_drift_ppm", s.clock_drift_ppm ? Number(*s.clock_drift_ppm, 2) : Json()},
         {"lra_last_ms", Number(s.last_lra_ms, 3)},
         {"lra_peak_ms", Number(s.peak_lra_ms, 3)},
         {"answer_last_ms", Number(s.last_end_ms, 3)},
@@ -164,6 +165,10 @@ std::string MetricsText(const CellSnapshot& s) {
          s.lateness_last_ms * 1e-3);
   metric("lateness_peak_seconds", "gauge", "Largest delay of a profile beyond the quickest.",
          s.lateness_peak_ms * 1e-3);
+  if (s.clock_drift_ppm) {
+    metric("scanner_clock_drift_ratio", "gauge", "How much faster the scanner's clock runs.",
+           *s.clock_drift_ppm * 1e-6);
+  }
   metric("parts_total", "counter", "Parts finished.", number(s.parts));
   metric("parts_corrected_total", "counter", "Parts that led to a corrected program.",
          number(s.corrected));

@@ -68,6 +68,7 @@ struct CellSnapshot {
   std::uint64_t queue_capacity = 0;
   double lateness_last_ms = 0;
   double lateness_peak_ms = 0;
+  std::optional<double> clock_drift_ppm;  // of the scanner, positive: fast; empty: not known yet
   std::uint64_t recorded_sessions = 0;
   std::uint64_t recorder_dropped = 0;
   std::string recorder_error;

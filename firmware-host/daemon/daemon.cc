@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <utility>
 
 #include "config/load.h"
@@ -237,6 +238,9 @@ bool Daemon::Impl::ServeScanner(CellLoop& loop) {
   spdlog::info("scanner: {} profiles, {} dropped, {} missing, ring peak {} of {}",
                counters.profiles.load(), counters.dropped_profiles.load(),
                counters.missing_profiles.load(), counters.queue_peak.load(), ring.capacity());
+  if (const double ppm = counters.clock_drift_ppm; !std::isnan(ppm)) {
+    spdlog::info("scanner: its clock runs {:.1f} ppm {}", std::abs(ppm), ppm < 0 ? "slow" : "fast");
+  }
   const std::string remarks = (*source)->Remarks();
   if (!remarks.empty()) spdlog::warn("scanner: {}", remarks);
   switch (end) {

@@ -6,11 +6,12 @@
 
 #include <cstdlib>
 #include <memory>
+#include <random>
 #include <thread>
 #include <vector>
 
-#include "tests/support/call_guard.h"
 #include "fake_source.h"
+#include "tests/support/call_guard.h"
 
 namespace bendloop::host {
 namespace {
@@ -47,6 +48,44 @@ Seen Drain(ProfileRing& ring) {
     if (slot->kind == SlotKind::kEvent) seen.events.push_back(slot->event.kind);
     ring.Release();
     if (seen.last == SlotKind::kEnd || seen.last == SlotKind::kFault) return seen;
+  }
+}
+
+TEST(ClockDrift, IsFoundUnderDelays) {
+  for (const double ppm : {-200.0, -3.0, 0.0, 40.0, 5000.0}) {
+    std::mt19937_64 engine(7);
+    std::exponential_distribution<double> delay_ns(1.0 / 2e6);  // 2 ms, now and then 20
+    ClockDrift drift;
+    std::int64_t last = 0;
+    for (int i = 0; i < 120'000; ++i) {  // two minutes
+      const std::int64_t t_ns = 1'000'000LL * i;
+      const auto device = static_cast<std::int64_t>(static_cast<double>(t_ns) * (1 + ppm * 1e-6));
+      last = std::max(last, t_ns + static_cast<std::int64_t>(delay_ns(engine)));
+      drift.Add(1'000'000'000'000 + device, last);
+      if (i == 4000) {
+        EXPECT_FALSE(drift.Ppm());
+      }
+      if (i == 10'000) {
+        EXPECT_NEAR(drift.Ppm().value_or(1e9), ppm, 20) << "after 10 s";
+      }
+    }
+    EXPECT_NEAR(drift.Ppm().value_or(1e9), ppm, 1);
+  }
+}
+
+TEST(ClockDrift, ClocksThatAreSetAndNonsenseDoNoHarm) {
+  ClockDrift drift;
+  for (int i = 0; i < 10'000; ++i) drift.Add(1'000'000LL * i, 1'000'000LL * i);
+  EXPECT_NEAR(drift.Ppm().value_or(1e9), 0, 0.01);
+  drift.Add(0, 20'000'000'000);  // the scanner was switched off and on
+  EXPECT_FALSE(drift.Ppm());
+  for (int i = 0; i < 10'000; ++i) drift.Add(100'000LL * i, 1'000'000LL * i);  // ten times slower
+  EXPECT_FALSE(drift.Ppm());
+  for (const std::int64_t t : {INT64_MIN, INT64_MIN + 1, std::int64_t{0}, INT64_MAX}) {
+    drift.Add(t, 0);
+    drift.Add(t, INT64_MAX);
+    drift.Add(t, INT64_MIN);
+    (void)drift.Ppm();
   }
 }
 

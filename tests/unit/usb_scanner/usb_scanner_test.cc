@@ -58,6 +58,16 @@ TEST_F(UsbScannerTest, KeepsSeveralTransfersInFlight) {
   EXPECT_EQ(bus_.most_in_flight, 8u);
 }
 
+TEST_F(UsbScannerTest, ADeviceClockMayBeFast) {
+  UsbScanner& scanner = Open();
+  bus_.WithDevice([](ScannerDevice& device) { device.set_clock_drift_ppm(1000); });
+  Scan();
+  const auto items = ReadScan(scanner);
+  ASSERT_EQ(items.size(), ReferenceItems().size());
+  // The fifth profile, 0.25 ms apart, a thousandth more.
+  EXPECT_THAT(items[5], HasSubstr("profile 4 at 1001001000"));
+}
+
 TEST_F(UsbScannerTest, OneTransferIsEnough) {
   options_.transfers = 1;
   UsbScanner& scanner = Open();
