@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
-#include <map>
 #include <memory>
 #include <string>
 
@@ -26,10 +25,16 @@ scanned while it is measured, inspected and corrected; the next one is bent with
 program. The folder --out gets cell.toml, part.toml, results/, sessions/ and report.html; what an earlier
 demo left there is removed. Exit code 1 when the second part is not better than the first.)";
 
+struct Words {
+  std::string link = "tcp";
+  std::string scanner = "tcp";
+};
+
 }  // namespace
 
 CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
   auto options = std::make_shared<DemoOptions>();
+  auto words = std::make_shared<Words>();
   auto no_color = std::make_shared<bool>(false);
   CLI::App* command = app.add_subcommand(
       "demo", "The whole main job on simulated hardware: bend, scan, measure, correct, bend again");
@@ -41,22 +46,20 @@ CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
       ->type_name("PART.toml")
       ->check(CLI::ExistingFile);
   command
-      ->add_option("--link", options->link,
+      ->add_option("--link", words->link,
                    "To the bender: tcp (Modbus on loopback), can (CANopen), can-isotp")
-      ->transform(
-          CLI::Transformer(std::map<std::string, DemoLink>{{"tcp", DemoLink::kTcp},
-                                                           {"can", DemoLink::kCanopen},
-                                                           {"can-isotp", DemoLink::kCanIsotp}}))
-      ->default_str("tcp");
+      ->check(CLI::IsMember({"tcp", "can", "can-isotp"}).description(""))
+      ->type_name("LINK")
+      ->capture_default_str();
   command->add_option("--can-interface", options->can_interface, "For --link can: up already")
       ->capture_default_str();
   command
-      ->add_option("--scanner", options->scanner,
+      ->add_option("--scanner", words->scanner,
                    "tcp: on loopback; usb: a USB device, on a device port that leads back to this "
                    "machine")
-      ->transform(CLI::Transformer(std::map<std::string, DemoScanner>{{"tcp", DemoScanner::kTcp},
-                                                                      {"usb", DemoScanner::kUsb}}))
-      ->default_str("tcp");
+      ->check(CLI::IsMember({"tcp", "usb"}).description(""))
+      ->type_name("KIND")
+      ->capture_default_str();
   command->add_option("--parts", options->parts, "How many are bent")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -70,8 +73,11 @@ CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
       ->capture_default_str();
   command->add_flag("--quick", options->quick,
                     "Scan as fast as it goes instead of at a hand's pace");
-  command->callback([options, no_color, &run] {
-    run = [options, no_color] {
+  command->callback([options, words, no_color, &run] {
+    run = [options, words, no_color] {
+      if (words->link == "can") options->link = DemoLink::kCanopen;
+      if (words->link == "can-isotp") options->link = DemoLink::kCanIsotp;
+      if (words->scanner == "usb") options->scanner = DemoScanner::kUsb;
       options->colour = !*no_color && ColourAllowed(STDOUT_FILENO);
       const auto done = RunDemo(*options);
       return done ? 0 : Report(done.error());
