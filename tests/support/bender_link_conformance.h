@@ -34,6 +34,11 @@ class BenderLinkConformance : public testing::TestWithParam<BenderFactory> {
     return {bender_->Active().part_number, sequence, RandomProgram(random_, bends), 0};
   }
 
+  static testing::AssertionResult Done(const hal::Result<void>& result) {
+    if (result) return testing::AssertionSuccess();
+    return testing::AssertionFailure() << result.error().message;
+  }
+
   // Polls until the commit of `sequence` is answered; the deadline only ends a failing test.
   hal::BenderState AwaitReply(std::uint32_t sequence) {
     hal::SteadyClock clock;
@@ -105,7 +110,7 @@ TEST_P(BenderLinkConformance, EncodeIsWhatComesBackAfterStaging) {
                                        block.program.rows[i].rotation_deg),
                   0, 0.011);
     }
-    ASSERT_TRUE(link().Stage(block));
+    ASSERT_TRUE(Done(link().Stage(block)));
     const auto staged = link().ReadStaged();
     ASSERT_TRUE(staged) << staged.error().message;
     EXPECT_EQ(*staged, *encoded);
@@ -115,15 +120,15 @@ TEST_P(BenderLinkConformance, EncodeIsWhatComesBackAfterStaging) {
 
 TEST_P(BenderLinkConformance, StagingLeavesTheActiveProgramAlone) {
   const hal::ProgramBlock before = bender_->Active();
-  ASSERT_TRUE(link().Stage(Block(9, 5)));
+  ASSERT_TRUE(Done(link().Stage(Block(9, 5))));
   EXPECT_EQ(bender_->Active(), before);
 }
 
 TEST_P(BenderLinkConformance, CommitSwapsAndIsAcknowledged) {
   const auto encoded = link().Encode(Block(12, 6));
   ASSERT_TRUE(encoded);
-  ASSERT_TRUE(link().Stage(*encoded));
-  ASSERT_TRUE(link().Commit(12));
+  ASSERT_TRUE(Done(link().Stage(*encoded)));
+  ASSERT_TRUE(Done(link().Commit(12)));
   EXPECT_EQ(AwaitReply(12).reply, hal::CommitReply::kAccepted);
   EXPECT_EQ(bender_->Active(), *encoded);
   const auto active = link().ReadActive();
@@ -133,20 +138,20 @@ TEST_P(BenderLinkConformance, CommitSwapsAndIsAcknowledged) {
 
 TEST_P(BenderLinkConformance, CommitOfAnotherSequenceIsRejected) {
   const hal::ProgramBlock before = bender_->Active();
-  ASSERT_TRUE(link().Stage(Block(12, 6)));
-  ASSERT_TRUE(link().Commit(13));
+  ASSERT_TRUE(Done(link().Stage(Block(12, 6))));
+  ASSERT_TRUE(Done(link().Commit(13)));
   EXPECT_EQ(AwaitReply(13).reply, hal::CommitReply::kRejected);
   EXPECT_EQ(bender_->Active(), before);
 }
 
 TEST_P(BenderLinkConformance, CommitWhileBendingIsRejected) {
   const hal::ProgramBlock before = bender_->Active();
-  ASSERT_TRUE(link().Stage(Block(12, 6)));
+  ASSERT_TRUE(Done(link().Stage(Block(12, 6))));
   bender_->Misbehave("mode bending");
   const auto state = link().ReadState();
   ASSERT_TRUE(state);
   EXPECT_EQ(state->mode, hal::BenderMode::kBending);
-  ASSERT_TRUE(link().Commit(12));
+  ASSERT_TRUE(Done(link().Commit(12)));
   EXPECT_EQ(AwaitReply(12).reply, hal::CommitReply::kRejected);
   EXPECT_EQ(bender_->Active(), before);
 }
@@ -220,10 +225,10 @@ TEST_P(BenderLinkConformance, HalfWrittenStagingIsSeen) {
   const auto encoded = link().Encode(Block(12, 15));
   ASSERT_TRUE(encoded);
   bender_->Misbehave("half-write");
-  ASSERT_TRUE(link().Stage(*encoded));
+  ASSERT_TRUE(Done(link().Stage(*encoded)));
   const auto staged = link().ReadStaged();
   EXPECT_TRUE(!staged || *staged != *encoded);
-  ASSERT_TRUE(link().Commit(12));
+  ASSERT_TRUE(Done(link().Commit(12)));
   EXPECT_EQ(AwaitReply(12).reply, hal::CommitReply::kRejected);
 }
 

@@ -64,7 +64,14 @@ class CanopenBenderUnderTest final : public BenderUnderTest {
       simulated.canopen->socket = ends[0];
       ours_ = ends[1];
     }
+    // On a bus the boot-up may come a little late, and would rightly end the link's first transfer.
+    auto ear = drivers::OpenCanPort(interface, {drivers::kCobHeartbeat + options_.node_id});
     bender_ = StartBender(std::move(simulated));
+    const auto deadline = clock_.Now() + std::chrono::seconds(20);
+    for (bool up = !ear; !up && clock_.Now() < deadline;) {
+      const auto frame = (*ear)->Receive(std::chrono::seconds(1));
+      up = frame && *frame && (*frame)->data[0] == 0;
+    }
     link_ = interface.empty() ? drivers::MakeCanopenBender(
                                     map, options_, clock_,
                                     [this]() -> hal::Result<std::unique_ptr<drivers::CanPort>> {
