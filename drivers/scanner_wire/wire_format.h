@@ -19,6 +19,11 @@ constexpr std::size_t kWireMaxPayload = kWireProfileHeadBytes + kWireMaxPoints *
 constexpr std::size_t kWireMaxMessage = kWireHeaderBytes + kWireMaxPayload + kWireTrailerBytes;
 constexpr std::size_t kWireMaxText = 119;  // as hal::ScanEvent
 
+// On USB: the interface that carries it.
+constexpr std::uint8_t kWireUsbClass = 0xFF;  // vendor
+constexpr std::uint8_t kWireUsbSubclass = 0x42;
+constexpr std::uint8_t kWireUsbProtocol = kWireVersion;
+
 enum class WireType : std::uint8_t {
   // Host to device.
   kIdentify = 0x01,

@@ -16,6 +16,8 @@
 #include <system_error>
 #include <utility>
 
+#include "drivers/scanner_wire/wire_format.h"
+
 namespace bendloop::drivers {
 namespace {
 
@@ -23,9 +25,6 @@ namespace fs = std::filesystem;
 using hal::ErrorKind;
 using hal::Fail;
 using hal::Result;
-
-constexpr std::uint8_t kSubclass = 0x42;
-constexpr std::uint8_t kProtocol = 1;
 
 std::string Reason(int code) { return std::generic_category().message(code); }
 
@@ -56,9 +55,9 @@ usb_interface_descriptor Interface() {
   one.bLength = USB_DT_INTERFACE_SIZE;
   one.bDescriptorType = USB_DT_INTERFACE;
   one.bNumEndpoints = 2;
-  one.bInterfaceClass = USB_CLASS_VENDOR_SPEC;
-  one.bInterfaceSubClass = kSubclass;
-  one.bInterfaceProtocol = kProtocol;
+  one.bInterfaceClass = kWireUsbClass;
+  one.bInterfaceSubClass = kWireUsbSubclass;
+  one.bInterfaceProtocol = kWireUsbProtocol;
   return one;
 }
 

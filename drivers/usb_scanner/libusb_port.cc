@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "drivers/scanner_wire/wire_format.h"
 #include "hal/clock.h"
 
 namespace bendloop::drivers {
@@ -183,9 +184,8 @@ Result<void> LibusbPort::Take(libusb_device* device, libusb_device_handle* handl
   for (int i = 0; i < config->bNumInterfaces && pipes.interface_number < 0; ++i) {
     if (config->interface[i].num_altsetting < 1) continue;
     const libusb_interface_descriptor& face = config->interface[i].altsetting[0];
-    if (face.bInterfaceClass != kUsbInterfaceClass ||
-        face.bInterfaceSubClass != kUsbInterfaceSubclass ||
-        face.bInterfaceProtocol != kUsbInterfaceProtocol) {
+    if (face.bInterfaceClass != kWireUsbClass || face.bInterfaceSubClass != kWireUsbSubclass ||
+        face.bInterfaceProtocol != kWireUsbProtocol) {
       continue;
     }
     Pipes here;

@@ -16,11 +16,6 @@ struct libusb_transfer;
 
 namespace bendloop::drivers {
 
-// The scanner's interface, by which it is known beside the numbers (../scanner_wire, "On USB").
-constexpr std::uint8_t kUsbInterfaceClass = 0xFF;
-constexpr std::uint8_t kUsbInterfaceSubclass = 0x42;
-constexpr std::uint8_t kUsbInterfaceProtocol = 1;
-
 // The real thing, by libusb-1.0. Open() takes a fresh look at the bus each time; where udev runs it
 // is told of arrivals.
 class LibusbPort final : public UsbPort {
