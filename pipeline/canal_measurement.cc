@@ -180,8 +180,10 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
     polygon.push_back({scan.spine[i].position_mm, scan.tangents[i], 0, 1, 0});
   }
   const SurfaceFit structure = FindStructure(polygon, even_mm, blocks, kCaution);
-  const SurfaceFit fit = FitSurface(
-      structure.tube, blocks, {.reach_mm = 0.5 * even_mm, .priors = structure.priors});
+  const SurfaceFit fit = FitSurface(structure.tube, blocks,
+                                    {.reach_mm = 0.5 * even_mm,
+                                     .max_length_mm = 2.0 * LengthOf(polygon),
+                                     .priors = structure.priors});
   const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);
   measurement.tube = ends.tube;
   measurement.tube.pipe_radius_mm = mean_mm;

@@ -36,6 +36,14 @@ struct StageTime {
   double ms = 0;
 };
 
+// How far a bend is from round, in its middle.
+struct BendShape {
+  double ovality_percent = 0;  // (greatest - least diameter) / nominal
+  double ovality_sigma_percent = 0;
+  double outer_wall_mm = 0;  // how far the outer wall lies inside the round one
+  double outer_wall_sigma_mm = 0;
+};
+
 // What a scan says of a tube.
 struct Measurement {
   hal::Tube tube;          // in the world frame
@@ -45,6 +53,12 @@ struct Measurement {
   double coverage = 0;        // part of the spine's length that has samples, 0..1
   double longest_gap_mm = 0;  // of the spine without samples
   FitQuality fit;
+  std::vector<BendShape> bend_shapes;  // of every bend; none: nothing says that they are not round
+  // By how much the tube is better than the next best one with another number of bends: twice the
+  // natural logarithm of the odds. Below 10 it was a close call.
+  double structure_margin = 0;
+  // The greatest difference between a row's value in two halves of the samples, in its own sigmas.
+  double halves_differ_sigma = 0;
   std::vector<SpineSample> spine;      // along the tube, evenly spaced
   std::vector<SurfaceSample> surface;  // evenly thinned samples, for deviations and pictures
   std::vector<std::string> warnings;   // for a person, one sentence each

@@ -17,11 +17,13 @@
 #include "pipeline/oriented_samples.h"
 #include "pipeline/pipe_radius.h"
 #include "pipeline/sample_grid.h"
+#include "pipeline/self_check.h"
 #include "pipeline/shrinking.h"
 #include "pipeline/spine_polygon.h"
 #include "pipeline/stage_timer.h"
 #include "pipeline/structure.h"
 #include "pipeline/surface_fit.h"
+#include "pipeline/text.h"
 #include "pipeline/tube_ends.h"
 
 namespace bendloop::pipeline {
@@ -33,9 +35,37 @@ constexpr std::uint64_t kQuietProfiles = 12;
 constexpr double kFinalReach = 0.2;    // of r_P: what the final fit looks at
 constexpr double kShrinkWidest = 1.5;  // a sample's curvature may be so far from the pipe's
 constexpr std::size_t kShrinkSamples = 30'000;
-constexpr double kSecondTube = 0.3;  // of the first one's length: no scrap any more
-constexpr double kSettledDeg = 2.0;  // 1 sigma of an angle in the live view
-constexpr double kMaxPlaceMm = 1e7;  // no scanner sees further than ten kilometres
+constexpr double kPiece = 0.2;         // of the first tube's length: worth a word
+constexpr double kSecondTube = 0.6;    // of the first one's length: no scrap any more
+constexpr double kSettledDeg = 2.0;    // 1 sigma of an angle in the live view
+constexpr double kMaxPlaceMm = 1e7;    // no scanner sees further than ten kilometres
+constexpr double kCloseCall = 10.0;    // structure_margin
+constexpr double kMostMargin = 1e6;    // there may be nothing to compare with
+constexpr double kHalvesDiffer = 5.0;  // sigma
+
+// Shapes of the bends, margins, and what a person should know of them.
+void SayHowSure(const SurfaceFit& structure, const SurfaceFit& fit, const HalvesDiffer& halves,
+                Measurement& measurement) {
+  const double r_mm = fit.tube.pipe_radius_mm;
+  for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
+    const Flattening& f = fit.flattening[i];
+    const FlatteningSigma& sigma = fit.flattening_sigma[i];
+    measurement.bend_shapes.push_back({100.0 * f.OvalityPart(), 100.0 * sigma.ovality_part,
+                                       r_mm * f.OuterWallPart(), r_mm * sigma.outer_wall_part});
+  }
+  measurement.structure_margin = std::clamp(structure.margin, 0.0, kMostMargin);
+  if (measurement.structure_margin < kCloseCall) {
+    measurement.warnings.push_back("the number of bends is a close call (margin " +
+                                   Fixed(measurement.structure_margin, 1) +
+                                   ", clear from 10 on): compare it with the drawing, or scan "
+                                   "again with more points");
+  }
+  measurement.halves_differ_sigma = halves.sigmas;
+  if (halves.sigmas > kHalvesDiffer) {
+    measurement.warnings.push_back("two halves of the samples disagree on the " + halves.what +
+                                   " (" + Fixed(halves.sigmas, 1) + " sigma): scan again");
+  }
+}
 
 }  // namespace
 
@@ -113,7 +143,8 @@ class Reconstruction::Impl {
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
   std::vector<SpineNode> FinalNodes();
-  hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons) const;
+  hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons,
+                                       std::vector<std::string>& warnings) const;
 
   ReconstructionOptions options_;
   const hal::Clock& clock_;
@@ -159,7 +190,7 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
 }
 
 hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(
-    std::vector<SpinePolygon> polygons) const {
+    std::vector<SpinePolygon> polygons, std::vector<std::string>& warnings) const {
   if (polygons.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "no tube of pipe radius " + Mm(radius_mm_) +
@@ -181,6 +212,11 @@ hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(
                        "two tubes in the points (" + Mm(first_mm) + " and " + Mm(second_mm) +
                            " long), or one with a gap that is too long to bridge: scan one tube "
                            "at a time, and the gap again");
+    }
+    if (second_mm > kPiece * first_mm) {
+      warnings.push_back("another piece of tube in view, " + Mm(second_mm) +
+                         " long, is left out: where it belongs to this one, scan the gap between "
+                         "them again");
     }
   }
   return polygons.front();
@@ -249,7 +285,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   const std::vector<SpineNode> nodes = FinalNodes();
   timer.Done("projection");
 
-  const auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_));
+  const auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_), measurement.warnings);
   if (!polygon) return hal::Fail(polygon.error());
   timer.Done("curve");
 
@@ -257,11 +293,14 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   timer.Done("structure");
 
   const std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
-  const SurfaceFit fit = FitSurface(structure.tube, blocks,
-                                    {.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,
-                                     .flattened = !structure.flattening.empty(),
-                                     .priors = structure.priors});
+  const SurfaceFitOptions options{.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,
+                                  .max_length_mm = 2.0 * LengthOf(*polygon),
+                                  .flattened = !structure.flattening.empty(),
+                                  .priors = structure.priors};
+  const SurfaceFit fit = FitSurface(structure.tube, blocks, options);
   timer.Done("fit");
+  SayHowSure(structure, fit, CompareHalves(fit, blocks, options), measurement);
+  timer.Done("self_check");
 
   const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);
   measurement.tube = ends.tube;

@@ -55,6 +55,7 @@ constexpr std::size_t kAllSamples = kPointsAtOnce;
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
 constexpr std::size_t kScouts = 2000;  // samples
+constexpr double kLost = 0.6;          // of the samples that the other reaches
 constexpr double kHopeless = 2.0;      // times the rival's cost
 constexpr double kNoGoal = std::numeric_limits<double>::infinity();
 constexpr double kSlack = 100;  // variances, by which criteria that are not quite the same differ
@@ -188,7 +189,7 @@ class Search {
   }
 
   // Adds what the samples ask for and takes away what they do not mind to lose.
-  void Refine(SurfaceFit& best) const {
+  void Refine(SurfaceFit& best) {
     for (int cycle = 0; cycle < kMaxCycles; ++cycle) {
       bool added = false;
       for (std::size_t i = 0; i < kMaxAdded && Added(best); ++i) added = true;
@@ -196,6 +197,7 @@ class Search {
       while (Simplified(best)) {
       }
     }
+    best.margin = margin_;
   }
 
   // The same tube with the samples, and the shape of the bends, of this search.
@@ -215,15 +217,25 @@ class Search {
 
   // Bayesian information criterion, the variance taken from the better fit of the two. Every sample
   // costs at most kTruncated sigma: what neither model explains must not decide between them.
-  bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const {
-    const double variance = std::min(a.sigma_mm * a.sigma_mm * a.design_effect,
-                                     b.sigma_mm * b.sigma_mm * b.design_effect);
+  bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const { return Advantage(a, b) > 0; }
+
+  double Advantage(const SurfaceFit& a, const SurfaceFit& b) const {
+    // One that lost the tube has next to no distances, and a small sigma of these.
+    const auto reached_a = static_cast<double>(a.distances_mm.size());
+    const auto reached_b = static_cast<double>(b.distances_mm.size());
+    if (reached_a < kLost * reached_b) return -kNoGoal;
+    if (reached_b < kLost * reached_a) return kNoGoal;
+    const double variance = std::min(Variance(a), Variance(b));
     const double limit_mm = kTruncated * std::min(a.sigma_mm, b.sigma_mm);
     const auto criterion = [&](const SurfaceFit& fit) {
       return Cost(fit, limit_mm) / variance + PriceOf(fit) +
              fit.priors.ChiSquare(fit.tube.program, fit.flattening);
     };
-    return criterion(a) < criterion(b);
+    return criterion(b) - criterion(a);
+  }
+
+  static double Variance(const SurfaceFit& fit) {
+    return fit.sigma_mm * fit.sigma_mm * fit.design_effect;
   }
 
  private:
@@ -231,14 +243,17 @@ class Search {
 
   // A fit that is better than another one; none: it is not. Of fewer bends a part of the samples
   // says first whether all of them are worth asking, and about where the fit is.
-  std::optional<SurfaceFit> Better(const ArcLineSpline& spline, const SurfaceFit& rival) const {
+  std::optional<SurfaceFit> Better(const ArcLineSpline& spline, const SurfaceFit& rival) {
     hal::Tube tube = TubeFromSpline(spline, rival.tube.pipe_radius_mm);
     if (tube.program.bend_count() < rival.tube.program.bend_count()) {
       const double part =
           static_cast<double>(scouts_.point_count()) / static_cast<double>(samples_);
       const double hopeless_mm2 = kHopeless * part * rival.cost_mm2;
       const SurfaceFit scouted = FitWith(tube, scouts_, hopeless_mm2);
-      if (scouted.cost_mm2 > hopeless_mm2) return std::nullopt;
+      if (scouted.cost_mm2 > hopeless_mm2) {
+        Note((scouted.cost_mm2 / part - rival.cost_mm2) / Variance(rival));
+        return std::nullopt;
+      }
       tube = scouted.tube;
     }
     const double fewer = static_cast<double>(rival.tube.program.bend_count()) -
@@ -248,9 +263,13 @@ class Search {
                                                  rival.sigma_mm * rival.sigma_mm *
                                                  rival.design_effect;
     SurfaceFit fit = FitWith(tube, blocks_, goal_mm2);
-    if (!IsBetter(fit, rival)) return std::nullopt;
-    return fit;
+    const double worse = Advantage(rival, fit);
+    if (worse < 0) return fit;
+    Note(worse);
+    return std::nullopt;
   }
+
+  void Note(double worse) { margin_ = std::min(margin_, worse); }
 
   SurfaceFit FitWith(const hal::Tube& tube, std::span<const PointBlock> blocks,
                      double goal_mm2) const {
@@ -262,8 +281,9 @@ class Search {
                                     .tolerance = kTolerance,
                                     .goal_mm2 = goal_mm2};
     SurfaceFit fit = FitSurface(tube, blocks, options);
-    ArcLineSpline spline = SplineFromTube(fit.tube);
-    if (TrimBorders(spline, radius_mm_)) {
+    for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
+      ArcLineSpline spline = SplineFromTube(fit.tube);
+      if (!DropUnseen(spline, fit) && !TrimBorders(spline, radius_mm_)) break;
       fit = FitSurface(TubeFromSpline(spline, fit.tube.pipe_radius_mm), blocks, options);
     }
     return fit;
@@ -299,7 +319,7 @@ class Search {
   }
 
   // Splits the arc that explains its samples worst, if two arcs do so better. False: none does.
-  bool Split(SurfaceFit& fit) const {
+  bool Split(SurfaceFit& fit) {
     const ArcLineSpline spline = SplineFromTube(fit.tube);
     const double suspicious = kSuspicious * Median(fit.segment_mean_square_mm2);
     std::vector<std::pair<double, std::size_t>> worst;
@@ -322,10 +342,12 @@ class Search {
   }
 
   // One bend more where the samples ask for it most. False: they are content.
-  bool Added(SurfaceFit& fit) const {
+  bool Added(SurfaceFit& fit) {
+    margin_ = kNoGoal;
     const ArcLineSpline spline = SplineFromTube(fit.tube);
     int tries = 0;
     for (const MissingBend& missing : FindMissingBends(fit, blocks_, kReach * radius_mm_)) {
+      if (missing.gain < kAsk) Note(4.0 * Price() - missing.gain);
       if (missing.gain < kAsk || ++tries > kMaxTries) return false;
       for (const ArcLineSpline& with : WithBend(spline, fit.tube, missing, *polygon_)) {
         if (auto better = Better(with, fit)) {
@@ -338,7 +360,7 @@ class Search {
   }
 
   // One step: the cheapest merge or drop that is no worse. False: none is.
-  bool Simplified(SurfaceFit& fit) const {
+  bool Simplified(SurfaceFit& fit) {
     const ArcLineSpline spline = SplineFromTube(fit.tube);
     std::optional<SurfaceFit> best;
     const auto consider = [&](const ArcLineSpline& simpler) {
@@ -374,6 +396,7 @@ class Search {
     if (DropFirst(without, border_mm)) consider(without);
     if (!best) return false;
     fit = std::move(*best);
+    margin_ = kNoGoal;
     return true;
   }
 
@@ -384,6 +407,7 @@ class Search {
   OwnedBlocks blocks_;
   std::size_t samples_;
   OwnedBlocks scouts_;
+  double margin_ = kNoGoal;
 };
 
 }  // namespace
@@ -402,15 +426,14 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
   // Small bends are seen in more samples than the way there needed.
   const std::size_t enough = samples <= kEnoughSamples ? kEnoughSamples : kAllSamples;
   if (enough == kAllSamples) {
-    const Search fine(polygon, pipe_radius_mm, blocks, enough, any);
+    Search fine(polygon, pipe_radius_mm, blocks, enough, any);
     fit = fine.Again(fit.tube);
     fine.Refine(fit);
   }
   FitPriors priors;
   if (const auto usual = FindUsualBendRadius(fit)) {
     priors.bend_radius = usual;
-    const Search one_die(polygon, pipe_radius_mm, blocks, enough,
-                         {.priors = priors, .caution = caution});
+    Search one_die(polygon, pipe_radius_mm, blocks, enough, {.priors = priors, .caution = caution});
     SurfaceFit of_one_die = one_die.Again(WithUsualRadii(fit, *usual));
     one_die.Refine(of_one_die);
     if (one_die.IsBetter(of_one_die, fit)) {
@@ -420,8 +443,8 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
     }
   }
   // Round bends that follow each other may have been put in the place of oval ones.
-  const Search oval(polygon, pipe_radius_mm, blocks, enough,
-                    {.flattened = true, .priors = priors, .caution = caution});
+  Search oval(polygon, pipe_radius_mm, blocks, enough,
+              {.flattened = true, .priors = priors, .caution = caution});
   SurfaceFit flattened = oval.Again(fit.tube);
   if (!oval.IsFlattened(fit, flattened)) return fit;
   oval.Refine(flattened);

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "hal/spine.h"
@@ -18,6 +19,7 @@ constexpr double kNearArc = 1.5;      // of r_P: a place from where the arc besi
 // cap, burr or fixture at the border of a scan: the tube goes straight on there.
 constexpr double kBorder = 1.0;
 constexpr double kTightBorder = 2.0;
+constexpr double kSeen = 0.4;    // of the usual number of samples a length
 constexpr double kTight = 1.05;  // bend radius, in pipe radii: where the fit is held
 
 // All that comes after the first `count` arcs, turned about a place.
@@ -164,6 +166,29 @@ bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm) {
   while (!spline.arcs.empty() && DropLast(spline, border_mm(spline.arcs.back()))) trimmed = true;
   while (!spline.arcs.empty() && DropFirst(spline, border_mm(spline.arcs.front()))) trimmed = true;
   return trimmed;
+}
+
+bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
+  if (spline.arcs.empty()) return false;
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  std::vector<double> densities;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    if (segments[k].length_mm < fit.tube.pipe_radius_mm) continue;
+    densities.push_back(fit.segment_samples[k] / segments[k].length_mm);
+  }
+  const double usual = kSeen * Median(std::move(densities));
+  const auto unseen = [&](std::size_t arc, std::size_t outer) {
+    return fit.segment_samples[outer] < usual * fit.tube.pipe_radius_mm &&
+           (fit.segment_samples[arc] < usual * segments[arc].length_mm ||
+            segments[arc].bend_radius_mm < kTight * fit.tube.pipe_radius_mm);
+  };
+  const std::size_t last = segments.size() - 1;
+  const bool drop_last = unseen(last - 1, last);
+  const bool drop_first = unseen(1, 0) && (!drop_last || spline.arcs.size() > 1);
+  constexpr double kAll = std::numeric_limits<double>::infinity();
+  if (drop_last) DropLast(spline, kAll);
+  if (drop_first) DropFirst(spline, kAll);
+  return drop_last || drop_first;
 }
 
 std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {

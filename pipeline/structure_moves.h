@@ -25,6 +25,11 @@ bool DropFirst(ArcLineSpline& spline, double border_mm);
 // they are as tight as the pipe is thick, which no machine bends.
 bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm);
 
+// Without a first or last bend that no samples show: they are missing on the outer straight, and on
+// most of the arc, or that is as tight as the pipe is thick (a cap). `fit` is of the spline. False:
+// there was none.
+bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit);
+
 // One arc in place of two that follow each other.
 std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b);
 // Two arcs of half the angle in place of one, with a straight between them that touches the old arc

@@ -243,6 +243,7 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations, 
 
 void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> count,
                     SurfaceFit& fit) {
+  fit.segment_samples.assign(count.begin(), count.end());
   fit.segment_mean_square_mm2.clear();
   for (std::size_t k = 0; k < sum_mm2.size(); ++k) {
     fit.segment_mean_square_mm2.push_back(sum_mm2[k] / std::max(1.0, count[k]));

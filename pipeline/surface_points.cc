@@ -59,6 +59,23 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
   return thinned;
 }
 
+OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough) {
+  const std::size_t count = CountPoints(blocks);
+  const std::size_t stride = count / (2 * enough) + 1;
+  OwnedBlocks result(count);
+  std::uint64_t index = 0;
+  for (const PointBlock& block : blocks) {
+    result.Begin(block.center_mm, block.half_diagonal_mm);
+    for (const Eigen::Vector3d& point : block.points) {
+      // Fibonacci hashing: evenly spread, without a pattern that a scanner could share.
+      const std::uint64_t lot = ++index * 0x9E3779B97F4A7C15U;
+      const bool first = (lot >> 63) == 0;
+      if (first == (half == Half::kFirst) && (lot >> 20) % stride == 0) result.Add(point);
+    }
+  }
+  return result;
+}
+
 SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,
                            double beyond_mm, const std::optional<Flattening>& of_bend)
     : start_mm(segment.start_mm),

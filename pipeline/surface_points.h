@@ -43,6 +43,9 @@ class OwnedBlocks {
 
 // Every `stride`-th point, counted over all blocks, so that small ones do not weigh more.
 OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride);
+// One of two halves of the points, drawn by lot (always the same), thinned to about `enough`.
+enum class Half { kFirst, kSecond };
+OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough);
 std::size_t CountPoints(std::span<const PointBlock> blocks);
 
 // Where a point belongs on a spine.

@@ -32,7 +32,7 @@ constexpr double kOnStraights = 0.10;  // of the mean radius: range on the strai
 // An oval bend seen from one side looks like one of another radius: an ovality of 10 % is the
 // bender's limit and makes up to 16 %, thicker or thinner.
 constexpr double kInBends = 0.35;
-constexpr double kBetter = 2.0;     // of the squared distances
+constexpr double kBetter = 3.0;     // of the squared distances
 constexpr double kSpineOff = 0.05;  // of r_P: lines and arcs miss the samples by so much
 constexpr double kEvidence = 20.0;  // in twice the logarithm of the likelihood
 constexpr double kReach = 0.3;      // of r_P: further is just as bad
