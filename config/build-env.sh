@@ -13,7 +13,9 @@ build_jobs() {
 if command -v ccache >/dev/null 2>&1; then
   CMAKE_C_COMPILER_LAUNCHER=${CMAKE_C_COMPILER_LAUNCHER-ccache}
   CMAKE_CXX_COMPILER_LAUNCHER=${CMAKE_CXX_COMPILER_LAUNCHER-ccache}
-  export CMAKE_C_COMPILER_LAUNCHER CMAKE_CXX_COMPILER_LAUNCHER
+  # Precompiled headers may be kept, says ccache's manual, if it need not look at their times.
+  CCACHE_SLOPPINESS=pch_defines,time_macros
+  export CMAKE_C_COMPILER_LAUNCHER CMAKE_CXX_COMPILER_LAUNCHER CCACHE_SLOPPINESS
 fi
 
 # A build folder that was copied or moved from elsewhere still points there: begin it anew.

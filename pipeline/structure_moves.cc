@@ -197,9 +197,14 @@ std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {
   arc.tangent_out = b.tangent_out;
   const Eigen::Vector3d cross = a.tangent_in.cross(b.tangent_out);
   const double sine = cross.norm();
-  if (sine < 1e-4) return std::nullopt;
   arc.angle_rad = std::atan2(sine, a.tangent_in.dot(b.tangent_out));
-  arc.normal = cross / sine;
+  if (sine > 1e-4) {
+    arc.normal = cross / sine;
+  } else {  // straight on, or half a turn, whose plane the two arcs tell
+    if (arc.angle_rad < 1.0) return std::nullopt;
+    const Eigen::Vector3d between = a.normal + b.normal;
+    arc.normal = (between - between.dot(a.tangent_in) * a.tangent_in).normalized();
+  }
   if (a.angle_rad + b.angle_rad > std::numbers::pi && a.normal.dot(b.normal) > 0 &&
       arc.normal.dot(a.normal) < 0) {
     arc.angle_rad = 2.0 * std::numbers::pi - arc.angle_rad;

@@ -22,7 +22,20 @@ Json FitJson(const pipeline::Measurement& m) {
           {"p95_abs_distance_mm", Number(m.fit.p95_abs_distance_mm)},
           {"noise_mm", Number(m.noise_mm)},
           {"coverage", Number(m.coverage)},
-          {"longest_gap_mm", Number(m.longest_gap_mm)}};
+          {"longest_gap_mm", Number(m.longest_gap_mm)},
+          {"structure_margin", Number(m.structure_margin)},
+          {"halves_differ_sigma", Number(m.halves_differ_sigma)}};
+}
+
+Json BendShapesJson(const std::vector<pipeline::BendShape>& shapes) {
+  Json list = Json::array();
+  for (const pipeline::BendShape& shape : shapes) {
+    list.push_back({{"ovality_percent", Number(shape.ovality_percent)},
+                    {"ovality_sigma_percent", Number(shape.ovality_sigma_percent)},
+                    {"outer_wall_mm", Number(shape.outer_wall_mm)},
+                    {"outer_wall_sigma_mm", Number(shape.outer_wall_sigma_mm)}});
+  }
+  return list;
 }
 
 Json SpineJson(const std::vector<pipeline::SpineSample>& spine) {
@@ -64,6 +77,7 @@ Json ResultJson(const RunResult& result, const ResultJsonOptions& options) {
   json["uncertainty_1sigma"] = {{"pipe_radius_mm", Number(m.pipe_radius_sigma_mm)},
                                 {"rows", SigmaRowsJson(m.sigma, m.tube.program)}};
   json["fit"] = FitJson(m);
+  if (!m.bend_shapes.empty()) json["bend_shapes"] = BendShapesJson(m.bend_shapes);
   json["warnings"] = m.warnings;
   if (result.nominal) json["nominal"] = {{"rows", RowsJson(*result.nominal)}};
   if (result.inspection) json["inspection"] = InspectionJson(*result.inspection);

@@ -18,6 +18,8 @@ void ReadFit(const JsonReader& json, pipeline::Measurement& m) {
   m.noise_mm = json.NumberOr("noise_mm", 0);
   m.coverage = json.NumberOr("coverage", 0);
   m.longest_gap_mm = json.NumberOr("longest_gap_mm", 0);
+  m.structure_margin = json.NumberOr("structure_margin", 0);
+  m.halves_differ_sigma = json.NumberOr("halves_differ_sigma", 0);
 }
 
 void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
@@ -34,6 +36,16 @@ void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
     sigma.At("rows").Wrong("as many rows as tube/rows");
   }
   ReadFit(json.At("fit"), m);
+  if (json.Has("bend_shapes")) {
+    const JsonReader shapes = json.At("bend_shapes");
+    for (std::size_t i = 0, n = shapes.Size(kMaxRows); i < n; ++i) {
+      const JsonReader shape = shapes.Item(i);
+      m.bend_shapes.push_back({shape.NumberOr("ovality_percent", 0),
+                               shape.NumberOr("ovality_sigma_percent", 0),
+                               shape.NumberOr("outer_wall_mm", 0),
+                               shape.NumberOr("outer_wall_sigma_mm", 0)});
+    }
+  }
 
   if (json.Has("warnings")) m.warnings = json.At("warnings").Texts();
   if (json.Has("spine")) {

@@ -127,6 +127,13 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
     out += "  coverage " + Fixed(100 * m.coverage, 1) + " % of the spine, longest gap " +
            Fixed(m.longest_gap_mm, 1) + " mm\n";
   }
+  for (std::size_t i = 0; i < m.bend_shapes.size(); ++i) {
+    const pipeline::BendShape& shape = m.bend_shapes[i];
+    out += "  bend " + std::to_string(i + 1) + ": ovality " + Fixed(shape.ovality_percent, 2) +
+           " +- " + Fixed(shape.ovality_sigma_percent, 2) + " %, outer wall sunk in by " +
+           Fixed(shape.outer_wall_mm, kDecimals) + " +- " +
+           Fixed(shape.outer_wall_sigma_mm, kDecimals) + " mm\n";
+  }
   return out;
 }
 

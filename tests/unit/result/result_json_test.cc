@@ -34,6 +34,9 @@ RunResult Sample() {
   m.coverage = 0.97;
   m.longest_gap_mm = 8;
   m.fit = {12000, 34, 0.03, 0.05, 0.1};
+  m.bend_shapes = {{2.5, 0.1, 0.04, 0.002}, {0.2, 0.1, -0.01, 0.002}};
+  m.structure_margin = 163.5;
+  m.halves_differ_sigma = 1.75;
   m.spine = {{{0, 0, 0}, 4}, {{1, 0, 0}, 4.1}};
   m.warnings = {"the clamp hides 8 mm of row 2"};
   m.timing = {{"projection", 1.23456}, {"fit", 4}, {"projection", 1}, {"total", 7}};
@@ -50,7 +53,7 @@ TEST(ResultJson, HasTheKeysOfTheSchemaInOrder) {
   const Json json = ResultJson(Sample(), {.spine = true});
   EXPECT_THAT(Keys(json),
               ElementsAre("schema", "part", "session", "time", "software", "tube",
-                          "uncertainty_1sigma", "fit", "warnings", "spine", "timing_ms"));
+                          "uncertainty_1sigma", "fit", "bend_shapes", "warnings", "spine", "timing_ms"));
   EXPECT_EQ(json["schema"], "bendloop.result/1");
   EXPECT_THAT(Keys(json["tube"]),
               ElementsAre("pipe_radius_mm", "rows", "position_mm", "orientation_wxyz"));
