@@ -13,6 +13,7 @@ namespace {
 constexpr double kOutlier = 5.0;             // sigma
 constexpr std::size_t kMaxSurface = 20'000;  // samples kept for deviations and pictures
 constexpr double kBin = 0.5;                 // of r_P: resolution of coverage and spine
+constexpr double kMostBins = 1e5;
 
 }  // namespace
 
@@ -21,7 +22,7 @@ void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples
   const hal::Tube& tube = measurement.tube;
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const double length_mm = hal::SpineLength(tube.program);
-  const double bin_mm = kBin * tube.pipe_radius_mm;
+  const double bin_mm = std::max(kBin * tube.pipe_radius_mm, length_mm / kMostBins);
   const auto bins = static_cast<std::size_t>(std::ceil(length_mm / bin_mm)) + 1;
   std::vector<std::size_t> count(bins, 0);
   std::vector<double> sum(bins, 0.0);

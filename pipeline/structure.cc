@@ -269,6 +269,14 @@ class Search {
     return std::nullopt;
   }
 
+  // Splines that were changed boldly may begin and end far outside the scan.
+  hal::Tube NoLonger(hal::Tube tube) const {
+    for (hal::BendRow& row : tube.program.rows) {
+      row.length_mm = std::min(row.length_mm, longest_mm_);
+    }
+    return tube;
+  }
+
   void Note(double worse) { margin_ = std::min(margin_, worse); }
 
   SurfaceFit FitWith(const hal::Tube& tube, std::span<const PointBlock> blocks,
@@ -280,11 +288,11 @@ class Search {
                                     .max_steps = kSteps,
                                     .tolerance = kTolerance,
                                     .goal_mm2 = goal_mm2};
-    SurfaceFit fit = FitSurface(tube, blocks, options);
+    SurfaceFit fit = FitSurface(NoLonger(tube), blocks, options);
     for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
       ArcLineSpline spline = SplineFromTube(fit.tube);
       if (!DropUnseen(spline, fit) && !TrimBorders(spline, radius_mm_)) break;
-      fit = FitSurface(TubeFromSpline(spline, fit.tube.pipe_radius_mm), blocks, options);
+      fit = FitSurface(NoLonger(TubeFromSpline(spline, fit.tube.pipe_radius_mm)), blocks, options);
     }
     return fit;
   }

@@ -40,10 +40,9 @@ void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
     const JsonReader shapes = json.At("bend_shapes");
     for (std::size_t i = 0, n = shapes.Size(kMaxRows); i < n; ++i) {
       const JsonReader shape = shapes.Item(i);
-      m.bend_shapes.push_back({shape.NumberOr("ovality_percent", 0),
-                               shape.NumberOr("ovality_sigma_percent", 0),
-                               shape.NumberOr("outer_wall_mm", 0),
-                               shape.NumberOr("outer_wall_sigma_mm", 0)});
+      m.bend_shapes.push_back(
+          {shape.NumberOr("ovality_percent", 0), shape.NumberOr("ovality_sigma_percent", 0),
+           shape.NumberOr("outer_wall_mm", 0), shape.NumberOr("outer_wall_sigma_mm", 0)});
     }
   }
 
