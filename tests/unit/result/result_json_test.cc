@@ -51,9 +51,9 @@ std::vector<std::string> Keys(const Json& json) {
 
 TEST(ResultJson, HasTheKeysOfTheSchemaInOrder) {
   const Json json = ResultJson(Sample(), {.spine = true});
-  EXPECT_THAT(Keys(json),
-              ElementsAre("schema", "part", "session", "time", "software", "tube",
-                          "uncertainty_1sigma", "fit", "bend_shapes", "warnings", "spine", "timing_ms"));
+  EXPECT_THAT(Keys(json), ElementsAre("schema", "part", "session", "time", "software", "tube",
+                                      "uncertainty_1sigma", "fit", "bend_shapes", "warnings",
+                                      "spine", "timing_ms"));
   EXPECT_EQ(json["schema"], "bendloop.result/1");
   EXPECT_THAT(Keys(json["tube"]),
               ElementsAre("pipe_radius_mm", "rows", "position_mm", "orientation_wxyz"));
