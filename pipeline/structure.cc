@@ -10,19 +10,18 @@
 #include <optional>
 
 #include "pipeline/arc_line_spline.h"
-#include "pipeline/simplify.h"
+#include "pipeline/initial_spline.h"
 #include "pipeline/statistics.h"
 #include "pipeline/structure_moves.h"
 #include "pipeline/structure_score.h"
 #include "pipeline/surface_sums.h"
+#include "pipeline/usual_bend_radius.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-// Tolerances of the simplification, in pipe radii; the arcs get twice as much (section 4.5 gives
-// both the same, but the simplified vertices already used up one).
+// Tolerances of the simplification, in pipe radii.
 constexpr std::array<double, 3> kTolerances = {0.04, 0.08, 0.16};
-constexpr double kArcTolerance = 2.0;
 constexpr double kReach = 0.35;  // of r_P: how far a sample may be from a wrong model
 // The price of a parameter is this many times the criterion's log(n) variances: systematic errors
 // reach further than the blocks in which they are estimated.
@@ -30,16 +29,9 @@ constexpr double kPrice = 1.2;
 // Two straights joined by less than this are one, unless the samples insist.
 constexpr double kSlightDeg = 1.0;
 constexpr double kSlightPrice = 8;  // in parameters, above those of the bend
-// The bend radii of one die.
-constexpr double kUsualSpread = 0.015;  // 1 sigma: springback opens bends
-constexpr double kKnown = 0.03;         // 1 sigma of a radius that may speak for others
-constexpr double kTightest = 1.05;      // of r_P: where the fit is held
-constexpr double kMaySigma = 4.0;       // from the usual one and still of the same die
-constexpr double kSame = 2.5;           // sigma
-constexpr double kMost = 0.7;           // of the known ones
-constexpr double kLongest = 1.1;        // straight, of the polygon's length
-constexpr double kTruncated = 6.0;      // sigma
-constexpr double kInsist = 6.0;         // sigma, for flattened bends
+constexpr double kLongest = 1.1;    // straight, of the polygon's length
+constexpr double kTruncated = 6.0;  // sigma
+constexpr double kInsist = 6.0;     // sigma, for flattened bends
 constexpr double kDropAngleDeg = 3.0;
 constexpr double kSuspicious = 1.5;  // mean square of an arc's distances over the median segment's
 constexpr std::size_t kMaxSplits = 4;
@@ -54,6 +46,7 @@ constexpr std::size_t kAllSamples = kPointsAtOnce;
 // The live view has milliseconds: one tolerance, few samples, no comparisons.
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
+constexpr int kGlanceSteps = 15;
 constexpr std::size_t kScouts = 2000;  // samples
 constexpr double kLost = 0.6;          // of the samples that the other reaches
 constexpr double kHopeless = 2.0;      // times the rival's cost
@@ -62,96 +55,11 @@ constexpr double kSlack = 100;  // variances, by which criteria that are not qui
 constexpr int kSteps = 60;
 constexpr double kTolerance = 2e-5;  // of chi square, far below the price of a parameter
 
-// Vertices and tangent lines of the simplified polygon. A line follows the nodes under its edge
-// where there are enough of them, which steadies it against the noise of the two end nodes.
-ArcLineSpline InitialSpline(const SpinePolygon& polygon, double epsilon_mm) {
-  std::vector<Eigen::Vector3d> chain;
-  chain.reserve(polygon.size());
-  for (const SpineNode& node : polygon) chain.push_back(node.position_mm);
-  const std::vector<std::size_t> kept = Simplify(chain, epsilon_mm);
-  std::vector<Eigen::Vector3d> vertices;
-  std::vector<TangentLine> tangents;
-  for (const std::size_t k : kept) vertices.push_back(chain[k]);
-  for (std::size_t e = 0; e + 1 < kept.size(); ++e) {
-    const Eigen::Vector3d chord = (vertices[e + 1] - vertices[e]).normalized();
-    TangentLine line{vertices[e], chord};
-    if (kept[e + 1] - kept[e] >= 8) {
-      Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-      Eigen::Matrix3d outer = Eigen::Matrix3d::Zero();
-      double count = 0;
-      for (std::size_t k = kept[e] + 1; k < kept[e + 1]; ++k) {
-        mean += chain[k];
-        outer += chain[k] * chain[k].transpose();
-        ++count;
-      }
-      mean /= count;
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
-      eigen.computeDirect(outer / count - mean * mean.transpose());
-      Eigen::Vector3d direction = eigen.eigenvectors().col(2);
-      if (direction.dot(chord) < 0) direction = -direction;
-      if (direction.dot(chord) > 0.99) {
-        line = {mean + (vertices[e] - mean).dot(direction) * direction, direction};
-      }
-    }
-    tangents.push_back(line);
-  }
-  return ApproximateByArcLineSpline(vertices, tangents, kArcTolerance * epsilon_mm);
-}
-
-// The radius that most of the well-determined bends share; none: they do not, or it would help none
-// of the others.
-std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit) {
-  struct Known {
-    double radius_mm, sigma_mm;
-  };
-  std::vector<Known> known;
-  const hal::BendProgram& program = fit.tube.program;
-  for (std::size_t i = 0; i < program.bend_count(); ++i) {
-    const double radius_mm = *program.rows[i].bend_radius_mm;
-    const double sigma_mm = fit.sigma.rows[i].bend_radius_mm.value_or(0.0);
-    const bool held = radius_mm < kTightest * fit.tube.pipe_radius_mm;
-    if (sigma_mm < kKnown * radius_mm && !held) known.push_back({radius_mm, sigma_mm});
-  }
-  UsualBendRadius best;
-  std::size_t most = 0;
-  for (const Known& one : known) {
-    double weights = 0, sum = 0;
-    std::size_t count = 0;
-    const double usual_mm = kUsualSpread * one.radius_mm;
-    for (const Known& other : known) {
-      const double sigma_mm = std::hypot(usual_mm, one.sigma_mm, other.sigma_mm);
-      if (std::abs(other.radius_mm - one.radius_mm) > kSame * sigma_mm) continue;
-      const double weight = 1.0 / (usual_mm * usual_mm + other.sigma_mm * other.sigma_mm);
-      weights += weight;
-      sum += weight * other.radius_mm;
-      ++count;
-    }
-    if (count <= most) continue;
-    most = count;
-    best = {sum / weights, kUsualSpread * sum / weights};
-  }
-  const bool shared =
-      most >= 2 && static_cast<double>(most) >= kMost * static_cast<double>(known.size());
-  if (!shared || most == program.bend_count()) return std::nullopt;
-  return best;
-}
-
-// The tube with the usual radius where the fit allows it: the priors do not pull from afar.
-hal::Tube WithUsualRadii(const SurfaceFit& fit, const UsualBendRadius& usual) {
-  hal::Tube tube = fit.tube;
-  for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
-    double& radius_mm = *tube.program.rows[i].bend_radius_mm;
-    const double sigma_mm =
-        std::hypot(usual.sigma_mm, fit.sigma.rows[i].bend_radius_mm.value_or(0.0));
-    if (std::abs(radius_mm - usual.mean_mm) < kMaySigma * sigma_mm) radius_mm = usual.mean_mm;
-  }
-  return tube;
-}
-
 struct SearchOptions {
   bool flattened = false;
   FitPriors priors = {};
   double caution = 1;  // times the price of a parameter
+  int steps = kSteps;  // of a fit
 };
 
 class Search {
@@ -285,7 +193,7 @@ class Search {
                                     .max_length_mm = longest_mm_,
                                     .flattened = options_.flattened,
                                     .priors = options_.priors,
-                                    .max_steps = kSteps,
+                                    .max_steps = options_.steps,
                                     .tolerance = kTolerance,
                                     .goal_mm2 = goal_mm2};
     SurfaceFit fit = FitSurface(NoLonger(tube), blocks, options);
@@ -422,7 +330,8 @@ class Search {
 
 SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                              std::span<const PointBlock> blocks) {
-  return Search(polygon, pipe_radius_mm, blocks, kGlanceSamples, {}).Glance(polygon);
+  return Search(polygon, pipe_radius_mm, blocks, kGlanceSamples, {.steps = kGlanceSteps})
+      .Glance(polygon);
 }
 
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,

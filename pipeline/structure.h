@@ -11,7 +11,9 @@ namespace bendloop::pipeline {
 // How many bends, and about where: the shortcut graph at several tolerances, each solution fitted
 // to the samples, and of these the one that explains them with the fewest parameters (Bayesian
 // information criterion); then bends are added where the samples ask for them, neighbours are
-// merged and bends of nearly nothing dropped, as long as the samples do not mind.
+// merged and bends of nearly nothing dropped, as long as the samples do not mind. Then once more
+// with the radius that most bends share, and with bends that need not be round, where either
+// explains the samples better.
 // The tangent lines of the graph are fixed to a noisy polygon, which alone gets 28 of 30 tubes
 // right (Bauer & Polthier 2009, sections 4.1, 8 and 9); the comparison on the surface is the cure.
 // `blocks`: samples near the polygon.
