@@ -118,9 +118,8 @@ class Search {
     const double freedom = kFlatteningParameters * bends;
     const double price = std::max(0.0, PriceOf(flattened) - PriceOf(round));
     const double limit_mm = kTruncated * flattened.sigma_mm;
-    const double variance = flattened.sigma_mm * flattened.sigma_mm * flattened.design_effect;
     return Cost(round, limit_mm) - Cost(flattened, limit_mm) >
-           variance * (price + freedom + kInsist * std::sqrt(2.0 * freedom));
+           Variance(flattened) * (price + freedom + kInsist * std::sqrt(2.0 * freedom));
   }
 
   // Bayesian information criterion, the variance taken from the better fit of the two. Every sample
@@ -166,10 +165,8 @@ class Search {
     }
     const double fewer = static_cast<double>(rival.tube.program.bend_count()) -
                          static_cast<double>(tube.program.bend_count());
-    const double price = Price();
-    const double goal_mm2 = rival.cost_mm2 + (4.0 * std::max(0.0, fewer) * price + kSlack) *
-                                                 rival.sigma_mm * rival.sigma_mm *
-                                                 rival.design_effect;
+    const double goal_mm2 =
+        rival.cost_mm2 + (4.0 * std::max(0.0, fewer) * Price() + kSlack) * Variance(rival);
     SurfaceFit fit = FitWith(tube, blocks_, goal_mm2);
     const double worse = Advantage(rival, fit);
     if (worse < 0) return fit;
@@ -338,10 +335,8 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                          std::span<const PointBlock> blocks, double caution) {
   const SearchOptions any{.caution = caution};
   SurfaceFit fit = Search(polygon, pipe_radius_mm, blocks, kEnoughSamples, any).Run(polygon);
-  std::size_t samples = 0;
-  for (const PointBlock& block : blocks) samples += block.points.size();
   // Small bends are seen in more samples than the way there needed.
-  const std::size_t enough = samples <= kEnoughSamples ? kEnoughSamples : kAllSamples;
+  const std::size_t enough = CountPoints(blocks) <= kEnoughSamples ? kEnoughSamples : kAllSamples;
   if (enough == kAllSamples) {
     Search fine(polygon, pipe_radius_mm, blocks, enough, any);
     fit = fine.Again(fit.tube);

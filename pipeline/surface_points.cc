@@ -62,7 +62,7 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
 OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough) {
   const std::size_t count = CountPoints(blocks);
   const std::size_t stride = count / (2 * enough) + 1;
-  OwnedBlocks result(count);
+  OwnedBlocks result(std::min(count, 2 * enough));
   std::uint64_t index = 0;
   for (const PointBlock& block : blocks) {
     result.Begin(block.center_mm, block.half_diagonal_mm);
