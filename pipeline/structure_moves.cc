@@ -268,10 +268,21 @@ std::vector<ArcLineSpline> WithBend(const ArcLineSpline& spline, const hal::Tube
     }
     list.push_back(WithArcParted(spline, arc, along_mm));
   };
+  // In the line beside the arc, where it meets the arc or, in a short line, in its middle.
+  const auto beside = [&](std::size_t line, bool at_its_end) {
+    const double off_mm = std::min(tube.pipe_radius_mm, 0.5 * segments[line].length_mm);
+    list.push_back(WithSmallBend(spline, line / 2, segments[line],
+                                 at_its_end ? segments[line].length_mm - off_mm : off_mm,
+                                 missing.turn_rad, tube.pipe_radius_mm));
+  };
   if (segment.is_arc()) {
     const double middle_mm = 0.5 * segment.length_mm;
     if (missing.along_mm > 0) part(before, missing.along_mm);
-    if (std::abs(missing.along_mm - middle_mm) > near_mm) part(before, middle_mm);
+    if (missing.along_mm <= 0 || std::abs(missing.along_mm - middle_mm) > near_mm) {
+      part(before, middle_mm);
+    }
+    if (missing.along_mm < near_mm) beside(missing.segment - 1, true);
+    if (segment.length_mm - missing.along_mm < near_mm) beside(missing.segment + 1, false);
     return list;
   }
   list.push_back(WithSmallBend(spline, before, segment, missing.along_mm, missing.turn_rad,

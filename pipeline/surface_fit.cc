@@ -18,6 +18,7 @@ namespace {
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kMadToSigma = 1.4826;
 constexpr double kMaxTurnBackRad = 0.5;  // a slight bend may turn over to the other side
+constexpr double kMaxStepRad = 1.0;      // where samples hardly feel an angle, linear means nothing
 constexpr double kWidestBend = 100.0;    // pipe radii
 constexpr double kMaxFlattening = 0.4;
 // Steps that make chi square less by less than this, a tenth of a standard error long, are the
@@ -77,7 +78,8 @@ struct NormalEquations {
 struct Bounds {
   Bounds(const TubeParameters& parameters, double pipe_radius_mm, double max_length_mm)
       : low(Eigen::VectorXd::Constant(parameters.size(), -1e9)),
-        high(Eigen::VectorXd::Constant(parameters.size(), 1e9)) {
+        high(Eigen::VectorXd::Constant(parameters.size(), 1e9)),
+        step(Eigen::VectorXd::Constant(parameters.size(), max_length_mm)) {
     const auto bound = [&](int index, double from, double to) {
       low[index] = from;
       high[index] = to;
@@ -85,6 +87,8 @@ struct Bounds {
     for (std::size_t i = 0; i < parameters.bends(); ++i) {
       bound(parameters.length(i), 0.0, max_length_mm);
       bound(parameters.angle(i), -kMaxTurnBackRad, 2.0 * std::numbers::pi);
+      step[parameters.angle(i)] = kMaxStepRad;
+      if (i > 0) step[parameters.rotation(i)] = kMaxStepRad;
       bound(parameters.bend_radius(i), pipe_radius_mm, kWidestBend * pipe_radius_mm);
     }
     if (parameters.pipe_radius() >= 0) {
@@ -97,7 +101,11 @@ struct Bounds {
   }
   Eigen::VectorXd Inside(const Eigen::VectorXd& x) const { return x.cwiseMax(low).cwiseMin(high); }
 
+  double Lowest(Eigen::Index i, double at) const { return std::max(low[i], at - step[i]); }
+  double Highest(Eigen::Index i, double at) const { return std::min(high[i], at + step[i]); }
+
   Eigen::VectorXd low, high;
+  Eigen::VectorXd step;  // the longest at a time
 };
 
 // The damped Gauss-Newton step within bounds: what would leave them goes as far as they are, and
@@ -132,10 +140,11 @@ Eigen::VectorXd BoundedStep(const NormalEquations& equations, const Bounds& boun
       if (is_held(i)) continue;
       step[i] = solved[i];
       if (equations.scale[i] <= 0) continue;
-      const double to = equations.at[i] + equations.scale[i] * step[i];
-      if (to >= bounds.low[i] && to <= bounds.high[i]) continue;
-      step[i] =
-          (std::clamp(to, bounds.low[i], bounds.high[i]) - equations.at[i]) / equations.scale[i];
+      const double at = equations.at[i];
+      const double to = at + equations.scale[i] * step[i];
+      const double low = bounds.Lowest(i, at), high = bounds.Highest(i, at);
+      if (to >= low && to <= high) continue;
+      step[i] = (std::clamp(to, low, high) - at) / equations.scale[i];
       held[static_cast<std::size_t>(i)] = true;
       again = true;
     }
@@ -286,11 +295,6 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
       if (fit.converged) step = undamped;
     }
     const Eigen::VectorXd moved = equations->at + step;
-    if (fit.converged) {
-      fit.tube = parameters.TubeAt(moved);
-      fit.flattening = parameters.FlatteningAt(moved);
-      break;
-    }
     const double cost_mm2 = chi_square * state.sigma_mm * state.sigma_mm;
     pace_mm2 = i == 0 ? cost_mm2 : std::max(0.5 * pace_mm2, last_cost_mm2 - cost_mm2);
     last_cost_mm2 = cost_mm2;
@@ -299,7 +303,13 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
     idle = step.dot(equations->right) < hardly_mm2 ? idle + 1 : 0;
     if (idle > kMaxIdle) break;
     next.MoveTo(parameters, moved, blocks, options);
-    if (next.ChiSquare(state.sigma_mm, options) < chi_square) {
+    const bool better = next.ChiSquare(state.sigma_mm, options) < chi_square;
+    if (fit.converged && better) {
+      fit.tube = next.tube;
+      fit.flattening = next.flattening;
+    }
+    if (fit.converged) break;
+    if (better) {
       std::swap(state, next);
       equations.reset();
       damping = std::max(kNoDamping, 0.1 * damping);
@@ -324,6 +334,17 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
   return fit;
 }
 
+// Whether a step that all points ask for suits a part of them: along what the points hardly feel
+// even a step of little gain may be long.
+bool IsNoWorse(const TubeParameters& from, const Eigen::VectorXd& at, const Eigen::VectorXd& to,
+               std::span<const PointBlock> part, double sigma_mm,
+               const SurfaceFitOptions& options) {
+  State before, after;
+  before.MoveTo(from, at, part, options);
+  after.MoveTo(from, to, part, options);
+  return after.ChiSquare(sigma_mm, options) < before.ChiSquare(sigma_mm, options) + kLittle;
+}
+
 }  // namespace
 
 // A part of many points leads so near to the solution that all of them hardly need more than one
@@ -332,7 +353,8 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
                       const SurfaceFitOptions& options) {
   const std::size_t points = CountPoints(blocks);
   if (points <= kPointsAtOnce) return FitFew(start, blocks, options);
-  SurfaceFit fit = FitFew(start, Thinned(blocks, points / kCoarsePoints), options);
+  const OwnedBlocks coarse = Thinned(blocks, points / kCoarsePoints);
+  SurfaceFit fit = FitFew(start, coarse, options);
   fit.distances_mm.clear();
   fit.converged = false;
   const Bounds bounds(TubeParameters(fit.tube, options.free_pipe_radius, fit.flattening),
@@ -369,13 +391,14 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
     }
     const TubeParameters from(fit.tube, options.free_pipe_radius, fit.flattening);
     const Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
-    tube = from.TubeAt(equations->at + step);
-    flattening = from.FlatteningAt(equations->at + step);
+    const Eigen::VectorXd to = equations->at + step;
+    tube = from.TubeAt(to);
+    flattening = from.FlatteningAt(to);
     fit.converged = step.dot(equations->right) < kLittle * sigma_mm * sigma_mm;
-  }
-  if (fit.converged) {  // so short a step needs no proof
-    fit.tube = tube;
-    fit.flattening = flattening;
+    if (fit.converged && IsNoWorse(from, equations->at, to, coarse, sigma_mm, options)) {
+      fit.tube = tube;
+      fit.flattening = flattening;
+    }
   }
   return fit;
 }

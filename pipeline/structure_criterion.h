@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+
+#include "pipeline/surface_fit.h"
+
+namespace bendloop::pipeline {
+
+// Which of two structures explains the same samples better: Bayesian information criterion. All
+// values in variances of the noise, as twice the logarithm of odds.
+class StructureCriterion {
+ public:
+  // `caution`: times the usual evidence is asked for.
+  StructureCriterion(std::size_t samples, double caution);
+
+  // Of a parameter.
+  double price() const { return price_; }
+  // By how much `a` is better than `b`; the variance is taken from the better fit of the two. Every
+  // sample costs at most some sigma: what neither model explains must not decide between them.
+  double Advantage(const SurfaceFit& a, const SurfaceFit& b) const;
+  bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const { return Advantage(a, b) > 0; }
+  // Whether the samples insist that the bends are not round. Out of nothing but noise the gain is
+  // chi-squared with the flattening's number of parameters.
+  bool IsFlattened(const SurfaceFit& round, const SurfaceFit& flattened) const;
+
+  static double Variance(const SurfaceFit& fit);
+
+ private:
+  double PriceOf(const SurfaceFit& fit) const;
+
+  double price_;
+};
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/structure_search.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "pipeline/initial_spline.h"
+#include "pipeline/statistics.h"
+#include "pipeline/structure_moves.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// Tolerances of the simplification, in pipe radii.
+constexpr std::array<double, 3> kTolerances = {0.04, 0.08, 0.16};
+constexpr double kReach = 0.35;   // of r_P: how far a sample may be from a wrong model
+constexpr double kLongest = 1.1;  // straight, of the polygon's length
+constexpr double kDropAngleDeg = 3.0;
+constexpr double kSuspicious = 1.5;  // mean square of an arc's distances over the median segment's
+constexpr std::size_t kMaxSplits = 4;
+constexpr std::size_t kMaxAdded = 16;    // bends
+constexpr int kMaxCycles = 3;            // of adding and simplifying
+constexpr double kAsk = 20.0;            // gain, in variances, at which one more bend is tried
+constexpr int kMaxTries = 4;             // places
+constexpr double kDoubtfulBorder = 8.0;  // of r_P: up to here a bend near the border is doubted
+constexpr std::size_t kFew = 1500;       // samples that find out what is hopeless
+constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
+constexpr double kNoGoal = std::numeric_limits<double>::infinity();
+constexpr double kSlack = 100;  // variances, by which criteria that are not quite the same differ
+// Variances that a part of a tube may gain when it no longer has to meet the rest.
+constexpr double kLoose = 30;
+// A straight that is known so well, in sigma, is no accident of a wide bend or of one taken for
+// two.
+constexpr double kSettled = 300;
+constexpr double kTolerance = 2e-5;  // of chi square, far below the price of a parameter
+
+ArcLineSpline Without(const ArcLineSpline& spline, std::size_t first, std::size_t last) {
+  ArcLineSpline without = spline;
+  without.arcs.erase(without.arcs.begin() + static_cast<std::ptrdiff_t>(first),
+                     without.arcs.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+  return without;
+}
+
+// One arc in place of arcs [first, last].
+std::optional<ArcLineSpline> Merged(const ArcLineSpline& spline, std::size_t first,
+                                    std::size_t last) {
+  const auto merged = MergedArc(spline.arcs[first], spline.arcs[last]);
+  if (!merged) return std::nullopt;
+  ArcLineSpline simpler = Without(spline, first + 1, last);
+  simpler.arcs[first] = *merged;
+  return simpler;
+}
+
+double TurnDeg(const SplineArc& first, const SplineArc& last) {
+  return std::acos(std::clamp(first.tangent_in.dot(last.tangent_out), -1.0, 1.0)) * 180.0 /
+         std::numbers::pi;
+}
+
+bool IsSettled(const SurfaceFit& fit, std::size_t row) {
+  return fit.tube.program.rows[row].length_mm > kSettled * fit.sigma.rows[row].length_mm;
+}
+
+}  // namespace
+
+StructureSearch::StructureSearch(const SpinePolygon& polygon, double pipe_radius_mm,
+                                 std::span<const PointBlock> blocks, std::size_t enough,
+                                 const SearchOptions& options)
+    : radius_mm_(pipe_radius_mm),
+      options_(options),
+      longest_mm_(kLongest * LengthOf(polygon)),
+      polygon_(&polygon),
+      blocks_(Thinned(blocks, CountPoints(blocks) / enough + 1)),
+      criterion_(blocks_.point_count(), options.caution) {}
+
+SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(tube, kNoGoal); }
+
+SurfaceFit StructureSearch::Start() const {
+  std::optional<SurfaceFit> best;
+  std::size_t last_bends = kAll;
+  for (const double tolerance : kTolerances) {
+    const hal::Tube tube =
+        TubeFromSpline(InitialSpline(*polygon_, tolerance * radius_mm_), radius_mm_);
+    if (best && tube.program.bend_count() == last_bends) continue;
+    last_bends = tube.program.bend_count();
+    SurfaceFit fit = Fit(tube);
+    if (!best || criterion_.IsBetter(fit, *best)) best = std::move(fit);
+  }
+  return *best;
+}
+
+void StructureSearch::Split(SurfaceFit& best) {
+  nearest_.reset();
+  for (std::size_t i = 0; i < kMaxSplits && SplitWorst(best); ++i) {
+  }
+}
+
+void StructureSearch::Refine(SurfaceFit& best) {
+  nearest_.reset();
+  quiet_.assign(best.tube.program.bend_count(), false);
+  for (int cycle = 0; cycle < kMaxCycles; ++cycle) {
+    // Adding first: what was one by mistake is found before what is two by mistake is joined.
+    bool added = false;
+    for (std::size_t i = 0; i < kMaxAdded && Added(best); ++i) added = true;
+    if (cycle > 0 && !added) break;
+    for (std::size_t arc = 0; arc < best.tube.program.bend_count();) {
+      arc = SimplifiedAt(best, arc) ? 0 : arc + 1;
+    }
+  }
+  best.margin = margin_;
+}
+
+// Splines that were changed boldly may begin and end far outside the scan.
+SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
+                                  double goal_mm2) const {
+  hal::Tube start = tube;
+  for (hal::BendRow& row : start.program.rows) row.length_mm = std::min(row.length_mm, longest_mm_);
+  return FitSurface(start, blocks,
+                    {.reach_mm = kReach * radius_mm_,
+                     .max_length_mm = longest_mm_,
+                     .flattened = options_.flattened,
+                     .priors = options_.priors,
+                     .max_steps = options_.max_fit_steps,
+                     .tolerance = kTolerance,
+                     .goal_mm2 = goal_mm2});
+}
+
+SurfaceFit StructureSearch::FitWhole(const hal::Tube& tube, double goal_mm2) const {
+  SurfaceFit fit = FitTo(blocks_, tube, goal_mm2);
+  for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
+    ArcLineSpline spline = SplineFromTube(fit.tube);
+    if (!DropUnseen(spline, fit) && !TrimBorders(spline, radius_mm_)) break;
+    fit = FitTo(blocks_, TubeFromSpline(spline, fit.tube.pipe_radius_mm), goal_mm2);
+  }
+  return fit;
+}
+
+StructureSearch::Part StructureSearch::Around(const SurfaceFit& fit, const ArcLineSpline& spline,
+                                              StructureWindow window) {
+  if (!nearest_) nearest_.emplace(fit.tube, blocks_);
+  window = Widened(window, spline, radius_mm_);
+  Part part{window, PartOf(spline, window),     {},
+            {},     nearest_->Of(window, kFew), nearest_->Of(window, kAll)};
+  const hal::Tube tube = TubeFromSpline(part.spline, fit.tube.pipe_radius_mm);
+  part.few = FitTo(part.few_samples, tube, kNoGoal);
+  part.all = FitTo(part.all_samples, tube, kNoGoal);
+  return part;
+}
+
+double StructureSearch::GoalOf(const SurfaceFit& rival, const SurfaceFit& like,
+                               double fewer_bends) const {
+  return rival.cost_mm2 + (4.0 * std::max(0.0, fewer_bends) * criterion_.price() + kSlack) *
+                              StructureCriterion::Variance(like);
+}
+
+std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
+                                                  const ArcLineSpline& whole, const Part& part,
+                                                  const ArcLineSpline& changed) {
+  const double fewer =
+      static_cast<double>(part.spline.arcs.size()) - static_cast<double>(changed.arcs.size());
+  hal::Tube tube = TubeFromSpline(changed, rival.tube.pipe_radius_mm);
+  const auto is_hopeless = [&](const SurfaceFit& as_it_is, std::span<const PointBlock> samples) {
+    const SurfaceFit fit = FitTo(samples, tube, GoalOf(as_it_is, rival, fewer));
+    const double worse = criterion_.Advantage(as_it_is, fit);
+    tube = fit.tube;
+    if (worse > kLoose) Note(worse);
+    return worse > kLoose;
+  };
+  // What few samples say against fewer bends, more say louder.
+  if (fewer > 0 && is_hopeless(part.few, part.few_samples)) return std::nullopt;
+  if (is_hopeless(part.all, part.all_samples)) return std::nullopt;
+  const ArcLineSpline spline = WithPart(whole, part.window, SplineFromTube(tube));
+  SurfaceFit fit =
+      FitWhole(TubeFromSpline(spline, rival.tube.pipe_radius_mm), GoalOf(rival, rival, fewer));
+  const double worse = criterion_.Advantage(rival, fit);
+  if (worse < 0) return fit;
+  Note(worse);
+  return std::nullopt;
+}
+
+void StructureSearch::Accept(SurfaceFit& fit, SurfaceFit better, const StructureWindow& window) {
+  const std::size_t before = fit.tube.program.bend_count();
+  const std::size_t after = better.tube.program.bend_count();
+  fit = std::move(better);
+  nearest_.reset();
+  margin_ = kNoGoal;
+  if (quiet_.size() != before) return;
+  std::vector<bool> quiet(after, false);
+  for (std::size_t i = 0; i < std::min(window.first, after); ++i) quiet[i] = quiet_[i];
+  for (std::size_t i = window.last; i < before; ++i) {
+    if (i + after >= before) quiet[i + after - before] = quiet_[i];
+  }
+  // Candidates reach over the next two arcs.
+  for (std::size_t i = window.first - std::min<std::size_t>(window.first, 3);
+       i < std::min(after, window.last + 1); ++i) {
+    quiet[i] = false;
+  }
+  quiet_ = std::move(quiet);
+}
+
+// Splits the arc that explains its samples worst, if two arcs do so better. False: none does.
+bool StructureSearch::SplitWorst(SurfaceFit& fit) {
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  const double suspicious = kSuspicious * Median(fit.segment_mean_square_mm2);
+  std::vector<std::pair<double, std::size_t>> worst;
+  for (std::size_t i = 0; i < spline.arcs.size(); ++i) {
+    const double mean_square = fit.segment_mean_square_mm2[2 * i + 1];
+    if (mean_square > suspicious) worst.emplace_back(-mean_square, i);
+  }
+  std::sort(worst.begin(), worst.end());
+  for (const auto& [mean_square, i] : worst) {
+    const Part part = Around(fit, spline, {i, i + 1});
+    ArcLineSpline finer = part.spline;
+    const std::size_t at = i - part.window.first;
+    const auto arcs = SplitArc(finer.arcs[at]);
+    finer.arcs[at] = arcs[0];
+    finer.arcs.insert(finer.arcs.begin() + static_cast<std::ptrdiff_t>(at) + 1, arcs[1]);
+    if (auto better = Better(fit, spline, part, finer)) {
+      Accept(fit, std::move(*better), part.window);
+      return true;
+    }
+  }
+  return false;
+}
+
+// One bend more where the samples ask for it most. False: they are content.
+bool StructureSearch::Added(SurfaceFit& fit) {
+  margin_ = kNoGoal;
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  int tries = 0;
+  for (MissingBend missing : FindMissingBends(fit, blocks_, kReach * radius_mm_)) {
+    if (missing.gain < kAsk) Note(4.0 * criterion_.price() - missing.gain);
+    if (missing.gain < kAsk || ++tries > kMaxTries) return false;
+    const std::size_t before = missing.segment / 2;  // arcs
+    const Part part = Around(
+        fit, spline,
+        {before - std::min<std::size_t>(before, 1), std::min(before + 1, spline.arcs.size())});
+    missing.segment -= part.window.first_segment();
+    const hal::Tube tube = TubeFromSpline(part.spline, fit.tube.pipe_radius_mm);
+    for (const ArcLineSpline& with : WithBend(part.spline, tube, missing, *polygon_)) {
+      if (auto better = Better(fit, spline, part, with)) {
+        Accept(fit, std::move(*better), part.window);
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+// The best merge or drop that begins at this arc and is no worse. False: none is.
+bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
+  if (quiet_[arc]) return false;
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  const std::size_t arcs = spline.arcs.size();
+  std::optional<Part> part;
+  std::optional<SurfaceFit> best;
+  const auto local = [&](std::size_t i) { return i - part->window.first; };
+  const auto look = [&](std::size_t last) {
+    if (!part || last >= part->window.last) part = Around(fit, spline, {arc, last + 1});
+  };
+  const auto consider = [&](const ArcLineSpline& simpler) {
+    auto better = Better(fit, spline, *part, simpler);
+    if (better && (!best || criterion_.IsBetter(*better, *best))) best = std::move(better);
+  };
+  for (std::size_t last = arc + 1; last < std::min(arc + 3, arcs) && !IsSettled(fit, last);
+       ++last) {
+    look(last);
+    if (const auto simpler = Merged(part->spline, local(arc), local(last))) consider(*simpler);
+  }
+  // Bends that undo each other, as nodes disturbed by a clamp pretend them.
+  for (std::size_t last = arc; last < std::min(arc + 4, arcs); ++last) {
+    if (TurnDeg(spline.arcs[arc], spline.arcs[last]) > kDropAngleDeg) continue;
+    look(last);
+    consider(Without(part->spline, local(arc), local(last)));
+  }
+  // A bend near the border that clutter beside it pretends: the tube that goes straight on.
+  const double border_mm = kDoubtfulBorder * radius_mm_;
+  for (const bool at_start : {true, false}) {
+    if (arc != (at_start ? 0 : arcs - 1)) continue;
+    look(arc);
+    ArcLineSpline without = part->spline;
+    if (at_start ? DropFirst(without, border_mm) : DropLast(without, border_mm)) consider(without);
+  }
+  if (!best) {
+    quiet_[arc] = true;
+    return false;
+  }
+  Accept(fit, std::move(*best), part->window);
+  return true;
+}
+
+}  // namespace bendloop::pipeline

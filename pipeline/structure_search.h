@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "pipeline/spine_polygon.h"
+#include "pipeline/structure_criterion.h"
+#include "pipeline/structure_score.h"
+#include "pipeline/structure_window.h"
+#include "pipeline/surface_fit.h"
+
+namespace bendloop::pipeline {
+
+struct SearchOptions {
+  bool flattened = false;
+  FitPriors priors = {};
+  double caution = 1;  // times the usual evidence is asked for a bend
+  int max_fit_steps = 60;
+};
+
+// Changes the structure of a tube, bend by bend, as long as the samples are explained better. Every
+// change is fitted to the samples near it first, and to all of them if that promises something.
+class StructureSearch {
+ public:
+  // Looks at about `enough` of the samples.
+  StructureSearch(const SpinePolygon& polygon, double pipe_radius_mm,
+                  std::span<const PointBlock> blocks, std::size_t enough,
+                  const SearchOptions& options);
+
+  const StructureCriterion& criterion() const { return criterion_; }
+
+  SurfaceFit Fit(const hal::Tube& tube) const;
+  // Of several initial splines the one whose fit is best.
+  SurfaceFit Start() const;
+  // Splits arcs that explain their samples much worse than the others.
+  void Split(SurfaceFit& best);
+  // Adds what the samples ask for and takes away what they do not mind to lose.
+  void Refine(SurfaceFit& best);
+
+ private:
+  // A part of the tube as it is, for comparison with what might be there.
+  struct Part {
+    StructureWindow window;
+    ArcLineSpline spline;
+    SurfaceFit few, all;  // fitted to some and all of its samples
+    OwnedBlocks few_samples, all_samples;
+  };
+
+  SurfaceFit FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
+                   double goal_mm2) const;
+  SurfaceFit FitWhole(const hal::Tube& tube, double goal_mm2) const;
+  Part Around(const SurfaceFit& fit, const ArcLineSpline& spline, StructureWindow window);
+  // The tube with another spline in this part, if that is better.
+  std::optional<SurfaceFit> Better(const SurfaceFit& rival, const ArcLineSpline& whole,
+                                   const Part& part, const ArcLineSpline& changed);
+  double GoalOf(const SurfaceFit& rival, const SurfaceFit& like, double fewer_bends) const;
+  bool SplitWorst(SurfaceFit& fit);
+  bool Added(SurfaceFit& fit);
+  bool SimplifiedAt(SurfaceFit& fit, std::size_t arc);
+  void Accept(SurfaceFit& fit, SurfaceFit better, const StructureWindow& window);
+  void Note(double worse) { margin_ = std::min(margin_, worse); }
+
+  double radius_mm_;
+  SearchOptions options_;
+  double longest_mm_;
+  const SpinePolygon* polygon_;
+  OwnedBlocks blocks_;
+  StructureCriterion criterion_;
+  std::optional<NearestSegments> nearest_;  // of the tube that is looked at
+  std::vector<bool> quiet_;                 // by arc: nothing simpler there
+  double margin_ = std::numeric_limits<double>::infinity();
+};
+
+}  // namespace bendloop::pipeline
