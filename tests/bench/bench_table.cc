@@ -49,7 +49,7 @@ void PrintMarkdown(std::ostream& out, const std::string& title,
   for (const auto& cells : lines) {
     for (std::size_t c = 0; c < cells.size(); ++c) width[c] = std::max(width[c], Width(cells[c]));
   }
-  out << "### " << title << "\n\n";
+  if (!title.empty()) out << "### " << title << "\n\n";
   for (std::size_t i = 0; i < lines.size(); ++i) {
     out << "|";
     for (std::size_t c = 0; c < width.size(); ++c) {

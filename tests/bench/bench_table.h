@@ -26,6 +26,7 @@ struct Row {
 std::string Verdict(const Row& row);
 
 // Markdown whose columns line up; the first line is the head. Columns of numbers are set right.
+// With a title it begins a section.
 void PrintMarkdown(std::ostream& out, const std::string& title,
                    const std::vector<std::vector<std::string>>& lines,
                    const std::vector<bool>& is_number);

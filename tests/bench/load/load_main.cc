@@ -13,9 +13,10 @@
 #include <thread>
 #include <vector>
 
-#include "tests/bench/bench_table.h"
 #include "tests/bench/load/load_plot.h"
+#include "tests/bench/load/load_report.h"
 #include "tests/bench/load/load_run.h"
+#include "tests/bench/load/load_soak.h"
 
 namespace bendloop::bench {
 namespace {
@@ -35,11 +36,17 @@ struct Options {
 };
 
 constexpr const char* kFooter = R"(
+For each run: a table beside the targets, histograms with p50, p99 and max, for a soak the drift of
+memory, latencies and each L, R, A over the parts; at the end all runs side by side.
+
 Examples:
-  bendloop_load --stress                   all rates, 60 s and 30 parts each, beside stress-ng
-  bendloop_load --quick                    shows in half a minute that it works
-  bendloop_load --rates 600 --soak 1000    flat memory: 1000 short scans
-  bendloop_load --stress --json load.json --plot load.svg)";
+  bendloop_load --quick                     shows in half a minute that it works
+  bendloop_load --stress --parts 20 --plot load.svg
+                                            300, 600 and 1200 profiles/s for 60 s and 20 parts each,
+                                            beside stress-ng on every CPU: 7 minutes
+  bendloop_load --rates 1200 --part-seconds 0.8 --soak 1000 --plot soak.svg
+                                            1000 short scans, memory and drift: 20 minutes
+Exit codes: 0 done; 2 wrong usage; 4 a run failed or a file could not be written)";
 
 // stress-ng on every CPU, ended with this object.
 class Hog {
@@ -66,63 +73,6 @@ class Hog {
   pid_t child_ = -1;
 };
 
-double At(std::vector<double> values, double part) {
-  if (values.empty()) return 0;
-  const auto k = static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5);
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(k), values.end());
-  return values[k];
-}
-
-void AddLatency(std::vector<Row>& rows, const std::string& what, const std::vector<double>& ms,
-                std::optional<double> bar, std::optional<double> goal) {
-  if (ms.empty()) return;  // no value is no good value
-  rows.push_back({what + ", p50", At(ms, 0.5), "ms"});
-  rows.push_back({what + ", p99", At(ms, 0.99), "ms", bar, goal});
-  rows.back().note = std::to_string(ms.size()) + " values";
-  rows.push_back({what + ", max", At(ms, 1.0), "ms"});
-}
-
-std::vector<Row> RowsOf(const LoadCase& load, const LoadResult& r) {
-  std::vector<Row> rows;
-  rows.push_back({"points a second", load.profiles_per_second * 2000, "", 1.2e6, 2.4e6});
-  rows.back().more_is_better = true;
-  rows.back().note = std::to_string(r.profiles) + " profiles in " + std::to_string(r.parts) +
-                     " parts of " + Number(load.seconds) + " s";
-  rows.push_back({"profiles lost", static_cast<double>(r.dropped), "", 0, 0});
-  rows.push_back({"left out of the recording", static_cast<double>(r.recorder_dropped), "", 0, 0});
-  rows.push_back({"parts corrected", static_cast<double>(r.corrected), ""});
-  rows.back().note = std::to_string(r.refused) + " not, " + std::to_string(r.failed) +
-                     " not measured" + (r.first_reason.empty() ? "" : ": " + r.first_reason);
-  rows.push_back({"queue, p99", At(r.queue, 0.99), "profiles"});
-  rows.push_back({"queue, most", static_cast<double>(r.queue_peak), "profiles"});
-  rows.back().note = "of " + std::to_string(r.queue_capacity);
-  rows.push_back({"processor", r.cpu_percent, "% of one"});
-  rows.push_back({"peak memory", r.peak_mb, "MB", 256, 128});
-  rows.push_back({"lateness, most", r.lateness_peak_ms, "ms"});
-  rows.back().note = r.realtime_note;
-  AddLatency(rows, "profile to live LRA", r.live_ms, {}, {});
-  AddLatency(rows, "last profile to LRA", r.lra_ms, 100, 20);
-  for (const auto& [stage, ms] : r.stage_ms) {
-    rows.push_back({"- " + stage + ", p50", At(ms, 0.5), "ms"});
-  }
-  AddLatency(rows, "last profile to committed", r.committed_ms, 250, 50);
-  if (r.parts >= 20) {
-    const auto mean = [](const std::vector<double>& v, std::size_t from, std::size_t to) {
-      double sum = 0;
-      for (std::size_t i = from; i < to; ++i) sum += v[i];
-      return sum / static_cast<double>(to - from);
-    };
-    const std::size_t n = r.memory_mb.size();
-    rows.push_back({"memory, last tenth less second tenth",
-                    mean(r.memory_mb, n - n / 10, n) - mean(r.memory_mb, n / 10, 2 * (n / 10)),
-                    "MB"});
-    rows.push_back(
-        {"angle error, second tenth", mean(r.angle_error_deg, n / 10, 2 * (n / 10)), "degree"});
-    rows.push_back({"angle error, last tenth", mean(r.angle_error_deg, n - n / 10, n), "degree"});
-  }
-  return rows;
-}
-
 std::vector<LoadCase> CasesOf(const Options& options) {
   std::vector<LoadCase> cases;
   for (const double rate : options.rates) {
@@ -136,6 +86,14 @@ std::vector<LoadCase> CasesOf(const Options& options) {
   }
   for (LoadCase& load : cases) load.record = !options.no_record;
   return cases;
+}
+
+bool Write(const std::string& path, const std::string& text) {
+  std::ofstream file(path);
+  file << text;
+  if (file.flush()) return true;
+  std::cerr << "bendloop_load: cannot write " << path << '\n';
+  return false;
 }
 
 int Run(const Options& options) {
@@ -157,7 +115,7 @@ int Run(const Options& options) {
   std::cout << std::thread::hardware_concurrency() << " CPUs; load when started: " << line
             << (options.stress ? "; beside stress-ng on every CPU" : "") << "\n\n";
   nlohmann::json all = nlohmann::json::array();
-  std::vector<PlotSeries> plots;
+  std::vector<LoadReport> reports;
   int code = 0;
   for (const LoadCase& load : CasesOf(options)) {
     const auto directory = std::filesystem::path(scratch) / "run";
@@ -168,18 +126,26 @@ int Run(const Options& options) {
       code = 4;
       if (result.parts == 0) continue;
     }
-    const auto rows = RowsOf(load, result);
+    const auto rows = LoadRows(load, result);
     PrintTable(std::cout, load.name, rows);
+    PrintHistograms(std::cout, result);
+    const auto drifts = Drifts(result);
+    if (options.soak > 0) PrintDrifts(std::cout, result, drifts);
     std::cout << std::flush;
-    plots.push_back({load.name, result});
     all.push_back({{"case", load.name},
                    {"stress", options.stress},
                    {"rows", ToJson(rows)},
+                   {"drift", ToJson(drifts)},
                    {"raw", nlohmann::json(result)}});
+    reports.push_back({load, result});
   }
   if (options.directory.empty()) std::filesystem::remove_all(scratch);
-  if (!options.json_path.empty()) std::ofstream(options.json_path) << all.dump(1) << '\n';
-  if (!options.plot_path.empty()) std::ofstream(options.plot_path) << PlotSvg(plots);
+  if (reports.size() > 1) PrintSideBySide(std::cout, reports);
+  if (!options.json_path.empty() && !Write(options.json_path, all.dump(1) + '\n')) code = 4;
+  if (!options.plot_path.empty() && !reports.empty() &&
+      !Write(options.plot_path, options.soak > 0 ? SoakSvg(reports.front()) : LoadSvg(reports))) {
+    code = 4;
+  }
   return code;
 }
 
@@ -203,7 +169,8 @@ int main(int argc, char** argv) {
   app.add_flag("--no-record", options.no_record, "Without recorder, to see what it costs");
   app.add_option("--dir", options.directory, "Where sessions and state go (default: a new one)");
   app.add_option("--json", options.json_path, "Figures and every single value")->type_name("FILE");
-  app.add_option("--plot", options.plot_path, "Latencies, queue and memory as a picture")
+  app.add_option("--plot", options.plot_path,
+                 "A picture of it: latencies, queue and memory; of a soak its drift")
       ->type_name("FILE.svg");
   CLI11_PARSE(app, argc, argv);
   if (options.quick) {

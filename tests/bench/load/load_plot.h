@@ -4,16 +4,15 @@
 #include <string>
 #include <vector>
 
-#include "tests/bench/load/load_run.h"
+#include "tests/bench/load/load_report.h"
 
 namespace bendloop::bench {
 
-struct PlotSeries {
-  std::string name;
-  LoadResult result;
-};
+// A row of latency histograms for each run; below, queue, lateness and memory of all runs over the
+// time of scanning.
+std::string LoadSvg(const std::vector<LoadReport>& reports);
 
-// One row a run: histograms of the three latencies, and memory over the parts.
-std::string PlotSvg(const std::vector<PlotSeries>& series);
+// Memory, latencies and the errors of each L, R, A over the parts.
+std::string SoakSvg(const LoadReport& report);
 
 }  // namespace bendloop::bench

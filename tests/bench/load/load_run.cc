@@ -22,8 +22,11 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr double kNoiseMm = 0.03;
-constexpr double kBentOffDeg = 0.4;  // one part too far, the next too little
-constexpr auto kPause = 200ms;       // between the parts
+constexpr double kBentOffDeg = 0.4;      // one part too far, the next too little
+constexpr auto kPause = 200ms;           // between the parts
+constexpr std::uint64_t kLineStep = 97;  // from part to part: each has noise of its own
+constexpr double kShortestSample = 0.02;
+constexpr double kMostValues = 200'000;  // of one list; of more, every so manieth is kept
 
 // A tube of one inch, 0.9 m long with four bends.
 constexpr const char* kPart = R"(schema = "bendloop.part/1"
@@ -59,6 +62,20 @@ double MegabytesOf(const char* key) {
   return 0;
 }
 
+// Resident memory by the kernel's short list: cheap enough to ask for while scanning.
+double ResidentMegabytes() {
+  std::ifstream file("/proc/self/statm");
+  std::uint64_t pages = 0, resident = 0;
+  file >> pages >> resident;
+  return static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
+// Takes the memory of `count` values now, touched.
+void Provide(std::vector<double>& values, double count) {
+  values.assign(static_cast<std::size_t>(count) + 1, 0.0);
+  values.clear();
+}
+
 double CpuSeconds() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -90,14 +107,17 @@ class LoadCell {
       orders_.push_back({&scan, static_cast<std::uint64_t>(load.seconds * load.profiles_per_second),
                          load.profiles_per_second});
     }
+    ProvideLists();
   }
 
   hal::Result<LoadResult> Run();
 
  private:
+  void ProvideLists();
   host::CellPorts Ports();
   void Turn();
   void PartDone(host::PartOutcome outcome);
+  void AddErrors(const hal::BendProgram& measured);
   void Viewed(const pipeline::LiveView& view);
   double MsSince(std::int64_t due_ns) const {
     return 1e-6 * static_cast<double>(clock_.Now().count() - due_ns);
@@ -117,13 +137,36 @@ class LoadCell {
   std::vector<LoadSource::Order> orders_;
   LoadSource source_{clock_};
   host::ProfileRing* ring_ = nullptr;
+  const host::AcquisitionCounters* counters_ = nullptr;
   LoadResult result_;
   std::uint64_t started_ = 0;
   bool scanning_ = false;
   std::uint64_t viewed_ = 0;
+  std::uint64_t viewed_of_all_ = 0;
+  std::uint64_t live_stride_ = 1;
   std::chrono::nanoseconds next_at_{0};
   std::chrono::nanoseconds sampled_at_{0};
 };
+
+void LoadCell::ProvideLists() {
+  const auto parts = static_cast<double>(load_.parts);
+  const double seconds = load_.seconds * parts;
+  const double profiles = seconds * load_.profiles_per_second;
+  live_stride_ = static_cast<std::uint64_t>(std::ceil(profiles / kMostValues));
+  Provide(result_.live_ms, std::min(profiles, kMostValues));
+  result_.sample_seconds = std::max(kShortestSample, seconds / kMostValues);
+  for (auto* samples : {&result_.queue, &result_.lateness_ms, &result_.memory_mb}) {
+    Provide(*samples, 1.2 * seconds / result_.sample_seconds);
+  }
+  for (auto* of_part : {&result_.lra_ms, &result_.committed_ms, &result_.part_memory_mb}) {
+    Provide(*of_part, parts);
+  }
+  for (auto* errors :
+       {&result_.length_error_mm, &result_.rotation_error_deg, &result_.angle_error_deg}) {
+    errors->resize(plan_.nominal.rows.size());
+    for (auto& of_row : *errors) Provide(of_row, parts);
+  }
+}
 
 host::CellPorts LoadCell::Ports() {
   host::CellPorts ports;
@@ -149,18 +192,24 @@ host::CellPorts LoadCell::Ports() {
 void LoadCell::Turn() {
   const auto now = clock_.Now();
   if (scanning_ && now >= sampled_at_) {
-    sampled_at_ = now + 10ms;
+    sampled_at_ =
+        now + std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * result_.sample_seconds));
     result_.queue.push_back(static_cast<double>(ring_->Filled()));
+    result_.lateness_ms.push_back(1e-6 * static_cast<double>(counters_->lateness_last_ns));
+    result_.memory_mb.push_back(ResidentMegabytes());
   }
   if (scanning_ || now < next_at_ || started_ == load_.parts) return;
   scanning_ = true;
   viewed_ = 0;
-  source_.Trigger(&orders_[started_++ % orders_.size()]);
+  LoadSource::Order& order = orders_[started_ % orders_.size()];
+  order.first_line = kLineStep * started_++;
+  source_.Trigger(&order);
 }
 
 void LoadCell::Viewed(const pipeline::LiveView& view) {
   const double now_ms = MsSince(source_.first_due_ns());
   for (; viewed_ < view.profiles; ++viewed_) {
+    if (viewed_of_all_++ % live_stride_ != 0) continue;
     result_.live_ms.push_back(now_ms -
                               1e3 * static_cast<double>(viewed_) / load_.profiles_per_second);
   }
@@ -179,21 +228,34 @@ void LoadCell::PartDone(host::PartOutcome outcome) {
     }
   }
   for (const auto& stage : outcome.result.measurement.timing) {
-    result_.stage_ms[stage.stage].push_back(stage.ms);
+    auto& times = result_.stage_ms[stage.stage];
+    if (times.empty()) Provide(times, static_cast<double>(load_.parts));
+    times.push_back(stage.ms);
   }
-  const auto& truth = truths_[(started_ - 1) % truths_.size()].rows;
-  const auto& rows = outcome.result.inspection->measured.program.rows;
-  double worst = 0;
-  for (std::size_t i = 0; i < std::min(rows.size(), truth.size()); ++i) {
-    worst = std::max(worst, std::abs(rows[i].angle_deg - truth[i].angle_deg));
-  }
-  result_.angle_error_deg.push_back(worst);
+  if (outcome.result.inspection) AddErrors(outcome.result.inspection->measured.program);
   keeper_.Keep(std::move(outcome));
   // The long run keeps its sessions within the disk budget; results are small but many.
-  result_.memory_mb.push_back(MegabytesOf("VmRSS"));
+  result_.part_memory_mb.push_back(ResidentMegabytes());
   ++result_.parts;
   scanning_ = false;
   next_at_ = clock_.Now() + kPause;
+}
+
+void LoadCell::AddErrors(const hal::BendProgram& measured) {
+  const auto& truth = truths_[(started_ - 1) % truths_.size()].rows;
+  const auto& rows = measured.rows;
+  if (rows.size() != truth.size()) {
+    ++result_.wrong_bends;
+    return;
+  }
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    result_.length_error_mm[i].push_back(rows[i].length_mm - truth[i].length_mm);
+    if (i + 1 == rows.size()) break;  // the last row is a straight
+    result_.angle_error_deg[i].push_back(rows[i].angle_deg - truth[i].angle_deg);
+    if (i == 0) continue;  // the first bend's plane is where rotation begins
+    result_.rotation_error_deg[i].push_back(
+        hal::WrapRotationDeg(rows[i].rotation_deg - truth[i].rotation_deg));
+  }
 }
 
 hal::Result<LoadResult> LoadCell::Run() {
@@ -223,6 +285,7 @@ hal::Result<LoadResult> LoadCell::Run() {
   acquire.realtime.enabled = true;
   host::Acquisition acquisition(source_, info, ring, clock_, acquire);
   host::CellLoop loop(plan_, Ports(), options);
+  counters_ = &acquisition.counters();
   if (auto started = acquisition.Start(); !started) return hal::Fail(started.error());
   if (const auto note = host::FavourPipeline(acquire.realtime); note && !note->empty()) {
     result_.realtime_note = *note;

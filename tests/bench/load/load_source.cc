@@ -96,7 +96,7 @@ hal::Result<hal::ReadStatus> LoadSource::Read(hal::LaserProfile& profile, hal::S
     if (due > now + timeout) return hal::ReadStatus::kTimeout;
   }
   const LoadScan& scan = *running_->scan;
-  const auto& line = scan.lines[next_ % scan.lines.size()];
+  const auto& line = scan.lines[(next_ + running_->first_line) % scan.lines.size()];
   profile.sequence = next_;
   profile.t_ns = due.count();
   profile.X_WS = scan.X_WS[next_ % scan.X_WS.size()];

@@ -35,6 +35,7 @@ class LoadSource final : public hal::ProfileSource {
     const LoadScan* scan = nullptr;
     std::uint64_t profiles = 0;  // the passes are repeated for so long
     double profiles_per_second = 0;
+    std::uint64_t first_line = 0;  // other noise at the same places
   };
   // From any thread, when the scan before is over. The order outlives the scan.
   void Trigger(const Order* order) { order_.store(order, std::memory_order_release); }
