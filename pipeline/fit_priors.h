@@ -25,6 +25,13 @@ struct FitPriors {
            Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const;
   // What they cost at a tube, in variances.
   double ChiSquare(const hal::BendProgram& program, std::span<const Flattening> flattening) const;
+
+  // How much more the points know than was expected of any tube before: twice the logarithm of the
+  // ratio of the two volumes of parameters. `matrix`: of least squares, with Add(); `variance_mm2`
+  // of a point. It is what parameters cost where structures are compared (the Occam factor of
+  // MacKay, Bayesian interpolation, 1992).
+  double Learnt(const TubeParameters& parameters, const hal::Tube& tube,
+                const Eigen::MatrixXd& matrix, double variance_mm2) const;
 };
 
 }  // namespace bendloop::pipeline

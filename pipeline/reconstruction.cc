@@ -289,10 +289,11 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   if (!polygon) return hal::Fail(polygon.error());
   timer.Done("curve");
 
-  const SurfaceFit structure = FindStructure(*polygon, radius_mm_, BlocksNear(*polygon, false));
+  const std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
+  const SurfaceFit structure =
+      FindStructure(*polygon, radius_mm_, BlocksNear(*polygon, false), blocks);
   timer.Done("structure");
 
-  const std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
   const SurfaceFitOptions options{.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,
                                   .max_length_mm = 2.0 * LengthOf(*polygon),
                                   .flattened = !structure.flattening.empty(),

@@ -14,6 +14,8 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kWider = 1.5;  // times the tolerance, where there is no spline
+constexpr int kMaxWider = 6;
 constexpr double kMinTurn = 1e-3;  // rad; less is no bend
 
 // The plane of an edge: through l_i, as parallel to l_j as it can be.
@@ -157,18 +159,18 @@ std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
   return edge;
 }
 
-}  // namespace
+// The best way to a tangent line.
+struct State {
+  int arcs = std::numeric_limits<int>::max();
+  double error2 = 0;
+  std::size_t previous = 0;
+  TangentLine line;
+  SplineArc arc;
+};
 
-ArcLineSpline ApproximateByArcLineSpline(std::span<const Eigen::Vector3d> vertices,
-                                         std::span<const TangentLine> tangents, double epsilon_mm) {
+std::vector<State> BestWays(std::span<const Eigen::Vector3d> vertices,
+                            std::span<const TangentLine> tangents, double epsilon_mm) {
   const std::size_t m = tangents.size();
-  struct State {
-    int arcs = std::numeric_limits<int>::max();
-    double error2 = 0;
-    std::size_t previous = 0;
-    TangentLine line;
-    SplineArc arc;
-  };
   std::vector<State> states(m);
   states[0].arcs = 0;
   states[0].line = tangents[0];
@@ -185,6 +187,20 @@ ArcLineSpline ApproximateByArcLineSpline(std::span<const Eigen::Vector3d> vertic
         states[j] = {arcs, error2, i, edge->modified, edge->arc};
       }
     }
+  }
+  return states;
+}
+
+}  // namespace
+
+ArcLineSpline ApproximateByArcLineSpline(std::span<const Eigen::Vector3d> vertices,
+                                         std::span<const TangentLine> tangents, double epsilon_mm) {
+  const std::size_t m = tangents.size();
+  std::vector<State> states;
+  double tolerance_mm = epsilon_mm;
+  for (int i = 0; i < kMaxWider; ++i, tolerance_mm *= kWider) {
+    states = BestWays(vertices, tangents, tolerance_mm);
+    if (states.back().arcs < std::numeric_limits<int>::max()) break;
   }
 
   ArcLineSpline spline;

@@ -32,7 +32,9 @@ struct ArcLineSpline {
 // Fewest arcs whose arc-line spline on the tangent lines passes within `epsilon_mm` of every vertex
 // of the polygon; least sum of squared distances among these.
 // `vertices` has m + 1 points, `tangents` one line for each of its m edges (m >= 1).
-// Empty arcs: a straight. Source: Bauer & Polthier 2009, sections 4.1 and 4.2, algorithm 1.
+// Where no spline comes so near the tolerance is widened, up to ten times; after that the spline
+// ends at the last line that it reaches. Empty arcs: a straight. Source: Bauer & Polthier 2009,
+// sections 4.1 and 4.2, algorithm 1.
 ArcLineSpline ApproximateByArcLineSpline(std::span<const Eigen::Vector3d> vertices,
                                          std::span<const TangentLine> tangents, double epsilon_mm);
 

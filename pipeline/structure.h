@@ -16,13 +16,15 @@ namespace bendloop::pipeline {
 // explains the samples better.
 // The tangent lines of the graph are fixed to a noisy polygon, which alone gets 28 of 30 tubes
 // right (Bauer & Polthier 2009, sections 4.1, 8 and 9); the comparison on the surface is the cure.
-// `blocks`: samples near the polygon.
+// `samples`: near the polygon, evenly spread; `all_points`: these and what else is known there, for
+// the last word.
 // `caution`: times the usual evidence is asked for a bend, where samples err together.
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
-                         std::span<const PointBlock> blocks, double caution = 1.0);
+                         std::span<const PointBlock> samples,
+                         std::span<const PointBlock> all_points, double caution = 1.0);
 
 // The quick first answer of it, for the live view of a scan that still runs.
 SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
-                             std::span<const PointBlock> blocks);
+                             std::span<const PointBlock> samples);
 
 }  // namespace bendloop::pipeline

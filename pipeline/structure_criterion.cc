@@ -10,15 +10,17 @@
 namespace bendloop::pipeline {
 namespace {
 
-// The price of a parameter is this many times the criterion's log(n) variances: systematic errors
-// reach further than the blocks in which they are estimated.
-constexpr double kPrice = 1.2;
 // Two straights joined by less than this are one, unless the samples insist.
 constexpr double kSlightDeg = 1.0;
 constexpr double kSlightPrice = 8;  // in parameters, above those of the bend
-constexpr double kTruncated = 6.0;  // sigma
-constexpr double kInsist = 6.0;     // sigma, for flattened bends
-constexpr double kLost = 0.6;       // of the samples that the other reaches
+// So are two bends that could be one, or one that the next undoes.
+constexpr double kTwinDeg = 3.0;       // rotation between them
+constexpr double kTwinStraight = 0.1;  // of r_P, between them
+constexpr double kTwinUnclear = 5.0;   // sigma, of an angle
+constexpr double kTwinPrice = 4;       // in parameters
+constexpr double kTruncated = 6.0;     // sigma
+constexpr double kInsist = 6.0;        // sigma, for flattened bends
+constexpr double kLost = 0.6;          // of the samples that the other reaches
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
 double Cost(const SurfaceFit& fit, double limit_mm) {
@@ -27,10 +29,22 @@ double Cost(const SurfaceFit& fit, double limit_mm) {
   return cost;
 }
 
+// A bend and the one before it.
+bool AreOne(const SurfaceFit& fit, std::size_t bend) {
+  const hal::BendRow& row = fit.tube.program.rows[bend];
+  if (row.length_mm > kTwinStraight * fit.tube.pipe_radius_mm) return false;
+  const double turned_deg = std::abs(row.rotation_deg);
+  const auto unclear = [&fit](std::size_t i) {
+    return fit.tube.program.rows[i].angle_deg < kTwinUnclear * fit.sigma.rows[i].angle_deg;
+  };
+  return turned_deg < kTwinDeg ||
+         (turned_deg > 180.0 - kTwinDeg && (unclear(bend) || unclear(bend - 1)));
+}
+
 }  // namespace
 
 StructureCriterion::StructureCriterion(std::size_t samples, double caution)
-    : price_(caution * kPrice * std::log(static_cast<double>(samples))) {}
+    : caution_(caution), price_(caution * std::log(static_cast<double>(samples))) {}
 
 double StructureCriterion::Variance(const SurfaceFit& fit) {
   return fit.sigma_mm * fit.sigma_mm * fit.design_effect;
@@ -54,26 +68,20 @@ double StructureCriterion::Advantage(const SurfaceFit& a, const SurfaceFit& b) c
 bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& flattened) const {
   const auto bends = static_cast<double>(flattened.tube.program.bend_count());
   const double freedom = kFlatteningParameters * bends;
-  const double price = std::max(0.0, PriceOf(flattened) - PriceOf(round));
+  const double more = bends - static_cast<double>(round.tube.program.bend_count());
+  const double price = 4.0 * std::max(0.0, more) * price_;
   const double limit_mm = kTruncated * flattened.sigma_mm;
   return Cost(round, limit_mm) - Cost(flattened, limit_mm) >
          Variance(flattened) * (price + freedom + kInsist * std::sqrt(2.0 * freedom));
 }
 
-// One that is known before costs as much as the points know it better.
 double StructureCriterion::PriceOf(const SurfaceFit& fit) const {
-  double price = price_ * fit.parameters;
+  double price = fit.learnt;
   for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
-    const hal::BendRow& row = fit.tube.program.rows[i];
-    if (row.angle_deg < kSlightDeg) price += kSlightPrice * price_;
-    const auto& usual = fit.priors.bend_radius;
-    if (!usual || RobustWeight(*row.bend_radius_mm - usual->mean_mm, usual->sigma_mm) < 0.5) {
-      continue;
-    }
-    const double better = usual->sigma_mm / fit.sigma.rows[i].bend_radius_mm.value_or(0.0);
-    price += std::clamp(2.0 * kPrice * std::log(better), 0.0, price_) - price_;
+    if (fit.tube.program.rows[i].angle_deg < kSlightDeg) price += kSlightPrice * price_;
+    if (i > 0 && AreOne(fit, i)) price += kTwinPrice * price_;
   }
-  return price;
+  return caution_ * price;
 }
 
 }  // namespace bendloop::pipeline

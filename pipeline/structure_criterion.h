@@ -7,14 +7,14 @@
 
 namespace bendloop::pipeline {
 
-// Which of two structures explains the same samples better: Bayesian information criterion. All
-// values in variances of the noise, as twice the logarithm of odds.
+// Which of two structures explains the same samples better: twice the logarithm of the odds, the
+// evidence for each taken near its fit (FitPriors::Learnt()).
 class StructureCriterion {
  public:
   // `caution`: times the usual evidence is asked for.
   StructureCriterion(std::size_t samples, double caution);
 
-  // Of a parameter.
+  // About what a parameter costs that the samples know well.
   double price() const { return price_; }
   // By how much `a` is better than `b`; the variance is taken from the better fit of the two. Every
   // sample costs at most some sigma: what neither model explains must not decide between them.
@@ -29,6 +29,7 @@ class StructureCriterion {
  private:
   double PriceOf(const SurfaceFit& fit) const;
 
+  double caution_;
   double price_;
 };
 

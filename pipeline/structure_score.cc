@@ -12,9 +12,12 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kPiece = 0.75;       // of r_P: how finely places are told
-constexpr double kMaxPieces = 60;     // of a segment
-constexpr double kWide = 4.0;         // of sigma, for the weights
+constexpr double kPiece = 0.75;     // of r_P: how finely places are told
+constexpr double kMaxPieces = 60;   // of a segment
+constexpr double kWide = 4.0;       // of sigma, for the weights
+constexpr double kNoLength = 1e-6;  // mm
+constexpr double kRange = 0.5;      // of r_P, 1 sigma
+constexpr double kRangeRad = 0.1;
 constexpr double kEnd = 1.0;          // of r_P: nearer to the end of the samples nothing is asked
 constexpr double kNegligible = 1e-9;  // of the largest eigenvalue: a turn that no sample feels
 
@@ -124,8 +127,24 @@ std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const
   slope = -slope;
   fit.priors.Add(parameters, parameters.Initial(), fit.sigma_mm, information, slope);
   slope = -slope;
+  // Where the samples leave something open the parameters are believed to be nearly right: what
+  // takes them far away, where linear means nothing, is no gain.
+  const auto believe = [&](int i, double range) {
+    if (i >= 0) information(i, i) += fit.sigma_mm * fit.sigma_mm / (range * range);
+  };
+  for (std::size_t i = 0; i < parameters.bends(); ++i) {
+    believe(parameters.length(i), kRange * r);
+    believe(parameters.rotation(i), kRangeRad);
+    believe(parameters.angle(i), kRangeRad);
+    believe(parameters.bend_radius(i), kRange * r);
+  }
   Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
   for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
+  // A straight of nothing cannot become shorter, whatever is asked for.
+  for (std::size_t i = 0; i < parameters.bends(); ++i) {
+    const int length = parameters.length(i);
+    if (fit.tube.program.rows[i].length_mm < kNoLength && slope[length] > 0) scale[length] = 0;
+  }
   Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
   scaled.diagonal().array() += 1e-9;
   const Eigen::LLT<Eigen::MatrixXd> solver(scaled);

@@ -17,15 +17,17 @@ namespace {
 
 // Tolerances of the simplification, in pipe radii.
 constexpr std::array<double, 3> kTolerances = {0.04, 0.08, 0.16};
-constexpr double kReach = 0.35;   // of r_P: how far a sample may be from a wrong model
-constexpr double kLongest = 1.1;  // straight, of the polygon's length
+constexpr double kReach = 0.35;          // of r_P: how far a sample may be from a wrong model
+constexpr double kLongest = 1.1;         // straight, of the polygon's length
+constexpr std::size_t kMostMerged = 5;   // arcs, into one
+constexpr std::size_t kMostDropped = 4;  // that undo each other
 constexpr double kDropAngleDeg = 3.0;
 constexpr double kSuspicious = 1.5;  // mean square of an arc's distances over the median segment's
 constexpr std::size_t kMaxSplits = 4;
 constexpr std::size_t kMaxAdded = 16;    // bends
 constexpr int kMaxCycles = 3;            // of adding and simplifying
 constexpr double kAsk = 20.0;            // gain, in variances, at which one more bend is tried
-constexpr int kMaxTries = 4;             // places
+constexpr std::size_t kMaxTries = 4;     // places
 constexpr double kDoubtfulBorder = 8.0;  // of r_P: up to here a bend near the border is doubted
 constexpr std::size_t kFew = 1500;       // samples that find out what is hopeless
 constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
@@ -193,8 +195,8 @@ void StructureSearch::Accept(SurfaceFit& fit, SurfaceFit better, const Structure
   for (std::size_t i = window.last; i < before; ++i) {
     if (i + after >= before) quiet[i + after - before] = quiet_[i];
   }
-  // Candidates reach over the next two arcs.
-  for (std::size_t i = window.first - std::min<std::size_t>(window.first, 3);
+  // What begins before may reach into it.
+  for (std::size_t i = window.first - std::min(window.first, kMostMerged);
        i < std::min(after, window.last + 1); ++i) {
     quiet[i] = false;
   }
@@ -229,22 +231,31 @@ bool StructureSearch::SplitWorst(SurfaceFit& fit) {
 // One bend more where the samples ask for it most. False: they are content.
 bool StructureSearch::Added(SurfaceFit& fit) {
   margin_ = kNoGoal;
+  const std::vector<MissingBend> places = FindMissingBends(fit, blocks_, kReach * radius_mm_);
+  for (const MissingBend& missing : places) {
+    if (missing.gain >= kAsk) continue;
+    Note(4.0 * criterion_.price() - missing.gain);
+    break;
+  }
+  for (std::size_t i = 0; i < std::min(places.size(), kMaxTries); ++i) {
+    if (places[i].gain < kAsk) break;
+    if (AddedAt(fit, places[i])) return true;
+  }
+  return false;
+}
+
+bool StructureSearch::AddedAt(SurfaceFit& fit, MissingBend missing) {
   const ArcLineSpline spline = SplineFromTube(fit.tube);
-  int tries = 0;
-  for (MissingBend missing : FindMissingBends(fit, blocks_, kReach * radius_mm_)) {
-    if (missing.gain < kAsk) Note(4.0 * criterion_.price() - missing.gain);
-    if (missing.gain < kAsk || ++tries > kMaxTries) return false;
-    const std::size_t before = missing.segment / 2;  // arcs
-    const Part part = Around(
-        fit, spline,
-        {before - std::min<std::size_t>(before, 1), std::min(before + 1, spline.arcs.size())});
-    missing.segment -= part.window.first_segment();
-    const hal::Tube tube = TubeFromSpline(part.spline, fit.tube.pipe_radius_mm);
-    for (const ArcLineSpline& with : WithBend(part.spline, tube, missing, *polygon_)) {
-      if (auto better = Better(fit, spline, part, with)) {
-        Accept(fit, std::move(*better), part.window);
-        return true;
-      }
+  const std::size_t before = missing.segment / 2;  // arcs
+  const Part part =
+      Around(fit, spline,
+             {before - std::min<std::size_t>(before, 1), std::min(before + 1, spline.arcs.size())});
+  missing.segment -= part.window.first_segment();
+  const hal::Tube tube = TubeFromSpline(part.spline, fit.tube.pipe_radius_mm);
+  for (const ArcLineSpline& with : WithBend(part.spline, tube, missing, *polygon_)) {
+    if (auto better = Better(fit, spline, part, with)) {
+      Accept(fit, std::move(*better), part.window);
+      return true;
     }
   }
   return false;
@@ -265,13 +276,13 @@ bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
     auto better = Better(fit, spline, *part, simpler);
     if (better && (!best || criterion_.IsBetter(*better, *best))) best = std::move(better);
   };
-  for (std::size_t last = arc + 1; last < std::min(arc + 3, arcs) && !IsSettled(fit, last);
-       ++last) {
+  for (std::size_t last = arc + 1;
+       last < std::min(arc + kMostMerged, arcs) && !IsSettled(fit, last); ++last) {
     look(last);
     if (const auto simpler = Merged(part->spline, local(arc), local(last))) consider(*simpler);
   }
   // Bends that undo each other, as nodes disturbed by a clamp pretend them.
-  for (std::size_t last = arc; last < std::min(arc + 4, arcs); ++last) {
+  for (std::size_t last = arc; last < std::min(arc + kMostDropped, arcs); ++last) {
     if (TurnDeg(spline.arcs[arc], spline.arcs[last]) > kDropAngleDeg) continue;
     look(last);
     consider(Without(part->spline, local(arc), local(last)));

@@ -32,6 +32,7 @@ class StructureSearch {
                   const SearchOptions& options);
 
   const StructureCriterion& criterion() const { return criterion_; }
+  std::size_t samples() const { return blocks_.point_count(); }
 
   SurfaceFit Fit(const hal::Tube& tube) const;
   // Of several initial splines the one whose fit is best.
@@ -60,6 +61,7 @@ class StructureSearch {
   double GoalOf(const SurfaceFit& rival, const SurfaceFit& like, double fewer_bends) const;
   bool SplitWorst(SurfaceFit& fit);
   bool Added(SurfaceFit& fit);
+  bool AddedAt(SurfaceFit& fit, MissingBend missing);
   bool SimplifiedAt(SurfaceFit& fit, std::size_t arc);
   void Accept(SurfaceFit& fit, SurfaceFit better, const StructureWindow& window);
   void Note(double worse) { margin_ = std::min(margin_, worse); }

@@ -65,6 +65,10 @@ struct NormalEquations {
     }
   }
 
+  double Variance() const {  // of a point
+    return squares_mm2 / std::max(1.0, weight - static_cast<double>(right.size()));
+  }
+
   Eigen::VectorXd at;
   Eigen::MatrixXd matrix, scaled;  // with a diagonal of ones
   Eigen::VectorXd right, scale;
@@ -156,8 +160,7 @@ Eigen::VectorXd BoundedStep(const NormalEquations& equations, const Bounds& boun
 // sigma^2 (J^T J)^-1, with directions that no point feels (a straight's roll) left out.
 Eigen::MatrixXd Covariance(const NormalEquations& equations, double design_effect) {
   const Eigen::Index size = equations.right.size();
-  const double freedom = std::max(1.0, equations.weight - static_cast<double>(size));
-  const double variance = design_effect * equations.squares_mm2 / freedom;
+  const double variance = design_effect * equations.Variance();
   Eigen::MatrixXd covariance;
   const Eigen::LDLT<Eigen::MatrixXd> ldlt(equations.scaled);
   if (ldlt.vectorD().minCoeff() > 1e-9) {
@@ -221,7 +224,8 @@ double ChiSquareOf(const SurfacePass& pass, double sigma_mm, const SurfaceFitOpt
 }
 
 void Report(const TubeParameters& parameters, const NormalEquations& equations, SurfaceFit& fit) {
-  fit.parameters = parameters.flattened() ? parameters.flattening(0) : parameters.size();
+  const double variance_mm2 = equations.Variance() * fit.design_effect;
+  fit.learnt = fit.priors.Learnt(parameters, fit.tube, equations.matrix, variance_mm2);
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
   const Eigen::MatrixXd covariance = Covariance(equations, fit.design_effect);
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();

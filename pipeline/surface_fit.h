@@ -48,7 +48,7 @@ struct SurfaceFit {
   std::size_t points = 0;                       // all points looked at
   double cost_mm2 = 0;                          // sum of squares, bounded for what is far off
   double margin = 0;                            // see Measurement::structure_margin
-  int parameters = 0;                           // flattening not counted
+  double learnt = 0;                            // FitPriors::Learnt()
   bool converged = false;
 };
 
