@@ -117,7 +117,7 @@ Case PaperCase(std::size_t points, std::uint64_t seed) {
   return result;
 }
 
-Case SectionEightCase(int index, std::uint64_t set) {
+Case SectionEightCase(int index, std::uint64_t set, std::optional<double> noise_mm) {
   const Kind& kind = kKinds[static_cast<std::size_t>(index)];
   Case result;
   result.name = kind.name;
@@ -147,11 +147,11 @@ Case SectionEightCase(int index, std::uint64_t set) {
     result.truth.program.rows.front().length_mm = 6.0 * kind.pipe_radius_mm;
     result.truth.program.rows.back().length_mm = 6.0 * kind.pipe_radius_mm;
   }
-  result.noise_mm = kind.noise_mm;
+  result.noise_mm = noise_mm.value_or(kind.noise_mm);
   result.fliers = kind.fliers;
 
   tests::CloudOptions options;
-  options.noise_mm = kind.noise_mm;
+  options.noise_mm = result.noise_mm;
   options.fliers = kind.fliers;
   options.stripes_mm = kind.stripes * kind.pipe_radius_mm;
   const double around = 2.0 * std::numbers::pi * (kind.views == kAllRound ? 1.0 : 0.5);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,7 +29,8 @@ constexpr int kTubes = 30;
 // Tubes as section 8 of the paper lists them: pipe radii of 2 to 50 mm, 1 to 14 bends, very short
 // straights, bends beyond 180 degrees, angles down to 2 degrees, one and two views and all round,
 // stripes, noise up to 0.12 mm, fliers. `index` in [0, kTubes); `set` 0 is the published one,
-// others are fresh tubes of the same kinds.
-Case SectionEightCase(int index, std::uint64_t set);
+// others are fresh tubes of the same kinds. `noise_mm`: instead of the kind's own, on the same
+// tube.
+Case SectionEightCase(int index, std::uint64_t set, std::optional<double> noise_mm = std::nullopt);
 
 }  // namespace bendloop::bench

@@ -60,6 +60,7 @@ Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured
   }
   const auto add = [&](Ratio LraRatios::*kind, double error, double one_sigma, double least,
                        bool vague) {
+    result.values.push_back({kind, error, least, vague});
     if (vague) {
       if (one_sigma > 0) result.vague.Add(error / one_sigma);
       return;

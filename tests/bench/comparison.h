@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <vector>
+
 #include "hal/bend_program.h"
 #include "hal/tube.h"
 #include "pipeline/measurement.h"
@@ -37,6 +39,13 @@ struct Comparison {
   Ratio ends_over_spacing, ends_over_sigma;
   Ratio vague;  // values that the points hardly determine, over sigma; in none of the others
   double worst_over_bound = 0;
+  // The same one by one, always in the same order for the same tube.
+  struct Value {
+    Ratio LraRatios::*kind;
+    double error, bound;
+    bool vague;
+  };
+  std::vector<Value> values;
 };
 
 // `measured` may have been found from its other end: the better way round counts. Errors are

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <span>
 #include <string>
 #include <vector>
@@ -10,16 +11,35 @@
 
 namespace bendloop::bench {
 
-// What another library made of the same points, in the same run.
-struct Rival {
-  std::string name;
-  Elapsed normals;  // its preparation
-  Elapsed shapes;
-  std::string found;  // what came out: unordered shapes are no LRA
+// A straight piece of tube, as a library sees it.
+struct FoundCylinder {
+  Eigen::Vector3d point_mm;  // on the axis
+  Eigen::Vector3d axis;      // of unit length
+  double radius_mm = 0;
+  std::size_t points = 0;  // that it explains
 };
 
-// Empty when the benchmark was built without any.
-std::vector<Rival> RunRivals(std::span<const Eigen::Vector3d> points_W, double pipe_radius_mm,
-                             double noise_mm);
+// What another library made of the same points, in the same run.
+struct RivalRun {
+  std::string how;  // its settings in a few words
+  Elapsed normals;  // its preparation
+  Elapsed shapes;
+  std::vector<FoundCylinder> cylinders;  // neither ordered nor joined: no LRA
+  std::size_t other_shapes = 0;          // tori
+};
+
+using Points = std::span<const Eigen::Vector3d>;
+
+struct Rival {
+  const char* name;
+  // The pipe radius and the noise are told, which bendloop finds by itself.
+  RivalRun (*run)(Points points_W, double pipe_radius_mm, double noise_mm);
+};
+
+// Those that the benchmark was built with; none is needed.
+std::vector<Rival> Rivals();
+
+RivalRun RunCgal(Points points_W, double pipe_radius_mm, double noise_mm);
+RivalRun RunPcl(Points points_W, double pipe_radius_mm, double noise_mm);
 
 }  // namespace bendloop::bench

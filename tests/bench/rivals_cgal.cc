@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Point_with_normal_3.h>
+#include <CGAL/Random.h>
 #include <CGAL/Shape_detection/Efficient_RANSAC.h>
 #include <CGAL/jet_estimate_normals.h>
 #include <CGAL/pca_estimate_normals.h>
@@ -29,24 +30,24 @@ constexpr std::size_t kJetLimit = 200'000;
 
 }  // namespace
 
-std::vector<Rival> RunRivals(std::span<const Eigen::Vector3d> points_W, double pipe_radius_mm,
-                             double noise_mm) {
+RivalRun RunCgal(Points points_W, double pipe_radius_mm, double noise_mm) {
   std::vector<PointWithNormal> points;
   points.reserve(points_W.size());
   for (const Eigen::Vector3d& p : points_W) {
     points.emplace_back(Kernel::Point_3(p.x(), p.y(), p.z()), Kernel::Vector_3(0, 0, 0));
   }
   const auto maps = CGAL::parameters::point_map(PointMap()).normal_map(NormalMap());
-  Rival rival;
+  RivalRun run;
   const bool jets = points.size() <= kJetLimit;
-  rival.name = std::string("CGAL Efficient RANSAC, ") + (jets ? "jet" : "PCA") + " normals";
+  run.how = jets ? "jet normals, Efficient RANSAC" : "PCA normals, Efficient RANSAC";
+  CGAL::get_default_random() = CGAL::Random(1);  // else it begins with the time of day
   const Stopwatch normals;
   if (jets) {
     CGAL::jet_estimate_normals<CGAL::Sequential_tag>(points, kNeighbours, maps);
   } else {
     CGAL::pca_estimate_normals<CGAL::Sequential_tag>(points, kNeighbours, maps);
   }
-  rival.normals = normals.Read();
+  run.normals = normals.Read();
 
   const Stopwatch shapes;
   Ransac ransac;
@@ -60,16 +61,21 @@ std::vector<Rival> RunRivals(std::span<const Eigen::Vector3d> points_W, double p
   parameters.cluster_epsilon = 0.5 * pipe_radius_mm;
   parameters.normal_threshold = 0.9;
   ransac.detect(parameters);
-  rival.shapes = shapes.Read();
-  std::size_t cylinders = 0, tori = 0;
+  run.shapes = shapes.Read();
   for (const auto& shape : ransac.shapes()) {
-    cylinders += dynamic_cast<const Cylinder*>(shape.get()) != nullptr ? 1 : 0;
-    tori += dynamic_cast<const Torus*>(shape.get()) != nullptr ? 1 : 0;
+    const auto* cylinder = dynamic_cast<const Cylinder*>(shape.get());
+    if (cylinder == nullptr) {
+      ++run.other_shapes;
+      continue;
+    }
+    const auto point = cylinder->axis().point();
+    const auto axis = cylinder->axis().to_vector();
+    run.cylinders.push_back({{point.x(), point.y(), point.z()},
+                             Eigen::Vector3d(axis.x(), axis.y(), axis.z()).normalized(),
+                             cylinder->radius(),
+                             shape->indices_of_assigned_points().size()});
   }
-  rival.found = std::to_string(cylinders) + " cylinders, " + std::to_string(tori) +
-                " tori, not joined; " + std::to_string(ransac.number_of_unassigned_points()) +
-                " points left over";
-  return {rival};
+  return run;
 }
 
 }  // namespace bendloop::bench
