@@ -170,7 +170,7 @@ int main(int argc, char** argv) {
   app.add_option("--dir", options.directory, "Where sessions and state go (default: a new one)");
   app.add_option("--json", options.json_path, "Figures and every single value")->type_name("FILE");
   app.add_option("--plot", options.plot_path,
-                 "A picture of it: latencies, queue and memory; of a soak its drift")
+                 "A picture of it: latencies, queue and memory; of a soak the first rate's drift")
       ->type_name("FILE.svg");
   CLI11_PARSE(app, argc, argv);
   if (options.quick) {
