@@ -62,6 +62,22 @@ double TurnDeg(const SplineArc& first, const SplineArc& last) {
          std::numbers::pi;
 }
 
+// Bends tighter than the pipe made wider, where the straights beside them are long enough for it.
+hal::Tube NoTighter(hal::Tube tube) {
+  auto& rows = tube.program.rows;
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    double& radius_mm = *rows[i].bend_radius_mm;
+    const double tangent = std::tan(0.5 * rows[i].angle_deg * std::numbers::pi / 180.0);
+    if (radius_mm >= tube.pipe_radius_mm || !(tangent > 0)) continue;
+    const double shorter_mm = std::min(
+        {(tube.pipe_radius_mm - radius_mm) * tangent, rows[i].length_mm, rows[i + 1].length_mm});
+    rows[i].length_mm -= shorter_mm;
+    rows[i + 1].length_mm -= shorter_mm;
+    radius_mm += shorter_mm / tangent;
+  }
+  return tube;
+}
+
 bool IsSettled(const SurfaceFit& fit, std::size_t row) {
   return fit.tube.program.rows[row].length_mm > kSettled * fit.sigma.rows[row].length_mm;
 }
@@ -115,10 +131,10 @@ void StructureSearch::Refine(SurfaceFit& best) {
   best.margin = margin_;
 }
 
-// Splines that were changed boldly may begin and end far outside the scan.
 SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
                                   double goal_mm2) const {
-  hal::Tube start = tube;
+  hal::Tube start = NoTighter(tube);
+  // Splines that were changed boldly may begin and end far outside the scan.
   for (hal::BendRow& row : start.program.rows) row.length_mm = std::min(row.length_mm, longest_mm_);
   return FitSurface(start, blocks,
                     {.reach_mm = kReach * radius_mm_,

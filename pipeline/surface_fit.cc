@@ -20,6 +20,7 @@ constexpr double kMadToSigma = 1.4826;
 constexpr double kMaxTurnBackRad = 0.5;  // a slight bend may turn over to the other side
 constexpr double kMaxStepRad = 1.0;      // where samples hardly feel an angle, linear means nothing
 constexpr double kWidestBend = 100.0;    // pipe radii
+constexpr double kTightest = 0.01;
 constexpr double kMaxFlattening = 0.4;
 // Steps that make chi square less by less than this, a tenth of a standard error long, are the
 // last.
@@ -78,7 +79,8 @@ struct NormalEquations {
 };
 
 // The solution stays a tube: no negative straights, no angle of nothing, no bend tighter than the
-// pipe.
+// pipe. (A bend that begins as a tighter one may stay so: making it wider would move all that comes
+// after it away from the points.)
 struct Bounds {
   Bounds(const TubeParameters& parameters, double pipe_radius_mm, double max_length_mm)
       : low(Eigen::VectorXd::Constant(parameters.size(), -1e9)),
@@ -93,7 +95,10 @@ struct Bounds {
       bound(parameters.angle(i), -kMaxTurnBackRad, 2.0 * std::numbers::pi);
       step[parameters.angle(i)] = kMaxStepRad;
       if (i > 0) step[parameters.rotation(i)] = kMaxStepRad;
-      bound(parameters.bend_radius(i), pipe_radius_mm, kWidestBend * pipe_radius_mm);
+      const int radius = parameters.bend_radius(i);
+      bound(radius,
+            std::clamp(parameters.Initial()[radius], kTightest * pipe_radius_mm, pipe_radius_mm),
+            kWidestBend * pipe_radius_mm);
     }
     if (parameters.pipe_radius() >= 0) {
       bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
