@@ -31,7 +31,9 @@ SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                          std::span<const PointBlock> samples,
                          std::span<const PointBlock> all_points, double caution) {
-  StructureSearch coarse(polygon, pipe_radius_mm, samples, kEnoughSamples, {.caution = caution});
+  const bool few = CountPoints(all_points) <= kEnoughSamples;
+  StructureSearch coarse(polygon, pipe_radius_mm, few ? all_points : samples, kEnoughSamples,
+                         {.caution = caution});
   SurfaceFit fit = coarse.Start();
   coarse.Split(fit);
   coarse.Refine(fit);
@@ -39,7 +41,7 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
     return StructureSearch(polygon, pipe_radius_mm, all_points, kPointsAtOnce, options);
   };
   // Small bends are seen in more points than the way there needed.
-  if (CountPoints(all_points) > coarse.samples()) {
+  if (!few) {
     StructureSearch fine = search({.caution = caution});
     fit = fine.Fit(fit.tube);
     fine.Refine(fit);

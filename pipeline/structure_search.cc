@@ -156,16 +156,22 @@ SurfaceFit StructureSearch::FitWhole(const hal::Tube& tube, double goal_mm2) con
   return fit;
 }
 
-StructureSearch::Part StructureSearch::Around(const SurfaceFit& fit, const ArcLineSpline& spline,
-                                              StructureWindow window) {
-  if (!nearest_) nearest_.emplace(fit.tube, blocks_);
+StructureSearch::Part StructureSearch::Around(const ArcLineSpline& spline,
+                                              StructureWindow window) const {
   window = Widened(window, spline, radius_mm_);
-  Part part{window, PartOf(spline, window),     {},
-            {},     nearest_->Of(window, kFew), nearest_->Of(window, kAll)};
-  const hal::Tube tube = TubeFromSpline(part.spline, fit.tube.pipe_radius_mm);
-  part.few = FitTo(part.few_samples, tube, kNoGoal);
-  part.all = FitTo(part.all_samples, tube, kNoGoal);
-  return part;
+  return {window, PartOf(spline, window), std::nullopt, std::nullopt};
+}
+
+const StructureSearch::Part::Fitted& StructureSearch::Fitted(const SurfaceFit& whole,
+                                                             const Part& part, std::size_t enough,
+                                                             std::optional<Part::Fitted>& fitted) {
+  if (!nearest_) nearest_.emplace(whole.tube, blocks_);
+  if (!fitted) {
+    fitted.emplace(Part::Fitted{nearest_->Of(part.window, enough), {}});
+    const hal::Tube tube = TubeFromSpline(part.spline, whole.tube.pipe_radius_mm);
+    fitted->fit = FitTo(fitted->samples, tube, kNoGoal);
+  }
+  return *fitted;
 }
 
 double StructureSearch::GoalOf(const SurfaceFit& rival, const SurfaceFit& like,
@@ -175,21 +181,21 @@ double StructureSearch::GoalOf(const SurfaceFit& rival, const SurfaceFit& like,
 }
 
 std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
-                                                  const ArcLineSpline& whole, const Part& part,
+                                                  const ArcLineSpline& whole, Part& part,
                                                   const ArcLineSpline& changed) {
   const double fewer =
       static_cast<double>(part.spline.arcs.size()) - static_cast<double>(changed.arcs.size());
   hal::Tube tube = TubeFromSpline(changed, rival.tube.pipe_radius_mm);
-  const auto is_hopeless = [&](const SurfaceFit& as_it_is, std::span<const PointBlock> samples) {
-    const SurfaceFit fit = FitTo(samples, tube, GoalOf(as_it_is, rival, fewer));
-    const double worse = criterion_.Advantage(as_it_is, fit);
+  const auto is_hopeless = [&](const Part::Fitted& as_it_is) {
+    const SurfaceFit fit = FitTo(as_it_is.samples, tube, GoalOf(as_it_is.fit, rival, fewer));
+    const double worse = criterion_.Advantage(as_it_is.fit, fit);
     tube = fit.tube;
     if (worse > kLoose) Note(worse);
     return worse > kLoose;
   };
   // What few samples say against fewer bends, more say louder.
-  if (fewer > 0 && is_hopeless(part.few, part.few_samples)) return std::nullopt;
-  if (is_hopeless(part.all, part.all_samples)) return std::nullopt;
+  if (fewer > 0 && is_hopeless(Fitted(rival, part, kFew, part.few))) return std::nullopt;
+  if (is_hopeless(Fitted(rival, part, kAll, part.all))) return std::nullopt;
   const ArcLineSpline spline = WithPart(whole, part.window, SplineFromTube(tube));
   SurfaceFit fit =
       FitWhole(TubeFromSpline(spline, rival.tube.pipe_radius_mm), GoalOf(rival, rival, fewer));
@@ -230,7 +236,7 @@ bool StructureSearch::SplitWorst(SurfaceFit& fit) {
   }
   std::sort(worst.begin(), worst.end());
   for (const auto& [mean_square, i] : worst) {
-    const Part part = Around(fit, spline, {i, i + 1});
+    Part part = Around(spline, {i, i + 1});
     ArcLineSpline finer = part.spline;
     const std::size_t at = i - part.window.first;
     const auto arcs = SplitArc(finer.arcs[at]);
@@ -263,9 +269,8 @@ bool StructureSearch::Added(SurfaceFit& fit) {
 bool StructureSearch::AddedAt(SurfaceFit& fit, MissingBend missing) {
   const ArcLineSpline spline = SplineFromTube(fit.tube);
   const std::size_t before = missing.segment / 2;  // arcs
-  const Part part =
-      Around(fit, spline,
-             {before - std::min<std::size_t>(before, 1), std::min(before + 1, spline.arcs.size())});
+  Part part = Around(spline, {before - std::min<std::size_t>(before, 1),
+                              std::min(before + 1, spline.arcs.size())});
   missing.segment -= part.window.first_segment();
   const hal::Tube tube = TubeFromSpline(part.spline, fit.tube.pipe_radius_mm);
   for (const ArcLineSpline& with : WithBend(part.spline, tube, missing, *polygon_)) {
@@ -286,7 +291,7 @@ bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
   std::optional<SurfaceFit> best;
   const auto local = [&](std::size_t i) { return i - part->window.first; };
   const auto look = [&](std::size_t last) {
-    if (!part || last >= part->window.last) part = Around(fit, spline, {arc, last + 1});
+    if (!part || last >= part->window.last) part = Around(spline, {arc, last + 1});
   };
   const auto consider = [&](const ArcLineSpline& simpler) {
     auto better = Better(fit, spline, *part, simpler);

@@ -32,7 +32,6 @@ class StructureSearch {
                   const SearchOptions& options);
 
   const StructureCriterion& criterion() const { return criterion_; }
-  std::size_t samples() const { return blocks_.point_count(); }
 
   SurfaceFit Fit(const hal::Tube& tube) const;
   // Of several initial splines the one whose fit is best.
@@ -47,17 +46,22 @@ class StructureSearch {
   struct Part {
     StructureWindow window;
     ArcLineSpline spline;
-    SurfaceFit few, all;  // fitted to some and all of its samples
-    OwnedBlocks few_samples, all_samples;
+    struct Fitted {
+      OwnedBlocks samples;
+      SurfaceFit fit;
+    };
+    std::optional<Fitted> few, all;  // to some and to all of its samples, once asked for
   };
 
   SurfaceFit FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
                    double goal_mm2) const;
   SurfaceFit FitWhole(const hal::Tube& tube, double goal_mm2) const;
-  Part Around(const SurfaceFit& fit, const ArcLineSpline& spline, StructureWindow window);
+  Part Around(const ArcLineSpline& spline, StructureWindow window) const;
+  const Part::Fitted& Fitted(const SurfaceFit& whole, const Part& part, std::size_t enough,
+                             std::optional<Part::Fitted>& fitted);
   // The tube with another spline in this part, if that is better.
-  std::optional<SurfaceFit> Better(const SurfaceFit& rival, const ArcLineSpline& whole,
-                                   const Part& part, const ArcLineSpline& changed);
+  std::optional<SurfaceFit> Better(const SurfaceFit& rival, const ArcLineSpline& whole, Part& part,
+                                   const ArcLineSpline& changed);
   double GoalOf(const SurfaceFit& rival, const SurfaceFit& like, double fewer_bends) const;
   bool SplitWorst(SurfaceFit& fit);
   bool Added(SurfaceFit& fit);
