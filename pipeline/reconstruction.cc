@@ -13,6 +13,7 @@
 #include "hal/spine.h"
 #include "pipeline/coverage.h"
 #include "pipeline/input_checks.h"
+#include "pipeline/joined_pieces.h"
 #include "pipeline/mls_projection.h"
 #include "pipeline/oriented_samples.h"
 #include "pipeline/pipe_radius.h"
@@ -35,6 +36,7 @@ constexpr std::uint64_t kQuietProfiles = 12;
 constexpr double kFinalReach = 0.2;    // of r_P: what the final fit looks at
 constexpr double kShrinkWidest = 1.5;  // a sample's curvature may be so far from the pipe's
 constexpr std::size_t kShrinkSamples = 30'000;
+constexpr int kMaxParted = 3;          // times that a neighbour is taken off
 constexpr double kPiece = 0.2;         // of the first tube's length: worth a word
 constexpr double kSecondTube = 0.6;    // of the first one's length: no scrap any more
 constexpr double kSettledDeg = 2.0;    // 1 sigma of an angle in the live view
@@ -285,13 +287,23 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   const std::vector<SpineNode> nodes = FinalNodes();
   timer.Done("projection");
 
-  const auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_), measurement.warnings);
+  auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_), measurement.warnings);
   if (!polygon) return hal::Fail(polygon.error());
   timer.Done("curve");
 
-  const std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
-  const SurfaceFit structure =
-      FindStructure(*polygon, radius_mm_, BlocksNear(*polygon, false), blocks);
+  std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
+  const auto find_structure = [&] {
+    return FindStructure(*polygon, radius_mm_, BlocksNear(*polygon, false), blocks);
+  };
+  SurfaceFit structure = find_structure();
+  for (int i = 0; i < kMaxParted; ++i) {
+    auto pieces = PiecesBetweenJoints(structure, *polygon, i == 0);
+    if (pieces.size() == 1 && pieces.front().size() == polygon->size()) break;
+    polygon = ChooseTube(std::move(pieces), measurement.warnings);
+    if (!polygon) return hal::Fail(polygon.error());
+    blocks = BlocksNear(*polygon, true);
+    structure = find_structure();
+  }
   timer.Done("structure");
 
   const SurfaceFitOptions options{.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,

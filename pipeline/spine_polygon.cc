@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "pipeline/nn_crust.h"
 
@@ -164,6 +165,10 @@ double LengthOf(const SpinePolygon& polygon) {
 std::vector<SpinePolygon> SpinePolygons(std::span<const SpineNode> nodes, double pipe_radius_mm) {
   const std::vector<SpineNode> thinned = Thin(nodes, kSpacing * pipe_radius_mm);
   std::vector<SpinePolygon> pieces = Follow(thinned, kMaxEdge * pipe_radius_mm);
+  return JoinedOverGaps(std::move(pieces), pipe_radius_mm);
+}
+
+std::vector<SpinePolygon> JoinedOverGaps(std::vector<SpinePolygon> pieces, double pipe_radius_mm) {
   // A piece of one node has no direction of its own to be joined by.
   std::erase_if(pieces, [](const SpinePolygon& piece) { return piece.size() < 2; });
   for (SpinePolygon& piece : pieces) PointTangentsForward(piece);

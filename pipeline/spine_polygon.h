@@ -16,6 +16,9 @@ using SpinePolygon = std::vector<SpineNode>;
 // scraps shorter than two pipe radii (clutter) are left out.
 std::vector<SpinePolygon> SpinePolygons(std::span<const SpineNode> nodes, double pipe_radius_mm);
 
+// The last part of it: joins pieces over gaps, and leaves out scraps.
+std::vector<SpinePolygon> JoinedOverGaps(std::vector<SpinePolygon> pieces, double pipe_radius_mm);
+
 // Length along the nodes [mm], gaps included.
 double LengthOf(const SpinePolygon& polygon);
 

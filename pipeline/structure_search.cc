@@ -91,7 +91,7 @@ StructureSearch::StructureSearch(const SpinePolygon& polygon, double pipe_radius
       options_(options),
       longest_mm_(kLongest * LengthOf(polygon)),
       polygon_(&polygon),
-      blocks_(Thinned(blocks, CountPoints(blocks) / enough + 1)),
+      blocks_(Thinned(blocks, StrideTo(CountPoints(blocks), enough))),
       criterion_(blocks_.point_count(), options.caution) {}
 
 SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(tube, kNoGoal); }

@@ -99,7 +99,7 @@ OwnedBlocks NearestSegments::Of(StructureWindow window, std::size_t enough) cons
   const auto inside = [first, last](std::int32_t k) { return k >= first && k <= last; };
   const auto count =
       static_cast<std::size_t>(std::count_if(nearest_.begin(), nearest_.end(), inside));
-  const std::size_t stride = count / enough + 1;
+  const std::size_t stride = StrideTo(count, enough);
   OwnedBlocks result(count / stride + 1);
   std::size_t index = 0;   // of the point
   std::size_t number = 0;  // of those inside

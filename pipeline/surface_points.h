@@ -41,6 +41,10 @@ class OwnedBlocks {
   std::vector<PointBlock> blocks_;
 };
 
+// Every so-manieth of `count` is to be taken for at most `enough`.
+inline std::size_t StrideTo(std::size_t count, std::size_t enough) {
+  return count > enough ? (count - 1) / enough + 1 : 1;
+}
 // Every `stride`-th point, counted over all blocks, so that small ones do not weigh more.
 OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride);
 // One of two halves of the points, drawn by lot (always the same), thinned to about `enough`.

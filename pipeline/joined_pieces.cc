@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/joined_pieces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <utility>
+
+#include "hal/spine.h"
+#include "pipeline/statistics.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kLeastTurnDeg = 20.0;  // of a joint
+constexpr double kTight = 1.1;          // of r_P
+constexpr double kVagueDeg = 15.0;      // 1 sigma
+constexpr double kSeen = 0.4;           // of the usual number of samples a length
+constexpr double kAround = 1.5;         // of r_P: nodes that belong to no piece
+constexpr double kShortest = 4.0;       // of r_P, of a piece
+
+std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  std::vector<double> densities;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    if (segments[k].length_mm < fit.tube.pipe_radius_mm) continue;
+    densities.push_back(fit.segment_samples[k] / segments[k].length_mm);
+  }
+  const double usual = kSeen * Median(std::move(densities));
+  const auto is_bare = [&](std::size_t k) {
+    return fit.segment_samples[k] < usual * segments[k].length_mm;
+  };
+  std::vector<Eigen::Vector3d> joints;
+  for (std::size_t k = 1; k + 1 < segments.size(); k += 2) {
+    const hal::BendRow& row = fit.tube.program.rows[k / 2];
+    const bool tight = *row.bend_radius_mm < kTight * fit.tube.pipe_radius_mm;
+    const bool vague = fit.sigma.rows[k / 2].angle_deg > kVagueDeg &&
+                       (is_bare(k - 1) || is_bare(k) || is_bare(k + 1));
+    if (row.angle_deg < kLeastTurnDeg || !(tight || vague)) continue;
+    joints.push_back(segments[k].PointAt(0.5 * segments[k].length_mm));
+  }
+  return joints;
+}
+
+}  // namespace
+
+std::vector<SpinePolygon> PiecesBetweenJoints(const SurfaceFit& fit, const SpinePolygon& polygon,
+                                              bool across) {
+  const std::vector<Eigen::Vector3d> joints = Joints(fit);
+  if (joints.empty()) return {polygon};
+  const double around_mm = kAround * fit.tube.pipe_radius_mm;
+  const auto from_joint = [&polygon](std::size_t i, const Eigen::Vector3d& joint) {
+    return (polygon[i].position_mm - joint).norm();
+  };
+  std::vector<bool> is_joint(polygon.size(), false);
+  for (const Eigen::Vector3d& joint : joints) {
+    std::size_t nearest = 0;
+    for (std::size_t i = 1; i < polygon.size(); ++i) {
+      if (from_joint(i, joint) < from_joint(nearest, joint)) nearest = i;
+    }
+    // The neighbours along the curve: others may only pass by.
+    std::size_t first = nearest, last = nearest;
+    while (first > 0 && from_joint(first - 1, joint) < around_mm) --first;
+    while (last + 1 < polygon.size() && from_joint(last + 1, joint) < around_mm) ++last;
+    for (std::size_t i = first; i <= last; ++i) is_joint[i] = true;
+  }
+  std::vector<SpinePolygon> pieces(1);
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    if (!is_joint[i]) {
+      pieces.back().push_back(polygon[i]);
+    } else if (!pieces.back().empty()) {
+      pieces.emplace_back();
+    }
+  }
+  std::erase_if(pieces, [&](const SpinePolygon& piece) {
+    return piece.size() < 2 || LengthOf(piece) < kShortest * fit.tube.pipe_radius_mm;
+  });
+  if (pieces.empty()) return {polygon};
+  if (across) pieces = JoinedOverGaps(std::move(pieces), fit.tube.pipe_radius_mm);
+  std::stable_sort(pieces.begin(), pieces.end(),
+                   [](const auto& a, const auto& b) { return LengthOf(a) > LengthOf(b); });
+  return pieces;
+}
+
+}  // namespace bendloop::pipeline
