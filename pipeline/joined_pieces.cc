@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "hal/spine.h"
-#include "pipeline/statistics.h"
+#include "pipeline/structure_moves.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -21,12 +21,7 @@ constexpr double kShortest = 4.0;       // of r_P, of a piece
 
 std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  std::vector<double> densities;
-  for (std::size_t k = 0; k < segments.size(); ++k) {
-    if (segments[k].length_mm < fit.tube.pipe_radius_mm) continue;
-    densities.push_back(fit.segment_samples[k] / segments[k].length_mm);
-  }
-  const double usual = kSeen * Median(std::move(densities));
+  const double usual = kSeen * UsualSamplesPerMm(fit, segments);
   const auto is_bare = [&](std::size_t k) {
     return fit.segment_samples[k] < usual * segments[k].length_mm;
   };

@@ -3,8 +3,10 @@
 
 #include <array>
 #include <optional>
+#include <span>
 #include <vector>
 
+#include "hal/spine.h"
 #include "hal/tube.h"
 #include "pipeline/arc_line_spline.h"
 #include "pipeline/spine_polygon.h"
@@ -24,6 +26,9 @@ bool DropFirst(ArcLineSpline& spline, double border_mm);
 // Without bends that only the border of the samples pretends; false: there were none. Around a cap
 // they are as tight as the pipe is thick, which no machine bends.
 bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm);
+
+// Of the samples near a tube's segments. `segments`: of the fit's tube.
+double UsualSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment> segments);
 
 // Without a first or last bend that no samples show: they are missing on the outer straight, and on
 // most of the arc, or that is as tight as the pipe is thick (a cap). `fit` is of the spline. False:
