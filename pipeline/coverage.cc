@@ -2,70 +2,148 @@
 #include "pipeline/coverage.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
-#include "pipeline/statistics.h"
+#include "pipeline/magnitude_histogram.h"
+#include "pipeline/nearest_lanes.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kOutlier = 5.0;             // sigma
+constexpr double kOutlier = 5.0;  // sigma
+constexpr double kBeyond = 0.2;   // of r_P: how far beyond its ends the tube's points are
 constexpr std::size_t kMaxSurface = 20'000;  // samples kept for deviations and pictures
 constexpr double kBin = 0.5;                 // of r_P: resolution of coverage and spine
 constexpr double kMostBins = 1e5;
+constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 8;  // of the walk
+
+// What points say of the tube that they lie on.
+struct Description {
+  std::vector<std::uint32_t> count;  // by place along the spine
+  std::vector<double> sum_mm;        // of their distances
+  MagnitudeHistogram magnitudes;
+  double sum2_mm2 = 0;
+  std::size_t points = 0;
+  std::vector<SurfaceSample> surface;
+
+  void Add(const Description& other) {
+    for (std::size_t bin = 0; bin < count.size(); ++bin) {
+      count[bin] += other.count[bin];
+      sum_mm[bin] += other.sum_mm[bin];
+    }
+    magnitudes.Add(other.magnitudes);
+    sum2_mm2 += other.sum2_mm2;
+    points += other.points;
+    surface.insert(surface.end(), other.surface.begin(), other.surface.end());
+  }
+};
+
+class Describer {
+ public:
+  // Every `sparse`-th point is kept for the surface.
+  Describer(const hal::Tube& tube, double sigma_mm, double bin_mm, std::size_t bins,
+            std::size_t sparse, Description& description)
+      : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
+        frames_(SegmentFrames(segments_)),
+        pipe_radius_mm_(tube.pipe_radius_mm),
+        length_mm_(hal::SpineLength(tube.program)),
+        reach_mm_(kOutlier * sigma_mm),
+        bin_mm_(bin_mm),
+        sparse_(sparse),
+        out_(description) {
+    out_.count.assign(bins, 0);
+    out_.sum_mm.assign(bins, 0.0);
+  }
+
+  // `index`: of the block's first point among all.
+  void Add(const PointBlock& block, std::size_t index) {
+    CandidateSegments(block, frames_, 1.5 * pipe_radius_mm_, candidates_);
+    if (candidates_.empty()) return;
+    along_mm_.resize(std::max(along_mm_.size(), candidates_.size()));
+    for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, block.points.size() - first);
+      nearest_.Find(block.points.subspan(first, count), frames_, pipe_radius_mm_, candidates_);
+      for (std::size_t c = 0; c < candidates_.size(); ++c) {
+        const SegmentFrame& frame = frames_[static_cast<std::size_t>(candidates_[c])];
+        if (frame.bend_radius_mm > 0) AlongArc(frame, nearest_.Local(c), count, along_mm_[c]);
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        Add(block.points[first + i], i, (index + first + i) % sparse_ == 0);
+      }
+    }
+  }
+
+ private:
+  void Add(const Eigen::Vector3d& point, std::size_t i, bool keep) {
+    const std::size_t c = nearest_.Candidate(i);
+    const auto k = static_cast<std::size_t>(candidates_[c]);
+    const double d = nearest_.Local(c).distance[i] - pipe_radius_mm_;
+    const double along_mm =
+        frames_[k].bend_radius_mm > 0
+            ? along_mm_[c][i]
+            : std::clamp(nearest_.Local(c).x[i], frames_[k].low_mm, frames_[k].high_mm);
+    const double s = segments_[k].from_start_mm + along_mm;
+    const double margin_mm = kBeyond * pipe_radius_mm_;
+    if (!(std::abs(d) <= reach_mm_) || s < -margin_mm || s > length_mm_ + margin_mm) return;
+    out_.magnitudes.Add(d);
+    out_.sum2_mm2 += d * d;
+    ++out_.points;
+    if (keep) out_.surface.push_back({point, d});
+    const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm_) / bin_mm_);
+    ++out_.count[bin];
+    out_.sum_mm[bin] += d;
+  }
+
+  std::vector<hal::SpineSegment> segments_;
+  std::vector<SegmentFrame> frames_;
+  double pipe_radius_mm_, length_mm_, reach_mm_, bin_mm_;
+  std::size_t sparse_;
+  Description& out_;
+  std::vector<std::int32_t> candidates_;
+  NearestLanes nearest_;
+  std::vector<std::array<double, kBatch>> along_mm_;
+};
 
 }  // namespace
 
 void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples, double sigma_mm,
-                     Measurement& measurement) {
+                     Measurement& measurement, Workers* workers) {
   const hal::Tube& tube = measurement.tube;
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const double length_mm = hal::SpineLength(tube.program);
   const double bin_mm = std::max(kBin * tube.pipe_radius_mm, length_mm / kMostBins);
   const auto bins = static_cast<std::size_t>(std::ceil(length_mm / bin_mm)) + 1;
-  std::vector<std::size_t> count(bins, 0);
-  std::vector<double> sum(bins, 0.0);
-  std::vector<double> magnitudes;
-  std::vector<SurfaceSample> surface;
-  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
-  std::vector<std::int32_t> candidates;
-  const std::size_t most = CountPoints(blocks);
-  magnitudes.reserve(most);
-  // Of very many points not even the candidates for a picture are all kept.
-  const std::size_t sparse = most / (4 * kMaxSurface) + 1;
-  double sum2 = 0;
+  const std::size_t sparse = CountPoints(blocks) / kMaxSurface + 1;
+  std::vector<std::size_t> first_index;
+  std::size_t index = 0;
   for (const PointBlock& block : blocks) {
-    CandidateSegments(block, frames, 1.5 * tube.pipe_radius_mm, candidates);
-    if (candidates.empty()) continue;
-    for (const Eigen::Vector3d& point : block.points) {
-      const SpineFoot foot = NearestFoot(point, segments, frames, candidates);
-      const double d = foot.distance_mm - tube.pipe_radius_mm;
-      const double s =
-          segments[static_cast<std::size_t>(foot.segment)].from_start_mm + foot.along_mm;
-      const double margin_mm = 0.2 * tube.pipe_radius_mm;
-      if (std::abs(d) > kOutlier * sigma_mm || s < -margin_mm || s > length_mm + margin_mm)
-        continue;
-      magnitudes.push_back(std::abs(d));
-      sum2 += d * d;
-      if (magnitudes.size() % sparse == 0) surface.push_back({point, d});
-      const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm) / bin_mm);
-      ++count[bin];
-      sum[bin] += d;
-    }
+    first_index.push_back(index);
+    index += block.points.size();
   }
-  FitQuality& fit = measurement.fit;
-  fit.samples = magnitudes.size();
-  fit.outliers = all_samples - std::min(all_samples, magnitudes.size());
-  fit.rms_distance_mm =
-      magnitudes.empty() ? 0.0 : std::sqrt(sum2 / static_cast<double>(magnitudes.size()));
-  fit.p95_abs_distance_mm = Quantile(magnitudes, 0.95);
-  fit.median_abs_distance_mm = Median(std::move(magnitudes));
+  const std::vector<std::size_t> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  std::vector<Description> parts(rounds.size());
+  ParallelFor(workers, rounds.size(), [&](std::size_t round) {
+    Describer describer(tube, sigma_mm, bin_mm, bins, sparse, parts[round]);
+    for (std::size_t i = round == 0 ? 0 : rounds[round - 1]; i < rounds[round]; ++i) {
+      describer.Add(blocks[i], first_index[i]);
+    }
+  });
+  Description& all = parts.front();
+  for (std::size_t round = 1; round < parts.size(); ++round) all.Add(parts[round]);
+  const std::vector<std::uint32_t>& count = all.count;
 
-  measurement.surface.clear();
-  const std::size_t stride = surface.size() / kMaxSurface + 1;
-  for (std::size_t i = 0; i < surface.size(); i += stride)
-    measurement.surface.push_back(surface[i]);
+  FitQuality& fit = measurement.fit;
+  fit.samples = all.points;
+  fit.outliers = all_samples - std::min(all_samples, all.points);
+  fit.rms_distance_mm =
+      all.points == 0 ? 0.0 : std::sqrt(all.sum2_mm2 / static_cast<double>(all.points));
+  fit.p95_abs_distance_mm = all.magnitudes.Quantile(0.95);
+  fit.median_abs_distance_mm = all.magnitudes.Quantile(0.5);
+  measurement.surface = std::move(all.surface);
 
   // A place is covered when samples lie within a pipe radius along the spine: laser lines further
   // apart than that leave gaps that a bend could hide in.
@@ -96,7 +174,7 @@ void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples
            s > segments[segment].from_start_mm + segments[segment].length_mm) {
       ++segment;
     }
-    const double mean = count[bin] > 0 ? sum[bin] / static_cast<double>(count[bin]) : 0.0;
+    const double mean = count[bin] > 0 ? all.sum_mm[bin] / count[bin] : 0.0;
     measurement.spine.push_back({segments[segment].PointAt(s - segments[segment].from_start_mm),
                                  tube.pipe_radius_mm + mean});
   }

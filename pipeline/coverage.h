@@ -5,6 +5,7 @@
 
 #include "hal/tube.h"
 #include "pipeline/measurement.h"
+#include "pipeline/parallel.h"
 #include "pipeline/surface_points.h"
 
 namespace bendloop::pipeline {
@@ -13,6 +14,6 @@ namespace bendloop::pipeline {
 // coverage and longest gap. `sigma_mm`: noise, beyond 5 of which a sample is an outlier.
 // `all_samples`: also those that no block holds because they are far from the tube.
 void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples, double sigma_mm,
-                     Measurement& measurement);
+                     Measurement& measurement, Workers* workers = nullptr);
 
 }  // namespace bendloop::pipeline

@@ -8,27 +8,19 @@
 #include <cstdint>
 #include <vector>
 
+#include "pipeline/turn_sector.h"
 #include "pipeline/wide.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 constexpr std::size_t kMinInliers = 10;
-constexpr int kSectors = 32;
-constexpr double kConverged = 1e-6;  // of the radius
-constexpr double kMinPivot = 1e-8;   // of the largest
+constexpr unsigned kSectors = 32;
+constexpr double kMinPivot = 1e-8;  // of the largest
 
 using Vector5d = Eigen::Matrix<double, 5, 1>;
 using Matrix5d = Eigen::Matrix<double, 5, 5>;
 using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 5, 5>;
-
-// Which of the kSectors parts of the turn the unit vector (x, y) points into: on the square around
-// the circle, which is close enough to equal parts and needs no arc tangent.
-unsigned Sector(double x, double y) {
-  const double s = y / (std::abs(x) + std::abs(y));   // -1..1 over half a turn
-  const double quarter = x >= 0 ? 1.0 + s : 3.0 - s;  // 0..4 over the turn
-  return static_cast<unsigned>(quarter * (kSectors / 4)) % kSectors;
-}
 
 // Candidates relative to the first guess, as arrays; filled up with points far away to whole
 // registers.
@@ -125,7 +117,7 @@ double AngularCoverage(Candidates& candidates) {
   std::uint32_t sectors = 0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (candidates.out(2)[i] > 0) {
-      sectors |= 1u << Sector(candidates.out(0)[i], candidates.out(1)[i]);
+      sectors |= 1u << TurnSector<kSectors>(candidates.out(0)[i], candidates.out(1)[i]);
     }
   }
   return static_cast<double>(std::popcount(sectors)) / kSectors;
@@ -185,7 +177,7 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
     // Step (iii): back to the foot of the first guess on the axis that now is.
     fit.point_mm += (point - fit.point_mm).dot(fit.axis) * fit.axis;
     if (iteration >= 2 && shift.norm() + options.support_mm * tilt.norm() + std::abs(step[4]) <
-                              kConverged * options.radius_mm) {
+                              options.tolerance * options.radius_mm) {
       break;
     }
   }

@@ -24,6 +24,7 @@ struct CylinderFitOptions {
   double support_mm = 0;  // radius of the weight function's ball around the axis point
   double inlier_mm = 0;   // Tukey's cut-off for distances from the surface
   int max_iterations = 12;
+  double tolerance = 1e-6;  // of the radius: a shorter step is the last
 };
 
 // Weighted least-squares distance fit with weights centred on the axis, where the point's

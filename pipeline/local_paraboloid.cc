@@ -2,8 +2,11 @@
 #include "pipeline/local_paraboloid.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <array>
 #include <cmath>
-#include <vector>
+#include <cstddef>
+#include <memory>
 
 #include "pipeline/wide.h"
 
@@ -22,7 +25,11 @@ class Neighbours {
  public:
   Neighbours(const Eigen::Vector3d& point, std::span<const Eigen::Vector3d> candidates,
              double radius_mm)
-      : values_(3 * (candidates.size() + 3)), room_(candidates.size() + 3) {
+      : room_(candidates.size() + 3) {
+    if (room_ > kUsual) {
+      many_ = std::make_unique_for_overwrite<double[]>(3 * room_);
+      values_ = many_.get();
+    }
     const double inverse = 1.0 / radius_mm;
     for (const Eigen::Vector3d& candidate : candidates) {
       const Eigen::Vector3d p = inverse * (candidate - point);
@@ -34,13 +41,18 @@ class Neighbours {
     size_ = (count_ + 3) / 4 * 4;
     for (std::size_t i = count_; i < size_; ++i) lane(0)[i] = lane(1)[i] = lane(2)[i] = 1.0;
   }
+  Neighbours(const Neighbours&) = delete;
+  Neighbours& operator=(const Neighbours&) = delete;
   std::size_t count() const { return count_; }
   std::size_t size() const { return size_; }
-  double* lane(std::size_t i) { return values_.data() + i * room_; }
-  const double* lane(std::size_t i) const { return values_.data() + i * room_; }
+  double* lane(std::size_t i) { return values_ + i * room_; }
+  const double* lane(std::size_t i) const { return values_ + i * room_; }
 
  private:
-  std::vector<double> values_;
+  static constexpr std::size_t kUsual = 400;  // more go to the heap
+  std::array<double, 3 * kUsual> few_;        // not initialised: most is never looked at
+  std::unique_ptr<double[]> many_;
+  double* values_ = few_.data();
   std::size_t room_;
   std::size_t count_ = 0;
   std::size_t size_ = 0;
@@ -110,6 +122,51 @@ BENDLOOP_LOOP Moments SumMomentsBody(const Neighbours& points, const Eigen::Matr
 BENDLOOP_WIDE(Moments, SumMoments, (const Neighbours& points, const Eigen::Matrix3d& axes),
               (points, axes))
 
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+// Solves a x = b for a symmetric positive definite matrix; false when that is so badly determined
+// that 1 / (|a| |a^-1|), in the norm of column sums, is below `least_condition`.
+bool SolveWellConditioned(const Matrix6d& a, const Vector6d& b, double least_condition,
+                          Vector6d& x) {
+  // Cholesky, then the inverse of its factor: it is wanted as a whole for the norm.
+  double l[6][6], inverse[6][6];
+  for (int j = 0; j < 6; ++j) {
+    double d = a(j, j);
+    for (int k = 0; k < j; ++k) d -= l[j][k] * l[j][k];
+    if (!(d > 0)) return false;
+    const double of_diagonal = 1.0 / std::sqrt(d);
+    inverse[j][j] = of_diagonal;
+    for (int i = j + 1; i < 6; ++i) {
+      double v = a(i, j);
+      for (int k = 0; k < j; ++k) v -= l[i][k] * l[j][k];
+      l[i][j] = v * of_diagonal;
+    }
+  }
+  for (int j = 0; j < 6; ++j) {
+    for (int i = j + 1; i < 6; ++i) {
+      double v = 0;
+      for (int k = j; k < i; ++k) v -= l[i][k] * inverse[k][j];
+      inverse[i][j] = v * inverse[i][i];
+    }
+  }
+  double norm = 0, inverse_norm = 0;
+  for (int j = 0; j < 6; ++j) {
+    double sum = 0, column = 0, inverse_column = 0;
+    for (int i = 0; i < 6; ++i) {
+      double v = 0;
+      for (int k = std::max(i, j); k < 6; ++k) v += inverse[k][i] * inverse[k][j];
+      sum += v * b[i];
+      column += std::abs(a(i, j));
+      inverse_column += std::abs(v);
+    }
+    x[j] = sum;
+    norm = std::max(norm, column);
+    inverse_norm = std::max(inverse_norm, inverse_column);
+  }
+  return norm * inverse_norm * least_condition < 1.0 && x.allFinite();
+}
+
 }  // namespace
 
 std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
@@ -132,8 +189,6 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   const Eigen::Vector3d ey = nu.cross(ex);
 
   // z = a x^2 + b y^2 + c xy + d x + e y + f in units of the radius.
-  using Vector6d = Eigen::Matrix<double, 6, 1>;
-  using Matrix6d = Eigen::Matrix<double, 6, 6>;
   Eigen::Matrix3d axes;
   axes << ex, ey, nu;
   const Moments m = SumMoments(neighbours, axes);
@@ -146,11 +201,9 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
       m.m20, m.m02, m.m11, m.m10, m.m01, m.m00;
   Vector6d right;
   right << m.z20, m.z02, m.z11, m.z10, m.z01, m.z00;
-  const Eigen::LDLT<Matrix6d> ldlt(normal_matrix);
+  Vector6d k;
   // Two laser stripes leave the curvature across them open; a third one settles it.
-  if (ldlt.info() != Eigen::Success || !(ldlt.rcond() > kMinCondition)) return std::nullopt;
-  const Vector6d k = ldlt.solve(right);
-  if (!k.allFinite()) return std::nullopt;
+  if (!SolveWellConditioned(normal_matrix, right, kMinCondition, k)) return std::nullopt;
 
   LocalParaboloid fit;
   fit.samples = neighbours.count();
@@ -160,22 +213,35 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   fit.foot_mm = point + radius_mm * k[5] * nu;
   fit.normal = (nu - d * ex - e * ey).normalized();
 
-  // Shape operator S = G^-1 H (2.2).
-  Eigen::Matrix2d g;
-  g << d * d + 1.0, d * e, d * e, e * e + 1.0;
-  Eigen::Matrix2d h;
-  h << 2.0 * k[0], k[2], k[2], 2.0 * k[1];
-  h *= 1.0 / radius_mm / std::sqrt(1.0 + d * d + e * e);
-  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::Matrix2d> shape(h, g);
-  if (shape.info() != Eigen::Success) return std::nullopt;
-  const int first = std::abs(shape.eigenvalues()[0]) > std::abs(shape.eigenvalues()[1]) ? 0 : 1;
-  for (int i = 0; i < 2; ++i) {
-    const int column = i == 0 ? first : 1 - first;
-    const Eigen::Vector2d v = shape.eigenvectors().col(column);
-    fit.curvature[static_cast<std::size_t>(i)] = shape.eigenvalues()[column];
-    // The tangent vector above (x, y) on the graph.
-    fit.direction[static_cast<std::size_t>(i)] =
-        (v.x() * (ex + d * nu) + v.y() * (ey + e * nu)).normalized();
+  // Shape operator S = G^-1 H (2.2): H in an orthonormal frame of the tangent plane, one vector of
+  // which goes uphill, where the plane of x and y turns into it by a stretch alone.
+  const double rise = std::hypot(d, e), stretch = std::hypot(1.0, rise);
+  const double ux = rise > 0 ? d / rise : 1.0;
+  const double uy = rise > 0 ? e / rise : 0.0;
+  const Eigen::Vector3d uphill = (ux * ex + uy * ey + rise * nu) / stretch;
+  const Eigen::Vector3d level = ux * ey - uy * ex;
+  const double unit = 1.0 / (radius_mm * stretch);
+  const double hxx = 2.0 * k[0] * unit, hxy = k[2] * unit, hyy = 2.0 * k[1] * unit;
+  const double h_uphill =
+      (hxx * ux * ux + 2.0 * hxy * ux * uy + hyy * uy * uy) / (stretch * stretch);
+  const double h_mixed = ((hyy - hxx) * ux * uy + hxy * (ux * ux - uy * uy)) / stretch;
+  const double h_level = hxx * uy * uy - 2.0 * hxy * ux * uy + hyy * ux * ux;
+  const double mean_curvature = 0.5 * (h_uphill + h_level);
+  const double half = 0.5 * (h_uphill - h_level);
+  const double apart = std::hypot(half, h_mixed);
+  // The direction of the greater eigenvalue, computed without a difference of like numbers.
+  Eigen::Vector2d v =
+      half >= 0 ? Eigen::Vector2d(apart + half, h_mixed) : Eigen::Vector2d(h_mixed, apart - half);
+  const double length = v.norm();
+  v = length > 0 ? Eigen::Vector2d(v / length) : Eigen::Vector2d(1.0, 0.0);
+  const Eigen::Vector3d greater = v.x() * uphill + v.y() * level;
+  const Eigen::Vector3d lesser = v.x() * level - v.y() * uphill;
+  if (mean_curvature >= 0) {
+    fit.curvature = {mean_curvature + apart, mean_curvature - apart};
+    fit.direction = {greater, lesser};
+  } else {
+    fit.curvature = {mean_curvature - apart, mean_curvature + apart};
+    fit.direction = {lesser, greater};
   }
   return fit;
 }

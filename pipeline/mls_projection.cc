@@ -21,8 +21,9 @@ constexpr std::size_t kSeedsOfBlock = 8;   // more starts in a block say the sam
 // Section 7 has 0.1; a sample's curvature scatters more than that under 0.1 mm of noise on a 2 mm
 // wire, and the cylinder fit judges again.
 constexpr double kCurvatureTolerance = 0.3;
-constexpr double kMaxRms = 0.12;  // of r_P, paraboloid and cylinder
-constexpr double kInlier = 0.25;  // of r_P, Tukey's cut-off
+constexpr double kTolerance = 1e-4;  // of r_P: far less than what noise does
+constexpr double kMaxRms = 0.12;     // of r_P, paraboloid and cylinder
+constexpr double kInlier = 0.25;     // of r_P, Tukey's cut-off
 constexpr double kMinCoverage =
     0.25;  // of the circumference; a cylinder laid on from outside has less
 // A node far rougher than the common one is a fit across two things.
@@ -34,6 +35,16 @@ constexpr double kMirrorSamples = 1.6;
 constexpr double kMinAxialSpread = 0.2;  // of r_P; less is a stripe, which has no direction
 constexpr double kFlat = 0.35;           // of 1/r_P; less curved is a plane
 constexpr double kMaxMove = 0.5;         // of r_P from start to node (section 7's last rule)
+
+constexpr std::size_t kBlocksOfRound = 24;  // of a loop that workers share
+constexpr std::size_t kCubesOfRound = 12;
+
+// The part of the items that falls to one of several rounds.
+template <class T>
+std::span<T> PartOf(std::span<T> items, std::size_t round, std::size_t rounds) {
+  const std::size_t begin = round * items.size() / rounds;
+  return items.subspan(begin, (round + 1) * items.size() / rounds - begin);
+}
 
 // Samples of a tube also fit, worse, to a cylinder laid against it from outside: its axis runs
 // parallel to the true one at twice the radius. Of such a pair the node with far fewer samples
@@ -82,27 +93,21 @@ void MlsProjection::MarkChanged(std::uint64_t key, Cube& cube) {
   changed_.push_back(key);
 }
 
-void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
-  auto& keys = cubes_of_block_[block];
-  for (const std::uint64_t key : keys) {
-    Cube& cube = cubes_[key];
-    std::erase_if(cube.starts, [block](const auto& start) { return start.first == block; });
-    MarkChanged(key, cube);
-  }
-  keys.clear();
-  grid.GatherNeighbourhood(block, scratch_);
+MlsProjection::BlockStarts MlsProjection::StartsOf(const SampleGrid& grid, std::int32_t block,
+                                                   Scratch& scratch) const {
+  BlockStarts found;
+  grid.GatherNeighbourhood(block, scratch.around);
   const auto samples = grid.blocks()[static_cast<std::size_t>(block)].samples();
   const std::size_t seeds = std::min(samples.size(), kSeedsOfBlock);
   std::size_t surfaces = 0;
   std::size_t flat = 0;
-  bool wide = false;
   for (std::size_t i = 0; i < seeds; ++i) {
     const Eigen::Vector3d& sample = samples[i * samples.size() / seeds];
-    auto surface = FitLocalParaboloid(sample, scratch_, kParaboloid * radius_mm_);
+    auto surface = FitLocalParaboloid(sample, scratch.around, kParaboloid * radius_mm_);
     if (!surface) {
-      wide = true;
-      grid.GatherBall(sample, kWiderParaboloid * radius_mm_, wide_scratch_);
-      surface = FitLocalParaboloid(sample, wide_scratch_, kWiderParaboloid * radius_mm_);
+      found.wide = true;
+      grid.GatherBall(sample, kWiderParaboloid * radius_mm_, scratch.ball);
+      surface = FitLocalParaboloid(sample, scratch.ball, kWiderParaboloid * radius_mm_);
     }
     if (!surface || surface->rms_mm > kMaxRms * radius_mm_) continue;
     ++surfaces;
@@ -115,23 +120,53 @@ void MlsProjection::UpdateBlock(const SampleGrid& grid, std::int32_t block) {
     if (agrees(0) == agrees(1)) continue;
     const std::size_t curved = agrees(0) ? 0 : 1;
     const double side = surface->curvature[curved] > 0 ? 1.0 : -1.0;
-    const Start start{surface->foot_mm + side * radius_mm_ * surface->normal,
-                      surface->direction[1 - curved]};
+    found.starts.push_back(
+        {surface->foot_mm + side * radius_mm_ * surface->normal, surface->direction[1 - curved]});
+  }
+  found.planar = 2 * flat > surfaces;
+  return found;
+}
+
+void MlsProjection::Take(const SampleGrid& grid, std::int32_t block, const BlockStarts& found) {
+  auto& keys = cubes_of_block_[block];
+  for (const std::uint64_t key : keys) {
+    Cube& cube = cubes_[key];
+    std::erase_if(cube.starts, [block](const auto& start) { return start.first == block; });
+    MarkChanged(key, cube);
+  }
+  keys.clear();
+  for (const Start& start : found.starts) {
     const std::uint64_t key = KeyOf(start.point_mm);
     Cube& cube = cubes_[key];
     cube.starts.emplace_back(block, start);
     MarkChanged(key, cube);
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) keys.push_back(key);
   }
-  if (2 * flat > surfaces) {
+  if (found.planar) {
     planar_.insert(block);
   } else {
     planar_.erase(block);
   }
-  if (wide) {
+  if (found.wide) {
     wide_blocks_[block] = WideVersion(grid, block);
   } else {
     wide_blocks_.erase(block);
+  }
+}
+
+void MlsProjection::UpdateBlocks(const SampleGrid& grid, std::span<const std::int32_t> blocks,
+                                 Workers* workers) {
+  const std::size_t rounds = std::max<std::size_t>(1, blocks.size() / kBlocksOfRound);
+  std::vector<std::vector<BlockStarts>> found(rounds);
+  ParallelFor(workers, rounds, [&](std::size_t round) {
+    Scratch scratch;
+    for (const std::int32_t block : PartOf(blocks, round, rounds)) {
+      found[round].push_back(StartsOf(grid, block, scratch));
+    }
+  });
+  for (std::size_t round = 0; round < rounds; ++round) {
+    const auto part = PartOf(blocks, round, rounds);
+    for (std::size_t i = 0; i < part.size(); ++i) Take(grid, part[i], found[round][i]);
   }
 }
 
@@ -143,7 +178,7 @@ std::uint64_t MlsProjection::WideVersion(const SampleGrid& grid, std::int32_t bl
   return grid.BallVersion(center, 0.5 * grid.block_mm() + kWiderParaboloid * radius_mm_);
 }
 
-void MlsProjection::Fit(const SampleGrid& grid, Cube& cube) {
+void MlsProjection::Fit(const SampleGrid& grid, Cube& cube, Scratch& scratch) const {
   // A fixed order of the starts, whatever the order in which their blocks were updated.
   std::stable_sort(cube.starts.begin(), cube.starts.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -163,12 +198,13 @@ void MlsProjection::Fit(const SampleGrid& grid, Cube& cube) {
     cube.center_mm = mean;
     cube.ball_mm = (support + 0.2) * radius_mm_;
     cube.versions = grid.BallVersion(cube.center_mm, cube.ball_mm);
-    grid.GatherBall(cube.center_mm, cube.ball_mm, scratch_);
-    const auto cylinder = FitCylinder(mean, tangent, scratch_,
+    grid.GatherBall(cube.center_mm, cube.ball_mm, scratch.ball);
+    const auto cylinder = FitCylinder(mean, tangent, scratch.ball,
                                       {.radius_mm = radius_mm_,
                                        .free_radius = false,
                                        .support_mm = support * radius_mm_,
-                                       .inlier_mm = kInlier * radius_mm_});
+                                       .inlier_mm = kInlier * radius_mm_,
+                                       .tolerance = kTolerance});
     if (!cylinder || cylinder->axial_spread_mm < kMinAxialSpread * radius_mm_) continue;
     if (cylinder->angular_coverage < kMinCoverage || cylinder->rms_mm > kMaxRms * radius_mm_ ||
         (cylinder->point_mm - mean).norm() > kMaxMove * radius_mm_ ||
@@ -181,7 +217,8 @@ void MlsProjection::Fit(const SampleGrid& grid, Cube& cube) {
   }
 }
 
-void MlsProjection::UpdateNodes(const SampleGrid& grid) {
+void MlsProjection::UpdateNodes(const SampleGrid& grid, Workers* workers) {
+  std::vector<Cube*> cubes;
   for (const std::uint64_t key : changed_) {
     const auto place = cubes_.find(key);
     if (place == cubes_.end()) continue;
@@ -189,24 +226,31 @@ void MlsProjection::UpdateNodes(const SampleGrid& grid) {
       cubes_.erase(place);
       continue;
     }
-    Fit(grid, place->second);
     place->second.changed = false;
+    cubes.push_back(&place->second);
   }
   changed_.clear();
+  const std::size_t rounds = std::max<std::size_t>(1, cubes.size() / kCubesOfRound);
+  ParallelFor(workers, rounds, [&](std::size_t round) {
+    Scratch scratch;
+    for (Cube* cube : PartOf(std::span<Cube* const>(cubes), round, rounds)) {
+      Fit(grid, *cube, scratch);
+    }
+  });
 }
 
-void MlsProjection::FinishNodes(const SampleGrid& grid) {
+void MlsProjection::FinishNodes(const SampleGrid& grid, Workers* workers) {
   std::vector<std::int32_t> stale;
   for (const auto& [block, version] : wide_blocks_) {
     if (WideVersion(grid, block) != version) stale.push_back(block);
   }
-  for (const std::int32_t block : stale) UpdateBlock(grid, block);
+  UpdateBlocks(grid, stale, workers);
   for (auto& [key, cube] : cubes_) {
     if (!cube.changed && grid.BallVersion(cube.center_mm, cube.ball_mm) != cube.versions) {
       MarkChanged(key, cube);
     }
   }
-  UpdateNodes(grid);
+  UpdateNodes(grid, workers);
 }
 
 std::vector<SpineNode> MlsProjection::Nodes() const {

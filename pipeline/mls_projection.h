@@ -3,10 +3,12 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <span>
 #include <unordered_map>
 #include <unordered_set>
 #include <vector>
 
+#include "pipeline/parallel.h"
 #include "pipeline/sample_grid.h"
 
 namespace bendloop::pipeline {
@@ -33,13 +35,14 @@ class MlsProjection {
   // Edge of the blocks that the grid must have: the paraboloid's radius, 2/3 r_P (section 7).
   static double BlockMm(double pipe_radius_mm) { return 2.0 / 3.0 * pipe_radius_mm; }
 
-  // Computes the starts of a block again, from the samples that it and its neighbours now hold.
-  void UpdateBlock(const SampleGrid& grid, std::int32_t block);
+  // Computes the starts of blocks again, from the samples that they and their neighbours now hold.
+  void UpdateBlocks(const SampleGrid& grid, std::span<const std::int32_t> blocks,
+                    Workers* workers = nullptr);
   // Fits cylinders again where starts changed.
-  void UpdateNodes(const SampleGrid& grid);
+  void UpdateNodes(const SampleGrid& grid, Workers* workers = nullptr);
   // The same, and where samples further away changed since: on the tube's far side, and two blocks
   // from a sparse one. Blocks whose own or neighbouring samples changed must be updated before.
-  void FinishNodes(const SampleGrid& grid);
+  void FinishNodes(const SampleGrid& grid, Workers* workers = nullptr);
 
   // True where most samples of the block lie on a plane, as of a table or a clamp: no part of a
   // tube of this radius, even where the plane passes through the tube's surface.
@@ -63,10 +66,22 @@ class MlsProjection {
     SpineNode node;
   };
 
+  // What the samples of a block and around it say.
+  struct BlockStarts {
+    std::vector<Start> starts;
+    bool planar = false;
+    bool wide = false;  // needed the wider paraboloid
+  };
+  struct Scratch {
+    std::vector<Eigen::Vector3d> around, ball;
+  };
+
+  BlockStarts StartsOf(const SampleGrid& grid, std::int32_t block, Scratch& scratch) const;
+  void Take(const SampleGrid& grid, std::int32_t block, const BlockStarts& found);
   std::uint64_t WideVersion(const SampleGrid& grid, std::int32_t block) const;
   std::uint64_t KeyOf(const Eigen::Vector3d& point) const;
   void MarkChanged(std::uint64_t key, Cube& cube);
-  void Fit(const SampleGrid& grid, Cube& cube);
+  void Fit(const SampleGrid& grid, Cube& cube, Scratch& scratch) const;
 
   double radius_mm_;
   std::unordered_map<std::uint64_t, Cube> cubes_;
@@ -75,8 +90,6 @@ class MlsProjection {
   std::unordered_set<std::int32_t> planar_;
   // Blocks that needed the wider paraboloid, which sees two blocks far: versions of what it saw.
   std::unordered_map<std::int32_t, std::uint64_t> wide_blocks_;
-  std::vector<Eigen::Vector3d> scratch_;
-  std::vector<Eigen::Vector3d> wide_scratch_;
 };
 
 }  // namespace bendloop::pipeline

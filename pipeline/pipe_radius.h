@@ -5,6 +5,7 @@
 #include <span>
 
 #include "hal/result.h"
+#include "pipeline/parallel.h"
 
 namespace bendloop::pipeline {
 
@@ -21,6 +22,7 @@ struct PipeRadius {
 // median of free-radius cylinder fits there, which noise does not bias.
 // kBadInput: nothing in the points looks like a pipe.
 // Source: Bauer & Polthier 2009, section 3.1, with 2 and 3 for the fits.
-hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> points);
+hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> points,
+                                           Workers* workers = nullptr);
 
 }  // namespace bendloop::pipeline

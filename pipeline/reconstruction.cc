@@ -16,6 +16,7 @@
 #include "pipeline/joined_pieces.h"
 #include "pipeline/mls_projection.h"
 #include "pipeline/oriented_samples.h"
+#include "pipeline/parallel.h"
 #include "pipeline/pipe_radius.h"
 #include "pipeline/sample_grid.h"
 #include "pipeline/self_check.h"
@@ -44,6 +45,10 @@ constexpr double kMaxPlaceMm = 1e7;    // no scanner sees further than ten kilom
 constexpr double kCloseCall = 10.0;    // structure_margin
 constexpr double kMostMargin = 1e6;    // there may be nothing to compare with
 constexpr double kHalvesDiffer = 5.0;  // sigma
+
+bool IsPlace(const Eigen::Vector3d& point) {
+  return (point.array().abs() < kMaxPlaceMm).all();  // NaN is none
+}
 
 // Shapes of the bends, margins, and what a person should know of them.
 void SayHowSure(const SurfaceFit& structure, const SurfaceFit& fit, const HalvesDiffer& halves,
@@ -92,8 +97,21 @@ class Reconstruction::Impl {
     for (const Eigen::Vector3d& p : points_W) AddPoint(p);
   }
 
+  // All at once, and not copied while they wait.
+  hal::Result<Measurement> FinishWith(std::span<const Eigen::Vector3d> points_W) {
+    ++profiles_;
+    if (points_W.size() <= SampleGrid::kMaxPoints &&
+        std::all_of(points_W.begin(), points_W.end(), IsPlace)) {
+      points_ += points_W.size();
+      return Finish(points_W);
+    }
+    for (const Eigen::Vector3d& p : points_W) AddPoint(p);
+    return Finish();
+  }
+
   LiveView View() const;
-  hal::Result<Measurement> Finish();
+  // `more`: points that were not added.
+  hal::Result<Measurement> Finish(std::span<const Eigen::Vector3d> more = {});
 
  private:
   void StartWith(double radius_mm) {
@@ -105,8 +123,7 @@ class Reconstruction::Impl {
   void AddPoint(const Eigen::Vector3d& point) {
     ++points_;
     if (!grid_) {
-      const bool is_place = (point.array().abs() < kMaxPlaceMm).all();  // NaN is none
-      if (waiting_.size() < SampleGrid::kMaxPoints && is_place) waiting_.push_back(point);
+      if (waiting_.size() < SampleGrid::kMaxPoints && IsPlace(point)) waiting_.push_back(point);
       return;
     }
     std::int32_t block = -1;
@@ -123,28 +140,24 @@ class Reconstruction::Impl {
   }
 
   void ProjectQuietBlocks() {
-    std::size_t kept = 0;
-    for (const std::int32_t block : pending_) {
-      if (touched_[static_cast<std::size_t>(block)] + kQuietProfiles > profiles_) {
-        pending_[kept++] = block;
-      } else {
-        Project(block);
-      }
-    }
-    if (kept != pending_.size()) {
-      pending_.resize(kept);
-      projection_->UpdateNodes(*grid_);
-    }
+    const auto quiet =
+        std::stable_partition(pending_.begin(), pending_.end(), [this](std::int32_t block) {
+          return touched_[static_cast<std::size_t>(block)] + kQuietProfiles > profiles_;
+        });
+    if (quiet == pending_.end()) return;
+    Project({quiet, pending_.end()}, nullptr);
+    pending_.erase(quiet, pending_.end());
+    projection_->UpdateNodes(*grid_);
   }
 
-  void Project(std::int32_t block) {
-    touched_[static_cast<std::size_t>(block)] = 0;
-    projection_->UpdateBlock(*grid_, block);
+  void Project(std::span<const std::int32_t> blocks, Workers* workers) {
+    for (const std::int32_t block : blocks) touched_[static_cast<std::size_t>(block)] = 0;
+    projection_->UpdateBlocks(*grid_, blocks, workers);
   }
 
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
-  std::vector<SpineNode> FinalNodes();
+  std::vector<SpineNode> FinalNodes(Workers& workers);
   hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons,
                                        std::vector<std::string>& warnings) const;
 
@@ -224,15 +237,15 @@ hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(
   return polygons.front();
 }
 
-std::vector<SpineNode> Reconstruction::Impl::FinalNodes() {
+std::vector<SpineNode> Reconstruction::Impl::FinalNodes(Workers& workers) {
   if (options_.spine_method == SpineMethod::kShrinking) {
     return ShrinkPipe(OrientSamples(*grid_, radius_mm_, kShrinkWidest, kShrinkSamples),
                       {.radius_mm = radius_mm_})
         .nodes;
   }
-  for (const std::int32_t block : pending_) Project(block);
+  Project(pending_, &workers);
   pending_.clear();
-  projection_->FinishNodes(*grid_);
+  projection_->FinishNodes(*grid_, &workers);
   return projection_->Nodes();
 }
 
@@ -263,18 +276,22 @@ LiveView Reconstruction::Impl::View() const {
   return view;
 }
 
-hal::Result<Measurement> Reconstruction::Impl::Finish() {
+hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vector3d> more) {
   StageTimer timer(clock_);
+  Workers workers(options_.threads);
   Measurement measurement;
   if (!grid_) {
-    if (const auto shape = CheckShape(waiting_); !shape) return hal::Fail(shape.error());
-    const auto radius = EstimatePipeRadius(waiting_);
+    if (more.empty()) more = waiting_;
+    if (const auto shape = CheckShape(more); !shape) return hal::Fail(shape.error());
+    const auto radius = EstimatePipeRadius(more, &workers);
     if (!radius) return hal::Fail(radius.error());
     if (const auto units = CheckUnits(radius->radius_mm); !units) return hal::Fail(units.error());
     timer.Done("pipe_radius");
     StartWith(radius->radius_mm);
-    for (const Eigen::Vector3d& p : waiting_) AddPoint(p);
-    points_ -= waiting_.size();  // counted when they came
+  }
+  if (!more.empty()) {
+    grid_->InsertAll(more, &workers);
+    for (std::size_t block = 0; block < grid_->blocks().size(); ++block) Touch(block);
     waiting_ = {};
   }
   if (grid_->point_count() < kMinPoints) {
@@ -284,7 +301,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   }
   timer.Done("samples");
 
-  const std::vector<SpineNode> nodes = FinalNodes();
+  const std::vector<SpineNode> nodes = FinalNodes(workers);
   timer.Done("projection");
 
   auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_), measurement.warnings);
@@ -309,13 +326,14 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   const SurfaceFitOptions options{.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,
                                   .max_length_mm = 2.0 * LengthOf(*polygon),
                                   .flattened = !structure.flattening.empty(),
-                                  .priors = structure.priors};
+                                  .priors = structure.priors,
+                                  .workers = &workers};
   const SurfaceFit fit = FitSurface(structure.tube, blocks, options);
   timer.Done("fit");
   SayHowSure(structure, fit, CompareHalves(fit, blocks, options), measurement);
   timer.Done("self_check");
 
-  const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);
+  const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks, &workers);
   measurement.tube = ends.tube;
   measurement.sigma = fit.sigma;
   auto& sigma_rows = measurement.sigma.rows;
@@ -339,7 +357,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish() {
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   measurement.noise_mm = fit.sigma_mm;
   timer.Done("ends");
-  DescribeSamples(blocks, grid_->kept_count(), fit.sigma_mm, measurement);
+  DescribeSamples(blocks, grid_->kept_count(), fit.sigma_mm, measurement, &workers);
   timer.Done("description");
   if (const auto units = CheckUnits(measurement.tube.pipe_radius_mm); !units) {
     return hal::Fail(units.error());
@@ -362,9 +380,7 @@ hal::Result<Measurement> Reconstruction::Finish() { return impl_->Finish(); }
 hal::Result<Measurement> Reconstruct(std::span<const Eigen::Vector3d> points_W,
                                      const ReconstructionOptions& options,
                                      const hal::Clock& clock) {
-  Reconstruction reconstruction(options, clock);
-  reconstruction.Add(points_W);
-  return reconstruction.Finish();
+  return Reconstruction(options, clock).impl_->FinishWith(points_W);
 }
 
 }  // namespace bendloop::pipeline

@@ -31,6 +31,9 @@ struct ReconstructionOptions {
   std::size_t max_points = 4'000'000;
   // For the final result; the live view always projects with moving least squares.
   SpineMethod spine_method = SpineMethod::kMls;
+  // So many work at a time on the final result, the caller's thread among them; 1 starts none. The
+  // result does not depend on it.
+  std::size_t threads = 1;
 };
 
 // What is known of a tube while its scan still runs.
@@ -64,6 +67,8 @@ class Reconstruction {
   hal::Result<Measurement> Finish();
 
  private:
+  friend hal::Result<Measurement> Reconstruct(std::span<const Eigen::Vector3d>,
+                                              const ReconstructionOptions&, const hal::Clock&);
   class Impl;
   std::unique_ptr<Impl> impl_;
 };

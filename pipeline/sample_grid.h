@@ -8,7 +8,30 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/parallel.h"
+
 namespace bendloop::pipeline {
+
+// Numbers cells in the order in which they are first met. Open addressing: most questions are about
+// cells that hold nothing, and must end at once.
+class CellNumbers {
+ public:
+  std::int32_t Find(const Eigen::Vector3i& cell) const;  // -1: not met
+  std::int32_t FindOrAdd(const Eigen::Vector3i& cell);   // a new cell's number is count() before
+  std::size_t count() const { return count_; }
+
+ private:
+  struct Slot {
+    std::uint64_t key = 0;
+    std::int32_t number = -1;  // -1: free
+  };
+  std::size_t SlotOf(std::uint64_t key) const;  // where the key is, or where it would go
+  void Grow();
+
+  std::vector<Slot> slots_ = std::vector<Slot>(64);  // a power of two, at most half full
+  int shift_ = 64 - 6;
+  std::size_t count_ = 0;
+};
 
 // The scanned points, sorted into cubes ("blocks") as they arrive. Each block is divided into
 // kSubdivisions^3 voxels; the first point of a voxel becomes a sample, and the local estimates look
@@ -36,13 +59,18 @@ class SampleGrid {
     std::span<const Eigen::Vector3d> samples() const { return {points.data(), sample_count}; }
   };
 
-  // `block_mm`: edge of a block, at least the radius of the local paraboloid.
-  explicit SampleGrid(double block_mm, std::size_t max_points = kMaxPoints)
-      : block_mm_(block_mm), max_points_(max_points) {}
+  enum class Links { kNeighbours, kNone };
+  // `block_mm`: edge of a block, at least the radius of the local paraboloid. Without links blocks
+  // do not know their neighbours, which is enough for balls.
+  explicit SampleGrid(double block_mm, std::size_t max_points = kMaxPoints,
+                      Links links = Links::kNeighbours)
+      : block_mm_(block_mm), inverse_mm_(1.0 / block_mm), max_points_(max_points), links_(links) {}
 
   enum class Insertion { kSample, kOther, kDropped };
   // Returns what became of the point; `block` receives its block's index unless it was dropped.
   Insertion Insert(const Eigen::Vector3d& point, std::int32_t& block);
+  // The same for many points, one after the other; faster, and with the same result.
+  void InsertAll(std::span<const Eigen::Vector3d> points, Workers* workers = nullptr);
 
   const std::vector<Block>& blocks() const { return blocks_; }
   double block_mm() const { return block_mm_; }
@@ -62,30 +90,32 @@ class SampleGrid {
   std::uint64_t BallVersion(const Eigen::Vector3d& center, double radius_mm) const;
 
  private:
+  // Where a point goes: its cell, and its voxel there.
+  struct Place {
+    Eigen::Vector3i cell;
+    std::size_t voxel = 0;
+  };
+  bool Locate(const Eigen::Vector3d& point, Place& place) const;  // false: nowhere
+  Insertion InsertInto(Block& block, const Eigen::Vector3d& point, std::size_t voxel) const;
   Eigen::Vector3i CellOf(const Eigen::Vector3d& point) const;
   std::int32_t Find(const Eigen::Vector3i& cell) const;
   std::int32_t FindOrCreate(const Eigen::Vector3i& cell);
   template <class Visit>
   void VisitBlocks(const Eigen::Vector3d& center, double radius_mm, Visit visit) const;
 
-  // Open addressing: most questions are about cells that hold nothing, and must end at once.
-  struct Slot {
-    std::uint64_t key = 0;
-    std::int32_t block = -1;  // -1: free
-  };
-  std::size_t SlotOf(std::uint64_t key) const;
-  void Grow();
+  // Keeps the number of others within bounds.
+  void BoundOthers();
   // Drops every second of the block's others.
-  void Thin(Block& block);
+  static void Thin(Block& block);
   bool IsFull(const Block& block) const {
     return block.points.size() >= (points_of_voxel_ + 1) * block.sample_count;
   }
 
-  double block_mm_;
+  double block_mm_, inverse_mm_;
   std::size_t max_points_;
+  Links links_;
   std::size_t points_of_voxel_ = kMaxPointsOfVoxel;  // fewer when there are too many
-  std::vector<Slot> slots_ = std::vector<Slot>(64);  // a power of two, at most half full
-  int shift_ = 64 - 6;
+  CellNumbers numbers_;                              // of the blocks
   std::vector<Block> blocks_;
   std::int32_t last_block_ = -1;
   std::size_t sample_count_ = 0;

@@ -379,7 +379,7 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
     const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
     const SurfacePass pass =
         PassOverSurface(SegmentFrames(segments, kBeyond * tube.pipe_radius_mm, flattening),
-                        tube.pipe_radius_mm, blocks, options.reach_mm, sigma_mm);
+                        tube.pipe_radius_mm, blocks, options.reach_mm, sigma_mm, options.workers);
     const double here =
         ChiSquareOf(pass, sigma_mm, options) + options.priors.ChiSquare(tube.program, flattening);
     if (!equations || here < chi_square) {

@@ -8,6 +8,7 @@
 
 #include "hal/tube.h"
 #include "pipeline/fit_priors.h"
+#include "pipeline/parallel.h"
 #include "pipeline/surface_points.h"
 
 namespace bendloop::pipeline {
@@ -29,6 +30,7 @@ struct SurfaceFitOptions {
   double tolerance = 0;
   // A fit of few points that will not come down to this `cost_mm2` at its present pace is given up.
   double goal_mm2 = std::numeric_limits<double>::infinity();
+  Workers* workers = nullptr;  // for very many points
 };
 
 struct SurfaceFit {

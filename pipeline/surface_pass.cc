@@ -4,45 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include "pipeline/nearest_lanes.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 constexpr std::size_t kChunk = 8192;  // points: what they need stays in the processor's cache
-
-// The points of a block in the frame of the nearest of several segments.
-class NearestLanes {
- public:
-  // Nearest segment, and distance from its spine as if the pipe were round, are valid up to
-  // `count`.
-  void Find(const PointLanes& points, std::size_t count, std::span<const SegmentFrame> frames,
-            double pipe_radius_mm, std::span<const std::int32_t> candidates) {
-    if (locals_.size() < candidates.size()) locals_.resize(candidates.size());
-    for (std::size_t c = 0; c < candidates.size(); ++c) {
-      ToSegment(frames[static_cast<std::size_t>(candidates[c])], points, count, locals_[c]);
-    }
-    for (std::size_t i = 0; i < count; ++i) {
-      std::size_t best = 0;
-      for (std::size_t c = 1; c < candidates.size(); ++c) {
-        if (locals_[c].distance[i] < locals_[best].distance[i]) best = c;
-      }
-      nearest_[i] = best;
-    }
-    for (std::size_t c = 0; c < candidates.size(); ++c) {
-      const SegmentFrame& frame = frames[static_cast<std::size_t>(candidates[c])];
-      if (!frame.flattening) continue;
-      FlattenedBy(frame, pipe_radius_mm, locals_[c], inside_mm_);
-      for (std::size_t i = 0; i < count; ++i) locals_[c].distance[i] += inside_mm_[i];
-    }
-  }
-  std::size_t Candidate(std::size_t i) const { return nearest_[i]; }
-  const LocalLanes& Local(std::size_t candidate) const { return locals_[candidate]; }
-
- private:
-  std::vector<LocalLanes> locals_;
-  std::array<std::size_t, kBatch> nearest_{};
-  std::array<double, kBatch> inside_mm_{};
-};
+constexpr std::size_t kMostRounds = 16;
 
 }  // namespace
 
@@ -57,20 +27,13 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
   result.segment_sum_mm2.assign(frames.size(), 0.0);
   std::vector<std::int32_t> candidates;
   NearestLanes nearest;
-  PointLanes lanes;
   for (const PointBlock& block : blocks) {
     result.total += block.points.size();
     CandidateSegments(block, frames, pipe_radius_mm + reach_mm, candidates);
     if (candidates.empty()) continue;
     for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
       const std::size_t count = std::min(kBatch, block.points.size() - first);
-      for (std::size_t i = 0; i < count; ++i) {
-        const Eigen::Vector3d& p = block.points[first + i];
-        lanes.x[i] = p.x();
-        lanes.y[i] = p.y();
-        lanes.z[i] = p.z();
-      }
-      nearest.Find(lanes, count, frames, pipe_radius_mm, candidates);
+      nearest.Find(block.points.subspan(first, count), frames, pipe_radius_mm, candidates);
       for (const std::int32_t k : candidates) {
         result.segments[static_cast<std::size_t>(k)].MakeRoom(count);
       }
@@ -134,31 +97,37 @@ void SurfacePass::Add(const SurfacePass& other) {
 }
 
 SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_radius_mm,
-                            std::span<const PointBlock> blocks, double reach_mm, double sigma_mm) {
-  SurfacePass pass;
-  pass.sums.assign(frames.size(), CondensedSum::Zero());
-  pass.segment_count.assign(frames.size(), 0.0);
-  pass.segment_sum_mm2.assign(frames.size(), 0.0);
-  SurfaceAssignment chunk;
-  for (std::size_t begin = 0; begin < blocks.size();) {
-    std::size_t end = begin;
-    for (std::size_t points = 0; end < blocks.size() && points < kChunk; ++end) {
-      points += blocks[end].points.size();
-    }
-    AssignPoints(frames, pipe_radius_mm, blocks.subspan(begin, end - begin), reach_mm, chunk);
-    for (std::size_t k = 0; k < frames.size(); ++k) {
-      if (chunk.segments[k].size > 0) {
-        pass.sums[k] += SumOfRows(chunk.segments[k], frames[k], pipe_radius_mm, sigma_mm);
+                            std::span<const PointBlock> blocks, double reach_mm, double sigma_mm,
+                            Workers* workers) {
+  const std::vector<std::size_t> ends = EvenRounds(blocks, kChunk, kMostRounds);
+  std::vector<SurfacePass> passes(ends.size());
+  ParallelFor(workers, ends.size(), [&](std::size_t round) {
+    SurfacePass& pass = passes[round];
+    pass.sums.assign(frames.size(), CondensedSum::Zero());
+    pass.segment_count.assign(frames.size(), 0.0);
+    pass.segment_sum_mm2.assign(frames.size(), 0.0);
+    SurfaceAssignment chunk;
+    for (std::size_t begin = round == 0 ? 0 : ends[round - 1]; begin < ends[round];) {
+      std::size_t end = begin;
+      for (std::size_t points = 0; end < ends[round] && points < kChunk; ++end) {
+        points += blocks[end].points.size();
       }
-      pass.segment_count[k] += chunk.segment_count[k];
-      pass.segment_sum_mm2[k] += chunk.segment_sum_mm2[k];
+      AssignPoints(frames, pipe_radius_mm, blocks.subspan(begin, end - begin), reach_mm, chunk);
+      for (std::size_t k = 0; k < frames.size(); ++k) {
+        if (chunk.segments[k].size > 0) {
+          pass.sums[k] += SumOfRows(chunk.segments[k], frames[k], pipe_radius_mm, sigma_mm);
+        }
+        pass.segment_count[k] += chunk.segment_count[k];
+        pass.segment_sum_mm2[k] += chunk.segment_sum_mm2[k];
+      }
+      for (const double d : chunk.distances_mm) pass.magnitudes.Add(d);
+      pass.design_effect.Add(chunk, kNoWeight * sigma_mm);
+      pass.total += chunk.total;
+      begin = end;
     }
-    for (const double d : chunk.distances_mm) pass.magnitudes.Add(d);
-    pass.design_effect.Add(chunk, kNoWeight * sigma_mm);
-    pass.total += chunk.total;
-    begin = end;
-  }
-  return pass;
+  });
+  for (std::size_t round = 1; round < passes.size(); ++round) passes[0].Add(passes[round]);
+  return std::move(passes[0]);
 }
 
 }  // namespace bendloop::pipeline

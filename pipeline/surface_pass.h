@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "pipeline/magnitude_histogram.h"
+#include "pipeline/parallel.h"
 #include "pipeline/surface_points.h"
 #include "pipeline/surface_sums.h"
 
@@ -46,8 +47,10 @@ struct SurfacePass {
   void Add(const SurfacePass& other);
 };
 
-// One walk over any number of points, in constant memory; `sigma_mm` gives the weights.
+// One walk over any number of points, in constant memory; `sigma_mm` gives the weights. The result
+// does not depend on the workers.
 SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_radius_mm,
-                            std::span<const PointBlock> blocks, double reach_mm, double sigma_mm);
+                            std::span<const PointBlock> blocks, double reach_mm, double sigma_mm,
+                            Workers* workers = nullptr);
 
 }  // namespace bendloop::pipeline

@@ -5,12 +5,14 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "hal/spine.h"
+#include "pipeline/nearest_lanes.h"
 #include "pipeline/statistics.h"
+#include "pipeline/turn_sector.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -18,10 +20,12 @@ namespace {
 constexpr double kOnSurface = 4.0;  // sigma
 constexpr double kWindow = 3.0;     // of r_P: how far inward the local spacing is looked at
 constexpr double kCrowd = 0.15;     // of the points that usually stand together; less are fliers
+constexpr std::size_t kBegun = 20;  // one in so many points may lie before the tube's end
 constexpr double kEven = 0.3;       // scatter of the gaps between laser lines, of their mean
 
 constexpr double kBeyondNodes = 2.0;  // of r_P: the nodes reach this near to the tube's ends
 constexpr std::size_t kSectors = 16;
+constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 16;  // of the walk
 constexpr double kDisagreement = 0.15;  // of r_P, beyond the borders' own width
 
 struct Border {
@@ -38,13 +42,14 @@ struct Spacing {
   bool even = false;       // the gaps that matter are alike, as between laser lines
 };
 
-double CrowdAt(const std::vector<double>& inward, std::size_t i, double reach_mm) {
-  return static_cast<double>(std::upper_bound(inward.begin() + static_cast<std::ptrdiff_t>(i),
-                                              inward.end(), inward[i] + reach_mm) -
-                             (inward.begin() + static_cast<std::ptrdiff_t>(i)));
+// How many points follow within `reach_mm` of point i, itself among them. `last`: the answer for a
+// point before it, or i: where the search begins; becomes the end of the crowd.
+double CrowdAt(std::span<const double> inward, std::size_t i, double reach_mm, std::size_t& last) {
+  while (last < inward.size() && inward[last] <= inward[i] + reach_mm) ++last;
+  return static_cast<double>(last - i);
 }
 
-Spacing SpacingWithin(const std::vector<double>& inward, std::size_t begin, std::size_t end) {
+Spacing SpacingWithin(std::span<const double> inward, std::size_t begin, std::size_t end) {
   Spacing spacing;
   double sum = 0, sum2 = 0;
   for (std::size_t k = begin; k + 1 < end; ++k) {
@@ -57,8 +62,10 @@ Spacing SpacingWithin(const std::vector<double>& inward, std::size_t begin, std:
   double count = 0;
   sum = sum2 = 0;
   std::vector<double> crowds;
+  crowds.reserve(end - begin);
+  std::size_t last = begin;
   for (std::size_t k = begin; k + 1 < end; ++k) {
-    crowds.push_back(CrowdAt(inward, k, spacing.gap_mm / 3.0));
+    crowds.push_back(CrowdAt(inward, k, spacing.gap_mm / 3.0, last));
     const double gap = inward[k + 1] - inward[k];
     if (gap < 0.3 * spacing.gap_mm) continue;
     count += 1;
@@ -71,19 +78,35 @@ Spacing SpacingWithin(const std::vector<double>& inward, std::size_t begin, std:
   return spacing;
 }
 
-// `inward`: distances along the straight, growing into the tube, sorted.
-std::optional<Border> FindBorder(const std::vector<double>& inward, double pipe_radius_mm) {
-  if (inward.size() < 5) return std::nullopt;
-  // Where the straight certainly has begun.
-  const std::size_t begin = inward.size() / 20;
+// Puts those of `inward` in front and in order that FindBorder looks at, which are few of many:
+// up to a window and a half after where the straight certainly has begun, and the next one.
+std::span<const double> SortBorder(std::span<double> inward, double pipe_radius_mm) {
+  const auto begin = inward.begin() + static_cast<std::ptrdiff_t>(inward.size() / kBegun);
+  std::nth_element(inward.begin(), begin, inward.end());
+  const double far_mm = *begin + 1.5 * kWindow * pipe_radius_mm;
+  auto end = std::partition(begin, inward.end(), [far_mm](double at) { return at <= far_mm; });
+  if (end != inward.end()) {
+    std::iter_swap(end, std::min_element(end, inward.end()));
+    ++end;
+  }
+  std::sort(inward.begin(), end);
+  return {inward.begin(), end};
+}
+
+// `points`: distances along the straight, growing into the tube; changes their order.
+std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm) {
+  if (points.size() < 5) return std::nullopt;
+  const std::span<const double> inward = SortBorder(points, pipe_radius_mm);
+  const std::size_t begin = points.size() / kBegun;
   std::size_t end = begin;
   while (end < inward.size() && inward[end] < inward[begin] + kWindow * pipe_radius_mm) ++end;
   if (end - begin < 4) return std::nullopt;
   const Spacing spacing = SpacingWithin(inward, begin, end);
   if (spacing.gap_mm <= 0) return std::nullopt;
+  std::size_t last = 0;
   for (std::size_t i = 0; i < end; ++i) {
     // Lone points beyond the tube are fliers; the border has as many neighbours as the rest.
-    if (CrowdAt(inward, i, spacing.gap_mm / 3.0) < kCrowd * spacing.usual_crowd) continue;
+    if (CrowdAt(inward, i, spacing.gap_mm / 3.0, last) < kCrowd * spacing.usual_crowd) continue;
     if (i + 1 < inward.size() && inward[i + 1] - inward[i] > 4.0 * spacing.gap_mm) continue;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
     return Border{inward[i] - 0.5 * spacing.gap_mm,
@@ -92,15 +115,16 @@ std::optional<Border> FindBorder(const std::vector<double>& inward, double pipe_
   return std::nullopt;
 }
 
+// Distances along an end straight, growing into the tube, by the part of the turn around it.
+using Sectors = std::array<std::vector<double>, kSectors>;
+
 // The border that most of the circumference agrees on: a table that the tube lies on, or a clamp
 // beside its end, goes on along a part of the turn only and is left out.
-std::optional<Border> CommonBorder(std::array<std::vector<double>, kSectors>& sectors,
-                                   double pipe_radius_mm) {
+std::optional<Border> CommonBorder(Sectors& sectors, double pipe_radius_mm) {
   std::vector<double> borders;
   std::array<double, kSectors> own{};
   double width_mm = 0;
   for (std::size_t i = 0; i < kSectors; ++i) {
-    std::sort(sectors[i].begin(), sectors[i].end());
     const auto border = FindBorder(sectors[i], pipe_radius_mm);
     own[i] = border ? border->at_mm : -std::numeric_limits<double>::infinity();
     if (!border) continue;
@@ -114,63 +138,104 @@ std::optional<Border> CommonBorder(std::array<std::vector<double>, kSectors>& se
     if (!borders.empty() && std::abs(own[i] - common) > tolerance_mm) continue;
     pooled.insert(pooled.end(), sectors[i].begin(), sectors[i].end());
   }
-  std::sort(pooled.begin(), pooled.end());
   return FindBorder(pooled, pipe_radius_mm);
 }
 
-// Which part of the turn around a straight's axis the point lies in.
-std::size_t SectorOf(const Eigen::Vector3d& point, const hal::SpineSegment& straight) {
-  const Eigen::Vector3d v = point - straight.start_mm;
-  const double turn =
-      std::atan2(v.dot(straight.normal), v.dot(straight.normal.cross(straight.tangent))) /
-          (2.0 * std::numbers::pi) +
-      0.5;
-  return static_cast<std::size_t>(turn * kSectors) % kSectors;
+// The points on the end straights.
+struct EndPoints {
+  Sectors from_start, from_end;
+};
+
+// Adds the block's points that are nearest to the first or the last segment.
+class EndCollector {
+ public:
+  EndCollector(const hal::Tube& tube, double sigma_mm, EndPoints& points)
+      : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
+        frames_(SegmentFrames(segments_)),
+        pipe_radius_mm_(tube.pipe_radius_mm),
+        reach_mm_(kOnSurface * sigma_mm),
+        points_(points) {}
+
+  void Add(const PointBlock& block) {
+    const auto last = static_cast<std::int32_t>(frames_.size()) - 1;
+    CandidateSegments(block, frames_, 1.5 * pipe_radius_mm_, candidates_);
+    if (candidates_.empty()) return;
+    if (candidates_.front() != 0 && candidates_.back() != last) return;
+    for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, block.points.size() - first);
+      nearest_.Find(block.points.subspan(first, count), frames_, pipe_radius_mm_, candidates_);
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::size_t c = nearest_.Candidate(i);
+        const LocalLanes& local = nearest_.Local(c);
+        if (std::abs(local.distance[i] - pipe_radius_mm_) > reach_mm_) continue;
+        // Further out another part of the tube may lie where the straight would go on.
+        const double beyond_mm = kBeyondNodes * pipe_radius_mm_;
+        const std::size_t sector = TurnSector<kSectors>(local.y[i], local.z[i]);
+        if (candidates_[c] == 0 && local.x[i] >= -beyond_mm) {
+          points_.from_start[sector].push_back(local.x[i]);
+        }
+        if (candidates_[c] == last && local.x[i] <= segments_.back().length_mm + beyond_mm) {
+          points_.from_end[sector].push_back(-local.x[i]);
+        }
+      }
+    }
+  }
+
+ private:
+  std::vector<hal::SpineSegment> segments_;
+  std::vector<SegmentFrame> frames_;
+  double pipe_radius_mm_;
+  double reach_mm_;
+  EndPoints& points_;
+  std::vector<std::int32_t> candidates_;
+  NearestLanes nearest_;
+};
+
+// What all parts hold, in their order.
+Sectors Joined(std::span<const EndPoints> parts, Sectors EndPoints::*which) {
+  Sectors joined;
+  for (const EndPoints& part : parts) {
+    for (std::size_t i = 0; i < kSectors; ++i) {
+      const std::vector<double>& from = (part.*which)[i];
+      joined[i].insert(joined[i].end(), from.begin(), from.end());
+    }
+  }
+  return joined;
 }
 
 }  // namespace
 
-TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> blocks) {
+TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> blocks,
+                      Workers* workers) {
   // An end that no sample shows is where the nodes stopped, give or take two pipe radii.
   const double unseen_mm = 2.0 * tube.pipe_radius_mm;
   TubeEnds ends{tube, unseen_mm, unseen_mm, false, false};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
-  std::array<std::vector<double>, kSectors> from_start;
-  std::array<std::vector<double>, kSectors> from_end;
-  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
-  std::vector<std::int32_t> candidates;
-  for (const PointBlock& block : blocks) {
-    CandidateSegments(block, frames, 1.5 * tube.pipe_radius_mm, candidates);
-    if (candidates.empty()) continue;
-    if (candidates.front() != 0 && candidates.back() != last) continue;
-    for (const Eigen::Vector3d& point : block.points) {
-      const SpineFoot foot = NearestFoot(point, segments, frames, candidates);
-      if (std::abs(foot.distance_mm - tube.pipe_radius_mm) > kOnSurface * sigma_mm) continue;
-      // Further out another part of the tube may lie where the straight would go on.
-      const double outward_mm = foot.segment == 0      ? -foot.along_mm
-                                : foot.segment == last ? foot.along_mm - segments.back().length_mm
-                                                       : 0.0;
-      if (outward_mm > kBeyondNodes * tube.pipe_radius_mm) continue;
-      if (foot.segment == 0) {
-        from_start[SectorOf(point, segments.front())].push_back(foot.along_mm);
-      }
-      if (foot.segment == last) {
-        from_end[SectorOf(point, segments.back())].push_back(-foot.along_mm);
-      }
+  const std::vector<std::size_t> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  std::vector<EndPoints> parts(rounds.size());
+  ParallelFor(workers, rounds.size(), [&](std::size_t round) {
+    EndCollector collector(tube, sigma_mm, parts[round]);
+    for (std::size_t i = round == 0 ? 0 : rounds[round - 1]; i < rounds[round]; ++i) {
+      collector.Add(blocks[i]);
     }
-  }
+  });
+  std::array<std::optional<Border>, 2> borders;
+  ParallelFor(workers, 2, [&](std::size_t end) {
+    Sectors sectors = Joined(parts, end == 0 ? &EndPoints::from_start : &EndPoints::from_end);
+    borders[end] = CommonBorder(sectors, tube.pipe_radius_mm);
+  });
   auto& rows = ends.tube.program.rows;
   const double first_mm = rows.front().length_mm;
   double start_mm = 0;
-  if (const auto border = CommonBorder(from_start, tube.pipe_radius_mm)) {
+  if (const auto& border = borders[0]) {
     start_mm = std::min(border->at_mm, first_mm);
     ends.first_sigma_mm = border->sigma_mm;
     ends.first_seen = true;
   }
   ends.tube.X_WT.position_mm += start_mm * segments.front().tangent;
   rows.front().length_mm = first_mm - start_mm;
-  if (const auto border = CommonBorder(from_end, tube.pipe_radius_mm)) {
+  if (const auto& border = borders[1]) {
     ends.last_sigma_mm = border->sigma_mm;
     ends.last_seen = true;
     rows.back().length_mm = std::max(0.0, -border->at_mm - (last == 0 ? start_mm : 0.0));

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "hal/tube.h"
+#include "pipeline/parallel.h"
 #include "pipeline/surface_points.h"
 
 namespace bendloop::pipeline {
@@ -19,6 +20,7 @@ struct TubeEnds {
 // The border of the samples on the two end straights. Where points stop, the tube stops within half
 // of the local spacing between them, be they laser lines or scattered; lone points beyond are
 // fliers. `sigma_mm`: noise of the points, which tells those on the surface.
-TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> blocks);
+TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> blocks,
+                      Workers* workers = nullptr);
 
 }  // namespace bendloop::pipeline

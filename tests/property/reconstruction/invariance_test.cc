@@ -54,6 +54,38 @@ void ExpectSameBits(const Measurement& a, const Measurement& b) {
     ASSERT_EQ(a.surface[i].distance_mm, b.surface[i].distance_mm);
   }
   ASSERT_EQ(a.spine.size(), b.spine.size());
+  for (std::size_t i = 0; i < a.spine.size(); ++i) {
+    ASSERT_EQ(a.spine[i].position_mm, b.spine[i].position_mm);
+    ASSERT_EQ(a.spine[i].pipe_radius_mm, b.spine[i].pipe_radius_mm);
+  }
+  EXPECT_EQ(a.longest_gap_mm, b.longest_gap_mm);
+  EXPECT_EQ(a.pipe_radius_sigma_mm, b.pipe_radius_sigma_mm);
+  EXPECT_EQ(a.fit.median_abs_distance_mm, b.fit.median_abs_distance_mm);
+  EXPECT_EQ(a.fit.p95_abs_distance_mm, b.fit.p95_abs_distance_mm);
+  EXPECT_EQ(a.structure_margin, b.structure_margin);
+  EXPECT_EQ(a.halves_differ_sigma, b.halves_differ_sigma);
+  EXPECT_EQ(a.warnings, b.warnings);
+}
+
+// Few points, and so many that all loops are shared.
+TEST(Invariance, AnyNumberOfThreadsSameBytes) {
+  for (const std::size_t points : {5000U, 120'000U}) {
+    SCOPED_TRACE(points);
+    Random random(points);
+    const hal::Tube tube = SomeTube(random, 2);
+    const Points cloud =
+        SyntheticCloud(tube, {.points = points, .noise_mm = 0.03, .fliers = 0.01}, random);
+    pipeline::ReconstructionOptions options;
+    const auto alone = Measure(cloud, options);
+    ASSERT_TRUE(alone);
+    for (const std::size_t threads : {2U, 3U}) {
+      SCOPED_TRACE(threads);
+      options.threads = threads;
+      const auto shared = Measure(cloud, options);
+      ASSERT_TRUE(shared);
+      ExpectSameBits(*alone, *shared);
+    }
+  }
 }
 
 TEST(Invariance, SameInputSameBytes) {

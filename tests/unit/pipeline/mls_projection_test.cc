@@ -24,7 +24,8 @@ Batch Project(const Points& points, double radius) {
   std::int32_t block = -1;
   for (const Eigen::Vector3d& p : points) batch.grid.Insert(p, block);
   for (std::size_t b = 0; b < batch.grid.blocks().size(); ++b) {
-    batch.projection.UpdateBlock(batch.grid, static_cast<std::int32_t>(b));
+    const auto updated = static_cast<std::int32_t>(b);
+    batch.projection.UpdateBlocks(batch.grid, {&updated, 1});
   }
   batch.projection.FinishNodes(batch.grid);
   return batch;
@@ -134,13 +135,13 @@ TEST(MlsProjection, LiveEqualsBatch) {
       if (Uniform(random, 0, 1) < 0.02) {
         std::erase_if(stale, [&](std::int32_t b) {
           if (Uniform(random, 0, 1) < 0.5) return false;
-          live.UpdateBlock(grid, b);
+          live.UpdateBlocks(grid, {&b, 1});
           return true;
         });
       }
       if (Uniform(random, 0, 1) < 0.01) live.UpdateNodes(grid);
     }
-    for (const std::int32_t b : stale) live.UpdateBlock(grid, b);
+    for (const std::int32_t b : stale) live.UpdateBlocks(grid, {&b, 1});
     live.FinishNodes(grid);
     ExpectSame(live.Nodes(), Project(points, r).projection.Nodes(), run);
   }

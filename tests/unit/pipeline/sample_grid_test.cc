@@ -55,6 +55,38 @@ TEST(SampleGrid, BallsHoldTheSamplesWithin) {
   }
 }
 
+// Dense enough for blocks to be thinned, with points that are nowhere, and not the first to come.
+TEST(SampleGrid, AllAtOnceIsTheSameAsOneByOne) {
+  Random random(9);
+  for (const std::size_t threads : {1U, 3U}) {
+    Points points = Cube(150'000, 3, random);
+    for (std::size_t i = 0; i < points.size(); ++i) points[i] *= i % 1000 == 0 ? 1.0 : 0.05;
+    points[70] = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+    points[100'000] = Eigen::Vector3d::Constant(1e200);
+    const Points before = Cube(100, 4, random);
+    SampleGrid one_by_one(2.0), at_once(2.0);
+    std::int32_t block = 0;
+    for (const Eigen::Vector3d& p : before) one_by_one.Insert(p, block), at_once.Insert(p, block);
+    for (const Eigen::Vector3d& p : points) one_by_one.Insert(p, block);
+    Workers workers(threads);
+    at_once.InsertAll(points, &workers);
+    EXPECT_EQ(at_once.sample_count(), one_by_one.sample_count());
+    EXPECT_EQ(at_once.point_count(), one_by_one.point_count());
+    EXPECT_EQ(at_once.kept_count(), one_by_one.kept_count());
+    EXPECT_LT(at_once.kept_count(), 130'000U) << "nothing was thinned";
+    ASSERT_EQ(at_once.blocks().size(), one_by_one.blocks().size());
+    for (std::size_t b = 0; b < at_once.blocks().size(); ++b) {
+      const SampleGrid::Block &x = at_once.blocks()[b], &y = one_by_one.blocks()[b];
+      EXPECT_EQ(x.cell, y.cell);
+      EXPECT_EQ(x.neighbours, y.neighbours);
+      EXPECT_EQ(x.points, y.points);
+      EXPECT_EQ(x.sample_count, y.sample_count);
+      EXPECT_EQ(x.stride, y.stride);
+      EXPECT_EQ(x.arrived, y.arrived);
+    }
+  }
+}
+
 TEST(SampleGrid, NeighbourhoodsAreMutualAndComplete) {
   Random random(2);
   SampleGrid grid(2.0);
