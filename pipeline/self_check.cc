@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/self_check.h"
 
+#include <array>
 #include <cmath>
 
 #include "pipeline/text.h"
@@ -17,8 +18,12 @@ HalvesDiffer CompareHalves(const SurfaceFit& fit, std::span<const PointBlock> bl
                            SurfaceFitOptions options) {
   options.flattened = !fit.flattening.empty();
   options.max_steps = kSteps;
-  const SurfaceFit a = FitSurface(fit.tube, HalfOf(blocks, Half::kFirst, kEnough), options);
-  const SurfaceFit b = FitSurface(fit.tube, HalfOf(blocks, Half::kSecond, kEnough), options);
+  std::array<SurfaceFit, 2> halves;
+  ParallelFor(options.workers, halves.size(), [&](std::size_t i) {
+    halves[i] = FitSurface(fit.tube, HalfOf(blocks, i == 0 ? Half::kFirst : Half::kSecond, kEnough),
+                           options);
+  });
+  const auto& [a, b] = halves;
   HalvesDiffer worst;
   const std::size_t bends = fit.tube.program.bend_count();
   for (std::size_t i = 0; i < bends; ++i) {

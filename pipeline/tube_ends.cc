@@ -79,11 +79,11 @@ Spacing SpacingWithin(std::span<const double> inward, std::size_t begin, std::si
 }
 
 // Puts those of `inward` in front and in order that FindBorder looks at, which are few of many:
-// up to a window and a half after where the straight certainly has begun, and the next one.
+// up to a window and a quarter after where the straight certainly has begun, and the next one.
 std::span<const double> SortBorder(std::span<double> inward, double pipe_radius_mm) {
   const auto begin = inward.begin() + static_cast<std::ptrdiff_t>(inward.size() / kBegun);
   std::nth_element(inward.begin(), begin, inward.end());
-  const double far_mm = *begin + 1.5 * kWindow * pipe_radius_mm;
+  const double far_mm = *begin + 1.25 * kWindow * pipe_radius_mm;
   auto end = std::partition(begin, inward.end(), [far_mm](double at) { return at <= far_mm; });
   if (end != inward.end()) {
     std::iter_swap(end, std::min_element(end, inward.end()));
