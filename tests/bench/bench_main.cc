@@ -26,6 +26,7 @@ struct Options {
   bool only_noise = false;
   bool no_rivals = false;
   std::uint64_t sets = 1;
+  std::size_t threads = 1;
   std::string json_path;
   std::string plot_directory;
 };
@@ -35,6 +36,7 @@ Examples:
   bendloop_bench --plots tests/bench          everything, tables and pictures: some minutes
   bendloop_bench --quick                      shows in half a minute that it works
   bendloop_bench --only-times --no-rivals     how fast
+  bendloop_bench --only-times --threads 2     the same on two processors: see the wall times
   bendloop_bench --only-tubes --sets 10       how exact, on 300 tubes
   bendloop_bench --only-noise --json noise.json)";
 
@@ -64,7 +66,8 @@ bool Write(const std::filesystem::path& path, const std::string& text) {
 // The paper's case first.
 std::vector<SizedTimes> RunTimes(const Options& options, nlohmann::json& json) {
   std::vector<SizedTimes> times;
-  times.push_back(TimeAll(PaperCase(6005, 1), options.quick ? 3 : 25, !options.no_rivals));
+  times.push_back(
+      TimeAll(PaperCase(6005, 1), options.quick ? 3 : 25, !options.no_rivals, options.threads));
   const auto paper = PaperRows(times.front());
   PrintTable(std::cout, "Paper's case: 6005 points, one view, noise 0.05 mm", paper);
   json["paper"] = ToJson(paper);
@@ -72,7 +75,8 @@ std::vector<SizedTimes> RunTimes(const Options& options, nlohmann::json& json) {
       options.quick ? std::vector<std::size_t>{20'000, 50'000}
                     : std::vector<std::size_t>{30'000, 100'000, 300'000, 1'000'000};
   for (const std::size_t size : sizes) {
-    times.push_back(TimeAll(PaperCase(size, 2), options.quick ? 1 : 5, !options.no_rivals));
+    times.push_back(
+        TimeAll(PaperCase(size, 2), options.quick ? 1 : 5, !options.no_rivals, options.threads));
   }
   const auto growth = GrowthRows({times.begin() + 1, times.end()});
   PrintTable(std::cout, "The same tube, more points", growth);
@@ -145,6 +149,9 @@ int main(int argc, char** argv) {
   app.add_option("--sets", options.sets, "Sets of 30 tubes; the first is the published one")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  app.add_option("--threads", options.threads, "Threads of bendloop where its time is measured")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 256));
   app.add_option("--json", options.json_path, "Write everything to this file as well");
   app.add_option("--plots", options.plot_directory,
                  "Draw time_over_points.svg and error_over_noise.svg there")

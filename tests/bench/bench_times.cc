@@ -18,12 +18,14 @@ constexpr std::size_t kRivalRuns = 5;
 constexpr double kRivalMs = 15'000;
 constexpr std::size_t kGrowthFrom = 100'000;  // points: the fixed part of the time is small there
 
-Series TimeOurs(const Case& scan, int runs) {
+Series TimeOurs(const Case& scan, int runs, std::size_t threads) {
   Series series;
+  pipeline::ReconstructionOptions options;
+  options.threads = threads;
   const CpuClock clock;
   for (int i = -1; i < runs; ++i) {
     const Stopwatch watch;
-    const auto measured = pipeline::Reconstruct(scan.points_W, {}, clock);
+    const auto measured = pipeline::Reconstruct(scan.points_W, options, clock);
     const Elapsed elapsed = watch.Read();
     if (!measured) {
       std::cerr << "bendloop_bench: " << scan.name << ", " << scan.points_W.size()
@@ -83,8 +85,8 @@ std::string Found(const StraightScore& score) {
 
 }  // namespace
 
-SizedTimes TimeAll(const Case& scan, int runs, bool with_rivals) {
-  SizedTimes times{scan.points_W.size(), TimeOurs(scan, runs), {}};
+SizedTimes TimeAll(const Case& scan, int runs, bool with_rivals, std::size_t threads) {
+  SizedTimes times{scan.points_W.size(), TimeOurs(scan, runs, threads), {}};
   if (!with_rivals) return times;
   for (const Rival& rival : Rivals()) times.rivals.push_back(TimeRival(rival, scan));
   return times;

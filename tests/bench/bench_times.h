@@ -37,8 +37,8 @@ struct SizedTimes {
 };
 
 // bendloop `runs` times after one that warms up; each rival up to five times, as 15 s allow, but
-// once at least.
-SizedTimes TimeAll(const Case& scan, int runs, bool with_rivals);
+// once at least. `threads`: bendloop's.
+SizedTimes TimeAll(const Case& scan, int runs, bool with_rivals, std::size_t threads);
 
 // bendloop's times and stages beside their targets.
 std::vector<Row> PaperRows(const SizedTimes& times);
