@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kLeastTurnDeg = 20.0;  // of a joint
 constexpr double kTight = 1.1;          // of r_P
+constexpr double kKnown = 0.2;          // of r_P, 1 sigma of the bend radius
 constexpr double kVagueDeg = 15.0;      // 1 sigma
 constexpr double kSeen = 0.4;           // of the usual number of samples a length
 constexpr double kAround = 1.5;         // of r_P: nodes that belong to no piece
@@ -28,7 +29,9 @@ std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
   std::vector<Eigen::Vector3d> joints;
   for (std::size_t k = 1; k + 1 < segments.size(); k += 2) {
     const hal::BendRow& row = fit.tube.program.rows[k / 2];
-    const bool tight = *row.bend_radius_mm < kTight * fit.tube.pipe_radius_mm;
+    const double r = fit.tube.pipe_radius_mm;
+    const bool tight = *row.bend_radius_mm < kTight * r &&
+                       fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kKnown * r;
     const bool vague = fit.sigma.rows[k / 2].angle_deg > kVagueDeg &&
                        (is_bare(k - 1) || is_bare(k) || is_bare(k + 1));
     if (row.angle_deg < kLeastTurnDeg || !(tight || vague)) continue;

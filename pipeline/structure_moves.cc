@@ -195,6 +195,22 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   return drop_last || drop_first;
 }
 
+bool ReachEnds(ArcLineSpline& spline, const SpinePolygon& polygon, double least_mm) {
+  const Eigen::Vector3d ahead =
+      spline.arcs.empty() ? spline.tangent : spline.arcs.back().tangent_out;
+  const auto nearer = [](const SpineNode& a, const SpineNode& b, const Eigen::Vector3d& to) {
+    return (a.position_mm - to).squaredNorm() < (b.position_mm - to).squaredNorm();
+  };
+  const bool forward = nearer(polygon.front(), polygon.back(), spline.start_mm);
+  const SpineNode& first = forward ? polygon.front() : polygon.back();
+  const SpineNode& last = forward ? polygon.back() : polygon.front();
+  const double before_mm = (spline.start_mm - first.position_mm).dot(spline.tangent);
+  const double after_mm = (last.position_mm - spline.end_mm).dot(ahead);
+  if (before_mm > 0) spline.start_mm -= before_mm * spline.tangent;
+  if (after_mm > 0) spline.end_mm += after_mm * ahead;
+  return before_mm >= least_mm || after_mm >= least_mm;
+}
+
 std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {
   SplineArc arc;
   arc.tangent_in = a.tangent_in;

@@ -35,6 +35,10 @@ double UsualSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegmen
 // there was none.
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit);
 
+// The end straights as long as the polygon's ends are away, if that is more. False: neither was
+// shorter by `least_mm` or more.
+bool ReachEnds(ArcLineSpline& spline, const SpinePolygon& polygon, double least_mm);
+
 // One arc in place of two that follow each other.
 std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b);
 // Two arcs of half the angle in place of one, with a straight between them that touches the old arc

@@ -21,6 +21,7 @@ constexpr double kReach = 0.35;          // of r_P: how far a sample may be from
 constexpr double kLongest = 1.1;         // straight, of the polygon's length
 constexpr std::size_t kMostMerged = 5;   // arcs, into one
 constexpr std::size_t kMostDropped = 4;  // that undo each other
+constexpr double kLeftBehind = 3.0;      // of r_P: what the end straights see beyond their ends
 constexpr double kDropAngleDeg = 3.0;
 constexpr double kSuspicious = 1.5;  // mean square of an arc's distances over the median segment's
 constexpr std::size_t kMaxSplits = 4;
@@ -148,8 +149,13 @@ SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal:
 
 SurfaceFit StructureSearch::FitWhole(const hal::Tube& tube, double goal_mm2) const {
   SurfaceFit fit = FitTo(blocks_, tube, goal_mm2);
+  // A fit may slide along the tube and leave its end behind, where samples then ask for nothing.
+  ArcLineSpline spline = SplineFromTube(fit.tube);
+  if (ReachEnds(spline, *polygon_, kLeftBehind * radius_mm_)) {
+    fit = FitTo(blocks_, TubeFromSpline(spline, fit.tube.pipe_radius_mm), goal_mm2);
+  }
   for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
-    ArcLineSpline spline = SplineFromTube(fit.tube);
+    spline = SplineFromTube(fit.tube);
     if (!DropUnseen(spline, fit) && !TrimBorders(spline, radius_mm_)) break;
     fit = FitTo(blocks_, TubeFromSpline(spline, fit.tube.pipe_radius_mm), goal_mm2);
   }
