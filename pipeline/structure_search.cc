@@ -119,7 +119,7 @@ void StructureSearch::Split(SurfaceFit& best) {
 
 void StructureSearch::Refine(SurfaceFit& best) {
   nearest_.reset();
-  quiet_.assign(best.tube.program.bend_count(), false);
+  simpler_.assign(best.tube.program.bend_count(), std::nullopt);
   for (int cycle = 0; cycle < kMaxCycles; ++cycle) {
     // Adding first: what was one by mistake is found before what is two by mistake is joined.
     bool added = false;
@@ -130,6 +130,7 @@ void StructureSearch::Refine(SurfaceFit& best) {
     }
   }
   best.margin = margin_;
+  for (const auto& worse : simpler_) best.margin = std::min(best.margin, worse.value_or(kNoGoal));
 }
 
 SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
@@ -217,18 +218,18 @@ void StructureSearch::Accept(SurfaceFit& fit, SurfaceFit better, const Structure
   fit = std::move(better);
   nearest_.reset();
   margin_ = kNoGoal;
-  if (quiet_.size() != before) return;
-  std::vector<bool> quiet(after, false);
-  for (std::size_t i = 0; i < std::min(window.first, after); ++i) quiet[i] = quiet_[i];
+  if (simpler_.size() != before) return;
+  std::vector<std::optional<double>> simpler(after);
+  for (std::size_t i = 0; i < std::min(window.first, after); ++i) simpler[i] = simpler_[i];
   for (std::size_t i = window.last; i < before; ++i) {
-    if (i + after >= before) quiet[i + after - before] = quiet_[i];
+    if (i + after >= before) simpler[i + after - before] = simpler_[i];
   }
   // What begins before may reach into it.
   for (std::size_t i = window.first - std::min(window.first, kMostMerged);
        i < std::min(after, window.last + 1); ++i) {
-    quiet[i] = false;
+    simpler[i] = std::nullopt;
   }
-  quiet_ = std::move(quiet);
+  simpler_ = std::move(simpler);
 }
 
 // Splits the arc that explains its samples worst, if two arcs do so better. False: none does.
@@ -290,7 +291,8 @@ bool StructureSearch::AddedAt(SurfaceFit& fit, MissingBend missing) {
 
 // The best merge or drop that begins at this arc and is no worse. False: none is.
 bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
-  if (quiet_[arc]) return false;
+  if (simpler_[arc]) return false;
+  const double margin = std::exchange(margin_, kNoGoal);
   const ArcLineSpline spline = SplineFromTube(fit.tube);
   const std::size_t arcs = spline.arcs.size();
   std::optional<Part> part;
@@ -323,7 +325,7 @@ bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
     if (at_start ? DropFirst(without, border_mm) : DropLast(without, border_mm)) consider(without);
   }
   if (!best) {
-    quiet_[arc] = true;
+    simpler_[arc] = std::exchange(margin_, margin);
     return false;
   }
   Accept(fit, std::move(*best), part->window);

@@ -77,7 +77,8 @@ class StructureSearch {
   OwnedBlocks blocks_;
   StructureCriterion criterion_;
   std::optional<NearestSegments> nearest_;  // of the tube that is looked at
-  std::vector<bool> quiet_;                 // by arc: nothing simpler there
+  // By arc, once tried: by how much the best simpler structure that begins there is worse.
+  std::vector<std::optional<double>> simpler_;
   double margin_ = std::numeric_limits<double>::infinity();
 };
 
