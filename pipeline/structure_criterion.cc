@@ -10,6 +10,8 @@
 namespace bendloop::pipeline {
 namespace {
 
+// A bend of which the samples know nothing costs so much, and any other that much more.
+constexpr double kBendPrice = 1;  // in parameters
 // Two straights joined by less than this are one, unless the samples insist.
 constexpr double kSlightDeg = 1.0;
 constexpr double kSlightPrice = 8;  // in parameters, above those of the bend
@@ -76,7 +78,8 @@ bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& 
 }
 
 double StructureCriterion::PriceOf(const SurfaceFit& fit) const {
-  double price = fit.learnt;
+  double price =
+      fit.learnt + kBendPrice * price_ * static_cast<double>(fit.tube.program.bend_count());
   for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
     if (fit.tube.program.rows[i].angle_deg < kSlightDeg) price += kSlightPrice * price_;
     if (i > 0 && AreOne(fit, i)) price += kTwinPrice * price_;
