@@ -124,11 +124,11 @@ void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples
     first_index.push_back(index);
     index += block.points.size();
   }
-  const std::vector<std::size_t> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  const std::vector<BlockRange> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
   std::vector<Description> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
     Describer describer(tube, sigma_mm, bin_mm, bins, sparse, parts[round]);
-    for (std::size_t i = round == 0 ? 0 : rounds[round - 1]; i < rounds[round]; ++i) {
+    for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
       describer.Add(blocks[i], first_index[i]);
     }
   });

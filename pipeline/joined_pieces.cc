@@ -2,8 +2,6 @@
 #include "pipeline/joined_pieces.h"
 
 #include <algorithm>
-#include <cmath>
-#include <iterator>
 #include <utility>
 
 #include "hal/spine.h"
@@ -16,17 +14,16 @@ constexpr double kLeastTurnDeg = 20.0;  // of a joint
 constexpr double kTight = 1.1;          // of r_P
 constexpr double kKnown = 0.2;          // of r_P, 1 sigma of the bend radius
 constexpr double kVagueDeg = 15.0;      // 1 sigma
-constexpr double kSeen = 0.4;           // of the usual number of samples a length
 constexpr double kLong = 1.0;           // of r_P
 constexpr double kAround = 1.5;         // of r_P: nodes that belong to no piece
 constexpr double kShortest = 4.0;       // of r_P, of a piece
 
 std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const double usual = kSeen * UsualSamplesPerMm(fit, segments);
+  const double few = FewSamplesPerMm(fit, segments);
   const auto is_bare = [&](std::size_t k) {  // short ones may be by chance
     return segments[k].length_mm > kLong * fit.tube.pipe_radius_mm &&
-           fit.segment_samples[k] < usual * segments[k].length_mm;
+           fit.segment_samples[k] < few * segments[k].length_mm;
   };
   std::vector<Eigen::Vector3d> joints;
   for (std::size_t k = 1; k + 1 < segments.size(); k += 2) {

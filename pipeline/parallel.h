@@ -17,7 +17,7 @@ class Workers {
  public:
   using Body = std::function<void(std::size_t round)>;
 
-  // `threads` work at a time, the caller's among them: 1 starts none.
+  // `threads` work at a time, the caller's among them: 1 or 0 starts none.
   explicit Workers(std::size_t threads);
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;

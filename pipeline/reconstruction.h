@@ -31,8 +31,8 @@ struct ReconstructionOptions {
   std::size_t max_points = 4'000'000;
   // For the final result; the live view always projects with moving least squares.
   SpineMethod spine_method = SpineMethod::kMls;
-  // So many work at a time on the final result, the caller's thread among them; 1 starts none. The
-  // result does not depend on it.
+  // So many work at a time on the final result, the caller's thread among them; 1 or 0 starts none.
+  // The result does not depend on it.
   std::size_t threads = 1;
 };
 

@@ -168,22 +168,22 @@ bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm) {
   return trimmed;
 }
 
-double UsualSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment> segments) {
+double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment> segments) {
   std::vector<double> densities;
   for (std::size_t k = 0; k < segments.size(); ++k) {
     if (segments[k].length_mm < fit.tube.pipe_radius_mm) continue;
     densities.push_back(fit.segment_samples[k] / segments[k].length_mm);
   }
-  return Median(std::move(densities));
+  return kSeen * Median(std::move(densities));
 }
 
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   if (spline.arcs.empty()) return false;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const double usual = kSeen * UsualSamplesPerMm(fit, segments);
+  const double few = FewSamplesPerMm(fit, segments);
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
-    return fit.segment_samples[outer] < usual * fit.tube.pipe_radius_mm &&
-           (fit.segment_samples[arc] < usual * segments[arc].length_mm ||
+    return fit.segment_samples[outer] < few * fit.tube.pipe_radius_mm &&
+           (fit.segment_samples[arc] < few * segments[arc].length_mm ||
             segments[arc].bend_radius_mm < kTight * fit.tube.pipe_radius_mm);
   };
   const std::size_t last = segments.size() - 1;

@@ -27,8 +27,9 @@ bool DropFirst(ArcLineSpline& spline, double border_mm);
 // they are as tight as the pipe is thick, which no machine bends.
 bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm);
 
-// Of the samples near a tube's segments. `segments`: of the fit's tube.
-double UsualSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment> segments);
+// Where a tube has less than so many samples a length it is as good as unseen. `segments`: of the
+// fit's tube.
+double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment> segments);
 
 // Without a first or last bend that no samples show: they are missing on the outer straight, and on
 // most of the arc, or that is as tight as the pipe is thick (a cap). `fit` is of the spline. False:

@@ -99,17 +99,17 @@ void SurfacePass::Add(const SurfacePass& other) {
 SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_radius_mm,
                             std::span<const PointBlock> blocks, double reach_mm, double sigma_mm,
                             Workers* workers) {
-  const std::vector<std::size_t> ends = EvenRounds(blocks, kChunk, kMostRounds);
-  std::vector<SurfacePass> passes(ends.size());
-  ParallelFor(workers, ends.size(), [&](std::size_t round) {
+  const std::vector<BlockRange> rounds = EvenRounds(blocks, kChunk, kMostRounds);
+  std::vector<SurfacePass> passes(rounds.size());
+  ParallelFor(workers, rounds.size(), [&](std::size_t round) {
     SurfacePass& pass = passes[round];
     pass.sums.assign(frames.size(), CondensedSum::Zero());
     pass.segment_count.assign(frames.size(), 0.0);
     pass.segment_sum_mm2.assign(frames.size(), 0.0);
     SurfaceAssignment chunk;
-    for (std::size_t begin = round == 0 ? 0 : ends[round - 1]; begin < ends[round];) {
+    for (std::size_t begin = rounds[round].begin; begin < rounds[round].end;) {
       std::size_t end = begin;
-      for (std::size_t points = 0; end < ends[round] && points < kChunk; ++end) {
+      for (std::size_t points = 0; end < rounds[round].end && points < kChunk; ++end) {
         points += blocks[end].points.size();
       }
       AssignPoints(frames, pipe_radius_mm, blocks.subspan(begin, end - begin), reach_mm, chunk);

@@ -48,20 +48,21 @@ std::size_t CountPoints(std::span<const PointBlock> blocks) {
   return count;
 }
 
-std::vector<std::size_t> EvenRounds(std::span<const PointBlock> blocks, std::size_t least_points,
-                                    std::size_t most_rounds) {
+std::vector<BlockRange> EvenRounds(std::span<const PointBlock> blocks, std::size_t least_points,
+                                   std::size_t most_rounds) {
   const std::size_t all = CountPoints(blocks);
   const std::size_t rounds = std::clamp<std::size_t>(all / least_points, 1, most_rounds);
-  std::vector<std::size_t> ends;
-  std::size_t points = 0;
+  std::vector<BlockRange> ranges;
+  std::size_t points = 0, begin = 0;
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     points += blocks[i].points.size();
-    if (ends.size() + 1 < rounds && points * rounds >= (ends.size() + 1) * all) {
-      ends.push_back(i + 1);
+    if (ranges.size() + 1 < rounds && points * rounds >= (ranges.size() + 1) * all) {
+      ranges.push_back({begin, i + 1});
+      begin = i + 1;
     }
   }
-  ends.push_back(blocks.size());
-  return ends;
+  ranges.push_back({begin, blocks.size()});
+  return ranges;
 }
 
 OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {

@@ -51,10 +51,14 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride);
 enum class Half { kFirst, kSecond };
 OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough);
 std::size_t CountPoints(std::span<const PointBlock> blocks);
+// Blocks [begin, end) of a list.
+struct BlockRange {
+  std::size_t begin = 0, end = 0;
+};
 // Parts the blocks, in their order, into rounds with about as many points each, at most
-// `most_rounds` and no more than one for every `least_points`: where each round ends. At least one.
-std::vector<std::size_t> EvenRounds(std::span<const PointBlock> blocks, std::size_t least_points,
-                                    std::size_t most_rounds);
+// `most_rounds` and no more than one for every `least_points`. At least one.
+std::vector<BlockRange> EvenRounds(std::span<const PointBlock> blocks, std::size_t least_points,
+                                   std::size_t most_rounds);
 
 // Where a point belongs on a spine.
 struct SpineFoot {

@@ -212,11 +212,11 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
   TubeEnds ends{tube, unseen_mm, unseen_mm, false, false};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
-  const std::vector<std::size_t> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  const std::vector<BlockRange> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
   std::vector<EndPoints> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
     EndCollector collector(tube, sigma_mm, parts[round]);
-    for (std::size_t i = round == 0 ? 0 : rounds[round - 1]; i < rounds[round]; ++i) {
+    for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
       collector.Add(blocks[i]);
     }
   });

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
-#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -64,7 +63,7 @@ hal::Result<pipeline::Measurement> Measure(const ReconstructArguments& arguments
   options.pipe_radius_mm = arguments.pipe_radius_mm;
   options.spine_method = arguments.spine_method == "shrinking" ? pipeline::SpineMethod::kShrinking
                                                                : pipeline::SpineMethod::kMls;
-  options.threads = std::max(1u, std::thread::hardware_concurrency());
+  options.threads = std::thread::hardware_concurrency();
   const TubeModel model = arguments.model == "tube"       ? TubeModel::kTube
                           : arguments.model == "canal"    ? TubeModel::kCanal
                           : arguments.model == "freeform" ? TubeModel::kFreeform
