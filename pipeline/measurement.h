@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "hal/tube.h"
+#include "pipeline/correlations.h"
 
 namespace bendloop::pipeline {
 
@@ -49,6 +50,7 @@ struct Measurement {
   hal::Tube tube;          // in the world frame
   hal::BendProgram sigma;  // 1 sigma of every value of tube.program, row by row
   double pipe_radius_sigma_mm = 0;
+  JointUncertainty joint;     // which of these values are hardly told apart; none of a canal
   double noise_mm = 0;        // 1 sigma of a sample along the surface normal, from the residuals
   double coverage = 0;        // part of the spine's length that has samples, 0..1
   double longest_gap_mm = 0;  // of the spine without samples

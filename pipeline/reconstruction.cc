@@ -354,6 +354,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   };
   if (bends > 0 && !ends.first_seen) doubt(0, "first");
   if (bends > 0 && !ends.last_seen) doubt(bends - 1, "last");
+  measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   measurement.noise_mm = fit.sigma_mm;
   timer.Done("ends");

@@ -232,7 +232,8 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations, 
   const double variance_mm2 = equations.Variance() * fit.design_effect;
   fit.learnt = fit.priors.Learnt(parameters, fit.tube, equations.matrix, variance_mm2);
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
-  const Eigen::MatrixXd covariance = Covariance(equations, fit.design_effect);
+  fit.covariance = Covariance(equations, fit.design_effect);
+  const Eigen::MatrixXd& covariance = fit.covariance;
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];
   fit.sigma = fit.tube.program;
@@ -255,8 +256,9 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations, 
     fit.flattening_sigma.push_back({sigma_of({1, 1, 0.5}), sigma_of({0.5, 0.5, 1})});
   }
   // The last length is from its border to where the last bend ends, which the fit knows so well.
+  fit.last_start = equations.last_start;
   fit.sigma.rows.back().length_mm =
-      std::sqrt(std::max(0.0, equations.last_start.dot(covariance * equations.last_start)));
+      std::sqrt(std::max(0.0, fit.last_start.dot(covariance * fit.last_start)));
 }
 
 void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> count,

@@ -37,6 +37,8 @@ struct SurfaceFit {
   hal::Tube tube;
   hal::BendProgram sigma;  // 1 sigma, from the covariance; first and last length: fit part only
   double pipe_radius_sigma_mm = 0;
+  Eigen::MatrixXd covariance;          // of all TubeParameters (mm, rad), `design_effect` included
+  Eigen::VectorXd last_start;          // derivative of where the last straight begins, along it
   FitPriors priors;                    // as given
   std::vector<Flattening> flattening;  // of every bend; none: they are round
   std::vector<FlatteningSigma> flattening_sigma;

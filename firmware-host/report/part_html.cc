@@ -14,8 +14,12 @@ namespace {
 using pipeline::AxisCorrection;
 using pipeline::Deviation;
 
-std::string Number(double value) { return "<td class=\"n\">" + Fixed(value, 3) + "</td>"; }
-std::string Change(double value) { return "<td class=\"n\">" + Signed(value, 3) + "</td>"; }
+std::string Number(double value, int decimals = 3) {
+  return "<td class=\"n\">" + Fixed(value, decimals) + "</td>";
+}
+std::string Change(double value, int decimals = 3) {
+  return "<td class=\"n\">" + Signed(value, decimals) + "</td>";
+}
 
 std::string StateCell(pipeline::ToleranceState state) {
   const StateMark mark = MarkOf(state);
@@ -35,11 +39,13 @@ std::string FlagText(std::uint32_t flags) {
 
 std::string AxisRow(const std::string& head, const char* name, const char* unit, const Deviation& d,
                     bool corrected, const AxisCorrection* correction) {
-  std::string html =
-      "<tr class=\"" + std::string(MarkOf(d.state).css) + "\">" + head + "<th scope=\"row\">" +
-      name + " <small>" + unit + "</small></th>" + Number(d.nominal) + Number(d.measured) +
-      Number(d.sigma) + Change(d.deviation) + "<td class=\"n\">" +
-      (d.tolerance ? "&#177;" + Fixed(*d.tolerance, 2) : "") + "</td>" + StateCell(d.state);
+  const int decimals = SigmaDecimals(d.sigma, 3);
+  std::string html = "<tr class=\"" + std::string(MarkOf(d.state).css) + "\">" + head +
+                     "<th scope=\"row\">" + name + " <small>" + unit + "</small></th>" +
+                     Number(d.nominal) + Number(d.measured, decimals) + Number(d.sigma, decimals) +
+                     Change(d.deviation, decimals) + "<td class=\"n\">" +
+                     (d.tolerance ? "&#177;" + Fixed(*d.tolerance, 2) : "") + "</td>" +
+                     StateCell(d.state);
   if (corrected && correction) {
     html += Number(correction->commanded) + Number(correction->corrected) +
             Change(correction->applied) + "<td class=\"flag\">" + FlagText(correction->flags) +
@@ -61,14 +67,19 @@ std::string MeasuredOnly(const pipeline::Measurement& m) {
     const bool last = i + 1 == rows.size(), known = i < m.sigma.rows.size();
     const hal::BendRow sigma =
         known ? m.sigma.rows[i] : hal::BendRow{std::nan(""), std::nan(""), std::nan(""), {}};
-    html += "<tr><th scope=\"row\">" + std::to_string(i + 1) + "</th>" + Number(rows[i].length_mm) +
-            Number(sigma.length_mm);
+    const auto with_sigma = [](double value, double one_sigma) {
+      const int decimals = SigmaDecimals(one_sigma, 3);
+      return Number(value, decimals) + Number(one_sigma, decimals);
+    };
+    html += "<tr><th scope=\"row\">" + std::to_string(i + 1) + "</th>" +
+            with_sigma(rows[i].length_mm, sigma.length_mm);
     if (!last) {
       // The first rotation is 0 by convention and not measured.
-      html += (i == 0 ? "<td></td><td></td>"
-                      : Number(rows[i].rotation_deg) + Number(sigma.rotation_deg)) +
-              Number(rows[i].angle_deg) + Number(sigma.angle_deg) +
-              Number(rows[i].bend_radius_mm.value_or(std::nan("")));
+      html +=
+          (i == 0 ? "<td></td><td></td>" : with_sigma(rows[i].rotation_deg, sigma.rotation_deg)) +
+          with_sigma(rows[i].angle_deg, sigma.angle_deg) +
+          Number(rows[i].bend_radius_mm.value_or(std::nan("")),
+                 SigmaDecimals(sigma.bend_radius_mm.value_or(std::nan("")), 3));
     }
     html += "</tr>\n";
   }

@@ -38,6 +38,35 @@ Json BendShapesJson(const std::vector<pipeline::BendShape>& shapes) {
   return list;
 }
 
+Json RowValueJson(const pipeline::RowValue& value) {
+  return {{"row", value.row}, {"value", Word(value.kind)}};
+}
+
+Json UncertaintyJson(const pipeline::Measurement& m) {
+  Json correlations = Json::array();
+  for (const pipeline::Correlation& c : m.joint.correlations) {
+    correlations.push_back({{"first", RowValueJson(c.first)},
+                            {"second", RowValueJson(c.second)},
+                            {"coefficient", Number(c.coefficient, 4)}});
+  }
+  Json known_together = Json::array();
+  for (const pipeline::KnownTogether& run : m.joint.known_together) {
+    Json values = Json::array();
+    for (const pipeline::RowValue& value : run.values) values.push_back(RowValueJson(value));
+    known_together.push_back({{"first_bend", run.first_bend},
+                              {"last_bend", run.last_bend},
+                              {"values", std::move(values)},
+                              {"direction_sigma_deg", Number(run.direction_sigma_deg)},
+                              {"plane_sigma_deg", Number(run.plane_sigma_deg)},
+                              {"length_mm", Number(run.length_mm)},
+                              {"length_sigma_mm", Number(run.length_sigma_mm)}});
+  }
+  return {{"pipe_radius_mm", Number(m.pipe_radius_sigma_mm)},
+          {"rows", SigmaRowsJson(m.sigma, m.tube.program)},
+          {"correlations", std::move(correlations)},
+          {"known_together", std::move(known_together)}};
+}
+
 Json SpineJson(const std::vector<pipeline::SpineSample>& spine) {
   Json samples = Json::array();
   for (const auto& sample : spine) {
@@ -74,8 +103,7 @@ Json ResultJson(const RunResult& result, const ResultJsonOptions& options) {
   if (!result.time.empty()) json["time"] = result.time;
   if (!result.software.empty()) json["software"] = result.software;
   json["tube"] = TubeJson(m.tube);
-  json["uncertainty_1sigma"] = {{"pipe_radius_mm", Number(m.pipe_radius_sigma_mm)},
-                                {"rows", SigmaRowsJson(m.sigma, m.tube.program)}};
+  json["uncertainty_1sigma"] = UncertaintyJson(m);
   json["fit"] = FitJson(m);
   if (!m.bend_shapes.empty()) json["bend_shapes"] = BendShapesJson(m.bend_shapes);
   json["warnings"] = m.warnings;

@@ -22,6 +22,47 @@ void ReadFit(const JsonReader& json, pipeline::Measurement& m) {
   m.halves_differ_sigma = json.NumberOr("halves_differ_sigma", 0);
 }
 
+// Rows and bends are checked against the program, since a text names them.
+std::size_t ReadIndex(const JsonReader& json, std::size_t count) {
+  const std::size_t index = json.Count();
+  if (index < count) return index;
+  json.Wrong("a row of the tube");
+  return 0;
+}
+
+pipeline::RowValue ReadRowValue(const JsonReader& json, std::size_t rows) {
+  return {ReadIndex(json.At("row"), rows), ReadWord<pipeline::RowValueKind>(json.At("value"))};
+}
+
+void ReadJointUncertainty(const JsonReader& json, std::size_t rows,
+                          pipeline::JointUncertainty& joint) {
+  if (json.Has("correlations")) {
+    const JsonReader list = json.At("correlations");
+    for (std::size_t i = 0, n = list.Size(pipeline::kMostCorrelations); i < n; ++i) {
+      const JsonReader item = list.Item(i);
+      joint.correlations.push_back({ReadRowValue(item.At("first"), rows),
+                                    ReadRowValue(item.At("second"), rows),
+                                    item.At("coefficient").Number()});
+    }
+  }
+  if (!json.Has("known_together")) return;
+  const JsonReader list = json.At("known_together");
+  for (std::size_t i = 0, n = list.Size(kMaxRows); i < n; ++i) {
+    const JsonReader item = list.Item(i);
+    pipeline::KnownTogether& run = joint.known_together.emplace_back();
+    run.first_bend = ReadIndex(item.At("first_bend"), rows);
+    run.last_bend = ReadIndex(item.At("last_bend"), rows);
+    const JsonReader values = item.At("values");
+    for (std::size_t k = 0, count = values.Size(kMaxRows); k < count; ++k) {
+      run.values.push_back(ReadRowValue(values.Item(k), rows));
+    }
+    run.direction_sigma_deg = item.At("direction_sigma_deg").Number();
+    run.plane_sigma_deg = item.At("plane_sigma_deg").Number();
+    run.length_mm = item.At("length_mm").Number();
+    run.length_sigma_mm = item.At("length_sigma_mm").Number();
+  }
+}
+
 void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
   const JsonReader tube = json.At("tube");
   m.tube.pipe_radius_mm = tube.At("pipe_radius_mm").Number();
@@ -35,6 +76,7 @@ void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
   if (m.sigma.rows.size() != m.tube.program.rows.size()) {
     sigma.At("rows").Wrong("as many rows as tube/rows");
   }
+  ReadJointUncertainty(sigma, m.tube.program.rows.size(), m.joint);
   ReadFit(json.At("fit"), m);
   if (json.Has("bend_shapes")) {
     const JsonReader shapes = json.At("bend_shapes");

@@ -7,6 +7,7 @@
 
 #include "firmware-host/commit/commit_protocol.h"
 #include "pipeline/correction.h"
+#include "pipeline/correlations.h"
 #include "pipeline/direction.h"
 #include "pipeline/inspection.h"
 #include "pipeline/interlocks.h"
@@ -87,6 +88,17 @@ struct Words<pipeline::InterlockKind> {
       {E::kUsedSession, "used_session"},
       {E::kBenderReady, "bender_ready"},
       {E::kActiveProgram, "active_program"}};
+};
+
+template <>
+struct Words<pipeline::RowValueKind> {
+  using E = pipeline::RowValueKind;
+  static constexpr const char* kExpected =
+      "\"length_mm\", \"rotation_deg\", \"angle_deg\" or \"bend_radius_mm\"";
+  static constexpr std::pair<E, std::string_view> kTable[] = {{E::kLength, "length_mm"},
+                                                              {E::kRotation, "rotation_deg"},
+                                                              {E::kAngle, "angle_deg"},
+                                                              {E::kBendRadius, "bend_radius_mm"}};
 };
 
 template <class E>

@@ -10,10 +10,15 @@
 namespace bendloop::host {
 namespace {
 
+using pipeline::RowValueKind;
 using pipeline::ToleranceState;
 
 // Decimals that a person reads: the scanner's bound is some 0.02 mm and 0.005 degree.
 constexpr int kDecimals = 3;
+// 1 sigma from which on a number does not tell where it is: what no bender could use.
+constexpr double kUnknownDeg = 5;
+constexpr double kUnknownMm = 0.3;  // a straight of nothing is well known to be short
+constexpr std::size_t kMostTogether = 6;
 
 struct Mark {
   const char* text;
@@ -58,16 +63,45 @@ std::string FlagText(std::uint32_t flags) {
   return text;
 }
 
-void AddAxis(Table& table, std::string row, const char* name, const char* unit,
-             const pipeline::Deviation& d, const pipeline::AxisCorrection* correction) {
+bool IsUnknown(RowValueKind kind, double value, double sigma) {
+  const bool beyond = sigma > std::abs(value);
+  switch (kind) {
+    case RowValueKind::kLength:
+      return beyond && sigma > kUnknownMm;
+    case RowValueKind::kRotation:
+      return sigma > kUnknownDeg;
+    case RowValueKind::kAngle:
+      return beyond || sigma > kUnknownDeg;
+    case RowValueKind::kBendRadius:
+      return beyond;
+  }
+  return false;
+}
+
+// A value to the digits that its sigma supports.
+Cell ValueCell(RowValueKind kind, double value, double sigma) {
+  const std::string text = Fixed(value, SigmaDecimals(sigma, kDecimals));
+  return IsUnknown(kind, value, sigma) ? Cell("~" + text, Style::kWarning) : Cell(text);
+}
+
+std::string SigmaText(double sigma) { return Fixed(sigma, SigmaDecimals(sigma, kDecimals)); }
+
+constexpr const char* kUnknownLegend =
+    "  ~ not known: 1 sigma is more than the value, or more than 5 degrees\n";
+
+void AddAxis(Table& table, std::string row, RowValueKind kind, const pipeline::Deviation& d,
+             const pipeline::AxisCorrection* correction) {
+  static constexpr const char* kNames[] = {"length", "rotation", "angle", "CLR"};
+  static constexpr const char* kUnits[] = {"mm", "deg", "deg", "mm"};
+  const auto axis = static_cast<std::size_t>(kind);
   const Mark mark = MarkOf(d.state);
   std::vector<Cell> cells = {std::move(row),
-                             name,
-                             unit,
+                             kNames[axis],
+                             kUnits[axis],
                              Fixed(d.nominal, kDecimals),
-                             Fixed(d.measured, kDecimals),
-                             Fixed(d.sigma, kDecimals),
-                             {Signed(d.deviation, kDecimals), mark.style},
+                             ValueCell(kind, d.measured, d.sigma),
+                             SigmaText(d.sigma),
+                             {Signed(d.deviation, SigmaDecimals(d.sigma, kDecimals)), mark.style},
                              d.tolerance ? Fixed(*d.tolerance, kDecimals) : "-",
                              {mark.text, mark.style}};
   if (correction) {
@@ -76,6 +110,46 @@ void AddAxis(Table& table, std::string row, const char* name, const char* unit,
     cells.emplace_back(FlagText(correction->flags));
   }
   table.Add(std::move(cells));
+}
+
+// "R3": the rotation of the table's row 3.
+std::string ShortName(const pipeline::RowValue& value) {
+  static constexpr const char* kLetters[] = {"L", "R", "A", "CLR"};
+  return kLetters[static_cast<std::size_t>(value.kind)] + std::to_string(value.row + 1);
+}
+
+// One line for each run of bends whose values are hardly told apart though it is known how the tube
+// goes on behind them.
+std::string TogetherText(const pipeline::JointUncertainty& joint, std::size_t bends) {
+  std::vector<std::string> lines;
+  for (const pipeline::KnownTogether& run : joint.known_together) {
+    const auto bend = [](std::size_t b) { return "bend " + std::to_string(b + 1); };
+    const std::string from = run.first_bend > 0 ? bend(run.first_bend - 1) : "start";
+    const std::string to = run.last_bend + 1 < bends ? bend(run.last_bend + 1) : "end";
+    std::string values, known;
+    for (const pipeline::RowValue& value : run.values) {
+      values += (values.empty() ? "" : ", ") + ShortName(value);
+    }
+    const auto add = [&known](const std::string& what, double sigma, const char* unit) {
+      if (!std::isfinite(sigma)) return;
+      known += (known.empty() ? "; but " : ", ") + what + " +- " + SigmaText(sigma) + unit;
+    };
+    add("direction behind " + bend(run.last_bend), run.direction_sigma_deg, " deg");
+    add("plane of " + to + " against " + from, run.plane_sigma_deg, " deg");
+    add("from " + from + " to " + to + " " +
+            Fixed(run.length_mm, SigmaDecimals(run.length_sigma_mm, kDecimals)),
+        run.length_sigma_mm, " mm");
+    if (known.empty()) continue;
+    lines.push_back((run.values.size() == 1 ? "  vague: " : "  hardly told apart: ") + values +
+                    known + "\n");
+  }
+  std::string out;
+  for (std::size_t i = 0; i < std::min(lines.size(), kMostTogether); ++i) out += lines[i];
+  if (lines.size() > kMostTogether) {
+    out += "  and " + Plural(lines.size() - kMostTogether, "more place") +
+           " like these: \"known_together\" in the JSON\n";
+  }
+  return out;
 }
 
 bool Refused(const pipeline::InterlockReport& report) {
@@ -96,29 +170,37 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
                {"CLR mm", Align::kDecimal},
                {"+-", Align::kDecimal}});
   const auto& rows = m.tube.program.rows;
+  bool unknown = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const bool last = i + 1 == rows.size();
-    const auto sigma = [&](double hal::BendRow::*value) {
-      return Fixed(SigmaOf(m.sigma, i, value), kDecimals);
+    std::vector<Cell> cells = {std::to_string(i + 1)};
+    const auto add = [&](RowValueKind kind, double value, double sigma) {
+      unknown = unknown || IsUnknown(kind, value, sigma);
+      cells.push_back(ValueCell(kind, value, sigma));
+      cells.emplace_back(SigmaText(sigma));
     };
-    std::vector<Cell> cells = {std::to_string(i + 1), Fixed(rows[i].length_mm, kDecimals),
-                               sigma(&hal::BendRow::length_mm)};
+    add(RowValueKind::kLength, rows[i].length_mm, SigmaOf(m.sigma, i, &hal::BendRow::length_mm));
     if (!last) {
-      const bool first = i == 0;
-      cells.emplace_back(first ? "-" : Fixed(rows[i].rotation_deg, kDecimals));
-      cells.emplace_back(first ? "-" : sigma(&hal::BendRow::rotation_deg));
-      cells.emplace_back(Fixed(rows[i].angle_deg, kDecimals));
-      cells.emplace_back(sigma(&hal::BendRow::angle_deg));
-      cells.emplace_back(Fixed(rows[i].bend_radius_mm.value_or(std::nan("")), kDecimals));
+      if (i == 0) {
+        cells.insert(cells.end(), {"-", "-"});
+      } else {
+        add(RowValueKind::kRotation, rows[i].rotation_deg,
+            SigmaOf(m.sigma, i, &hal::BendRow::rotation_deg));
+      }
+      add(RowValueKind::kAngle, rows[i].angle_deg, SigmaOf(m.sigma, i, &hal::BendRow::angle_deg));
       const bool known = i < m.sigma.rows.size() && m.sigma.rows[i].bend_radius_mm;
-      cells.emplace_back(known ? Fixed(*m.sigma.rows[i].bend_radius_mm, kDecimals) : "-");
+      add(RowValueKind::kBendRadius, rows[i].bend_radius_mm.value_or(std::nan("")),
+          known ? *m.sigma.rows[i].bend_radius_mm : std::nan(""));
     }
     table.Add(std::move(cells));
   }
   std::string out = rows.empty() ? "  no rows: see the spine\n" : table.Render(colour);
-  out += "\n  pipe radius " + Fixed(m.tube.pipe_radius_mm, kDecimals) + " +- " +
-         Fixed(m.pipe_radius_sigma_mm, kDecimals) + " mm; " +
-         Plural(m.tube.program.bend_count(), "bend") + "; +- is 1 sigma\n";
+  if (unknown) out += kUnknownLegend;
+  out += TogetherText(m.joint, m.tube.program.bend_count());
+  out += "\n  pipe radius " +
+         Fixed(m.tube.pipe_radius_mm, SigmaDecimals(m.pipe_radius_sigma_mm, kDecimals)) + " +- " +
+         SigmaText(m.pipe_radius_sigma_mm) + " mm; " + Plural(m.tube.program.bend_count(), "bend") +
+         "; +- is 1 sigma\n";
   out += "  fit: " + Plural(m.fit.samples, "sample") + ", " + Plural(m.fit.outliers, "outlier") +
          "; distance median " + Fixed(m.fit.median_abs_distance_mm, kDecimals) + ", rms " +
          Fixed(m.fit.rms_distance_mm, kDecimals) + ", 95 % below " +
@@ -158,21 +240,33 @@ std::string ComparisonText(const RunResult& result, bool colour) {
     columns.push_back({"", Align::kLeft});
   }
   Table table(std::move(columns));
+  bool unknown = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const pipeline::RowCorrection* c = corrected ? &result.correction->rows[i] : nullptr;
     if (i > 0) table.AddGap();
-    AddAxis(table, std::to_string(i + 1), "length", "mm", rows[i].length_mm,
-            c ? &c->length_mm : nullptr);
+    const auto add = [&](RowValueKind kind, const pipeline::Deviation& d,
+                         const pipeline::AxisCorrection* correction) {
+      unknown = unknown || IsUnknown(kind, d.measured, d.sigma);
+      const bool first = kind == RowValueKind::kLength;
+      AddAxis(table, first ? std::to_string(i + 1) : "", kind, d, correction);
+    };
+    add(RowValueKind::kLength, rows[i].length_mm, c ? &c->length_mm : nullptr);
     if (i + 1 == rows.size()) break;
     if (i > 0) {
-      AddAxis(table, "", "rotation", "deg", rows[i].rotation_deg, c ? &c->rotation_deg : nullptr);
+      add(RowValueKind::kRotation, rows[i].rotation_deg, c ? &c->rotation_deg : nullptr);
     }
-    AddAxis(table, "", "angle", "deg", rows[i].angle_deg, c ? &c->angle_deg : nullptr);
+    add(RowValueKind::kAngle, rows[i].angle_deg, c ? &c->angle_deg : nullptr);
     if (rows[i].bend_radius_mm) {
-      AddAxis(table, "", "CLR", "mm", *rows[i].bend_radius_mm, nullptr);
+      add(RowValueKind::kBendRadius, *rows[i].bend_radius_mm, nullptr);
     }
   }
-  return table.Render(colour);
+  std::string out = table.Render(colour);
+  if (unknown) out += kUnknownLegend;
+  const std::size_t bends = result.measurement.tube.program.bend_count();
+  if (bends + 1 != rows.size()) return out;
+  const bool reverse = result.inspection->direction.state == pipeline::DirectionState::kReverse;
+  const pipeline::JointUncertainty& joint = result.measurement.joint;
+  return out + TogetherText(reverse ? Reversed(joint, bends) : joint, bends);
 }
 
 std::string VerdictLine(const RunResult& result, bool colour) {

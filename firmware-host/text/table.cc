@@ -101,4 +101,11 @@ std::string Table::Render(bool colour, std::size_t indent) const {
 std::string Fixed(double value, int decimals) { return Print("%.*f", decimals, value); }
 std::string Signed(double value, int decimals) { return Print("%+.*f", decimals, value); }
 
+int SigmaDecimals(double sigma, int at_most) {
+  if (!(sigma > 0) || !std::isfinite(sigma)) return at_most;
+  // 0.0996 is 0.10 of two digits.
+  const double first = std::floor(std::log10(1.005 * sigma));
+  return static_cast<int>(std::clamp(1.0 - first, 0.0, static_cast<double>(at_most)));
+}
+
 }  // namespace bendloop::host

@@ -46,5 +46,8 @@ class Table {
 std::string Fixed(double value, int decimals);
 // The same with a sign: "+0.120".
 std::string Signed(double value, int decimals);
+// Decimals that show two digits of `sigma`, from 0 to `at_most`; a value has a meaning to these.
+// `at_most` when there is no sigma.
+int SigmaDecimals(double sigma, int at_most);
 
 }  // namespace bendloop::host

@@ -6,6 +6,7 @@
 
 #include <numeric>
 
+#include "pipeline/correlations.h"
 #include "pipeline/tube_parameters.h"
 #include "tests/unit/pipeline/shapes.h"
 
@@ -154,6 +155,90 @@ TEST(SurfaceFit, SigmaIsTheSpreadOfRepeatedScans) {
   total /= static_cast<double>(sums.size());
   EXPECT_GT(total, 0.7);
   EXPECT_LT(total, 1.25);
+}
+
+// Over many scans of a tube with a shallow bend, values go together as each scan says, and what it
+// says of several together holds.
+TEST(Correlations, AreThoseOfRepeatedScans) {
+  Random random(7);
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {
+      {40, 0, 60, 20.0}, {30, 30, 4, 150.0}, {25, 80, 70, 20.0}, {40, 0, 0, std::nullopt}};
+  tube.X_WT = tests::RandomPose(100, random);
+  constexpr int kRuns = 80;
+  constexpr Eigen::Index kColumns = 4;
+  Eigen::MatrixXd values(kRuns, 3 * kColumns);
+  Eigen::VectorXd planes(kRuns), lengths(kRuns);
+  JointUncertainty first;
+  for (int run = 0; run < kRuns; ++run) {
+    const auto points = tests::SyntheticCloud(tube, {.points = 1500, .noise_mm = 0.1}, random);
+    const SurfaceFit fit =
+        FitSurface(tube, tests::Blocks(points, tube.pipe_radius_mm), {.reach_mm = 1});
+    const auto& rows = fit.tube.program.rows;
+    for (int i = 0; i < 3; ++i) {
+      const auto& row = rows[static_cast<std::size_t>(i)];
+      values.row(run).segment<kColumns>(kColumns * i) << row.length_mm, row.rotation_deg,
+          row.angle_deg, *row.bend_radius_mm;
+    }
+    planes[run] = rows[1].rotation_deg + rows[2].rotation_deg;
+    lengths[run] = rows[1].length_mm + rows[2].length_mm +
+                   *rows[1].bend_radius_mm * rows[1].angle_deg / tests::kDegrees;
+    if (run == 0) first = FindCorrelations(fit, fit.tube.program, fit.sigma);
+  }
+  const auto spread = [](const Eigen::VectorXd& of) {
+    return std::sqrt((of.array() - of.mean()).square().sum() / (kRuns - 1));
+  };
+  // Fisher's z has a standard deviation of 1/sqrt(runs - 3).
+  const double tolerance = 4 / std::sqrt(kRuns - 3);
+  const Eigen::MatrixXd centred = values.rowwise() - values.colwise().mean();
+  int found = 0;
+  for (const Correlation& c : first.correlations) {
+    if (c.first.row > 2 || c.second.row > 2) continue;  // the last length is no part of the fit
+    const auto column = [&](const RowValue& v) {
+      return centred.col(kColumns * static_cast<Eigen::Index>(v.row) +
+                         static_cast<Eigen::Index>(v.kind));
+    };
+    const auto a = column(c.first), b = column(c.second);
+    const double seen = a.dot(b) / (a.norm() * b.norm());
+    EXPECT_NEAR(std::atanh(seen), std::atanh(c.coefficient), tolerance)
+        << c.first.row << ' ' << static_cast<int>(c.first.kind) << " with " << c.second.row << ' '
+        << static_cast<int>(c.second.kind) << ": " << seen << " is not " << c.coefficient;
+    ++found;
+  }
+  EXPECT_GE(found, 4);
+
+  ASSERT_EQ(first.known_together.size(), 1U);
+  const KnownTogether& run = first.known_together.front();
+  EXPECT_EQ(run.first_bend, 1U);
+  EXPECT_EQ(run.last_bend, 1U);
+  const RowValue before{1, RowValueKind::kRotation}, behind{2, RowValueKind::kRotation};
+  EXPECT_NE(std::find(run.values.begin(), run.values.end(), before), run.values.end());
+  EXPECT_NE(std::find(run.values.begin(), run.values.end(), behind), run.values.end());
+  // A sigma from 80 runs is known to 8 %.
+  EXPECT_NEAR(run.plane_sigma_deg / spread(planes), 1, 0.3);
+  EXPECT_NEAR(run.length_sigma_mm / spread(lengths), 1, 0.3);
+  EXPECT_NEAR(run.length_mm, 55 + 150 * 4 / tests::kDegrees, 5 * run.length_sigma_mm);
+  // Across the shallow bend its plane tells where the tube goes on.
+  const double sideways_deg = spread(values.col(kColumns + 1)) * 4 / tests::kDegrees;
+  EXPECT_NEAR(run.direction_sigma_deg / sideways_deg, 1, 0.3);
+}
+
+TEST(Correlations, TurnAroundWithTheTube) {
+  JointUncertainty joint;
+  joint.correlations = {{{1, RowValueKind::kRotation}, {2, RowValueKind::kRotation}, -0.95},
+                        {{2, RowValueKind::kBendRadius}, {3, RowValueKind::kLength}, -0.97}};
+  joint.known_together = {{.first_bend = 1, .last_bend = 2, .values = {{1, RowValueKind::kAngle}}}};
+  const JointUncertainty reversed = Reversed(joint, 4);
+  ASSERT_EQ(reversed.correlations.size(), 2U);
+  EXPECT_EQ(reversed.correlations[0].first, (RowValue{1, RowValueKind::kLength}));
+  EXPECT_EQ(reversed.correlations[0].second, (RowValue{1, RowValueKind::kBendRadius}));
+  EXPECT_EQ(reversed.correlations[1].first, (RowValue{2, RowValueKind::kRotation}));
+  EXPECT_EQ(reversed.correlations[1].second, (RowValue{3, RowValueKind::kRotation}));
+  EXPECT_EQ(reversed.known_together[0].first_bend, 1U);
+  EXPECT_EQ(reversed.known_together[0].last_bend, 2U);
+  EXPECT_EQ(reversed.known_together[0].values[0], (RowValue{2, RowValueKind::kAngle}));
+  EXPECT_EQ(Reversed(reversed, 4).correlations[0].first, joint.correlations[0].first);
 }
 
 // The distances of single points from the surface, for a solver that knows nothing of our sums.

@@ -43,6 +43,20 @@ RunResult Sample() {
   return result;
 }
 
+// A run whose values are hardly told apart.
+RunResult VagueRun() {
+  using Kind = pipeline::RowValueKind;
+  RunResult run = SampleRun();
+  run.measurement.joint.correlations = {{{1, Kind::kRotation}, {2, Kind::kRotation}, -0.98765},
+                                        {{1, Kind::kBendRadius}, {2, Kind::kLength}, -0.95}};
+  run.measurement.joint.known_together = {{.first_bend = 1,
+                                           .last_bend = 1,
+                                           .values = {{1, Kind::kRotation}, {2, Kind::kRotation}},
+                                           .direction_sigma_deg = 0.03,
+                                           .plane_sigma_deg = 0.05}};
+  return run;
+}
+
 std::vector<std::string> Keys(const Json& json) {
   std::vector<std::string> keys;
   for (const auto& item : json.items()) keys.push_back(item.key());
@@ -141,7 +155,7 @@ TEST(ResultJson, ReadingGivesTheSameBytesBack) {
 }
 
 TEST(ResultJson, AWholeCellRunReadsBackToTheSameBytes) {
-  RunResult run = SampleRun();
+  RunResult run = VagueRun();
   run.interlocks->checks[0].passed = false;
   run.correction->rows[1].angle_deg.flags = pipeline::kFlagDeadband | pipeline::kFlagUnexpected;
   run.correction->refusals = {"too far from the base program"};
@@ -151,6 +165,13 @@ TEST(ResultJson, AWholeCellRunReadsBackToTheSameBytes) {
   EXPECT_EQ(WriteResultJson(*read), text);
 
   const Json json = Json::parse(text);
+  const Json& sigma = json["uncertainty_1sigma"];
+  EXPECT_EQ(sigma["correlations"][0].dump(),
+            R"({"first":{"row":1,"value":"rotation_deg"},)"
+            R"("second":{"row":2,"value":"rotation_deg"},"coefficient":-0.9877})");
+  EXPECT_EQ(sigma["known_together"][0]["values"].size(), 2u);
+  EXPECT_EQ(sigma["known_together"][0]["plane_sigma_deg"], 0.05);
+  EXPECT_TRUE(sigma["known_together"][0]["length_mm"].is_null());
   EXPECT_EQ(json["inspection"]["verdict"], "fail");
   EXPECT_EQ(json["inspection"]["rows"][1]["angle_deg"]["state"], "out");
   EXPECT_EQ(json["inspection"]["rows"][4]["bend_radius_mm"], nullptr);
@@ -194,7 +215,7 @@ TEST(ReadResultJson, ANumberBeyondTheRangeIsAnErrorAndNoCrash) {
 }
 
 TEST(ReadResultJson, AnyValueMayBeOfAnyType) {
-  const Json whole = ResultJson(SampleRun());
+  const Json whole = ResultJson(VagueRun());
   for (const auto& item : whole.items()) {
     Spoil(whole, Json::json_pointer() / item.key(), item.value());
   }
@@ -229,6 +250,11 @@ TEST(ReadResultJson, SaysWhereAndWhatWasExpected) {
     EXPECT_THAT(read.error().message, HasSubstr(wrong.message));
     EXPECT_THAT(read.error().message, testing::Not(HasSubstr("\n")));
   }
+  Json json = ResultJson(VagueRun());
+  json["uncertainty_1sigma"]["known_together"][0]["last_bend"] = 99;
+  const auto beyond = ReadResultJson(json.dump(), "a.json");
+  ASSERT_FALSE(beyond);
+  EXPECT_THAT(beyond.error().message, HasSubstr("last_bend: found number, expected a row"));
   const auto cut = ReadResultJson(WriteResultJson(Sample()).substr(0, 100), "a.json");
   ASSERT_FALSE(cut);
   EXPECT_THAT(cut.error().message, HasSubstr("a.json: byte 101: not JSON"));

@@ -4,8 +4,10 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <cmath>
 #include <sstream>
 
+#include "firmware-host/text/table.h"
 #include "tests/unit/result/sample_run.h"
 
 namespace bendloop::host {
@@ -59,6 +61,68 @@ TEST(MeasurementText, HoldsWithoutSigmasAndRows) {
   m.sigma.rows.clear();
   EXPECT_THAT(MeasurementText(m, false), HasSubstr("46.500   -"));
   EXPECT_THAT(MeasurementText({}, false), HasSubstr("0 bends"));
+}
+
+// A shallow bend 2: its plane and where it lies along the tube are hardly known.
+pipeline::Measurement Shallow() {
+  pipeline::Measurement m;
+  m.tube.program.rows = {{40.12345, 0, 60.12345, 20.12345},
+                         {50.12345, 31.2345, 3.12345, 20.12345},
+                         {45.12345, -81.2345, 0.12345, 20.12345},
+                         {40.12345, 0, 0, std::nullopt}};
+  m.sigma.rows = {{0.0234, 0, 0.0021, 0.0996},
+                  {3.46, 12.3, 0.0317, 123.0},
+                  {3.51, 5.1, 0.2, 0.00012},
+                  {0.2, 0, 0, std::nullopt}};
+  using Kind = pipeline::RowValueKind;
+  m.joint.known_together = {{.first_bend = 1,
+                             .last_bend = 1,
+                             .values = {{1, Kind::kLength}, {1, Kind::kRotation}},
+                             .direction_sigma_deg = 0.0312,
+                             .length_mm = 96.12345,
+                             .length_sigma_mm = 0.0456}};
+  return m;
+}
+
+TEST(MeasurementText, ShowsTheDigitsThatAreKnown) {
+  const std::string text = MeasurementText(Shallow(), false);
+  EXPECT_THAT(text, testing::ContainsRegex("1 +40\\.123 +0\\.023 +- +- +60\\.123 +0\\.002 +"
+                                           "20\\.12 +0\\.10\n"));
+  EXPECT_THAT(text, testing::ContainsRegex("2 +50\\.1 +3\\.5 +~31 +12 +3\\.123 +0\\.032 +"
+                                           "~20 +123\n"));
+  EXPECT_THAT(text, testing::ContainsRegex("3 +45\\.1 +3\\.5 +~-81\\.2 +5\\.1 +~0\\.12 +0\\.20 +"
+                                           "20\\.123 +0\\.000\n"));
+  EXPECT_THAT(text, HasSubstr("~ not known"));
+  EXPECT_THAT(text, HasSubstr("  hardly told apart: L2, R2; but direction behind bend 2 +- 0.031 "
+                              "deg, from bend 1 to bend 3 96.123 +- 0.046 mm\n"));
+  EXPECT_THAT(MeasurementText(SampleRun().measurement, false), Not(HasSubstr("~")));
+}
+
+TEST(MeasurementText, ManyVaguePlacesAreNoFlood) {
+  pipeline::Measurement m = Shallow();
+  m.joint.known_together.resize(14, m.joint.known_together.front());
+  const std::string text = MeasurementText(m, false);
+  EXPECT_LT(std::count(text.begin(), text.end(), '\n'), 20);
+  EXPECT_THAT(text, HasSubstr("and 8 more places like these"));
+}
+
+TEST(SigmaDecimals, GiveTwoDigitsOfSigma) {
+  for (const auto& [sigma, decimals] : std::vector<std::pair<double, int>>{{0.0001, 3},
+                                                                           {0.012, 3},
+                                                                           {0.0994, 3},
+                                                                           {0.0996, 2},
+                                                                           {0.12, 2},
+                                                                           {0.994, 2},
+                                                                           {1.2, 1},
+                                                                           {9.96, 0},
+                                                                           {12, 0},
+                                                                           {1e300, 0},
+                                                                           {1e-300, 3},
+                                                                           {0, 3},
+                                                                           {-1, 3}}) {
+    EXPECT_EQ(SigmaDecimals(sigma, 3), decimals) << sigma;
+  }
+  EXPECT_EQ(SigmaDecimals(std::nan(""), 3), 3);
 }
 
 }  // namespace
