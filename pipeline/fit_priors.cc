@@ -2,19 +2,37 @@
 #include "pipeline/fit_priors.h"
 
 #include <Eigen/Dense>
+#include <limits>
 
 #include "pipeline/surface_sums.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-// What one expects of a tube: 1 sigma, lengths in pipe radii.
+// 1 sigma, lengths in pipe radii.
 constexpr double kLengthRange = 10;
 constexpr double kAngleRangeRad = 1;
 constexpr double kRotationRangeRad = 2;
 constexpr double kBendRadiusRange = 3;
 
 }  // namespace
+
+Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radius_mm) {
+  const double r = pipe_radius_mm;
+  Eigen::VectorXd range = Eigen::VectorXd::Constant(parameters.size(), kLengthRange * r);
+  for (int i = 2; i < parameters.size() && i < parameters.pipe_radius(); ++i) range[i] = 1.0;
+  if (parameters.pipe_radius() >= 0) range[parameters.pipe_radius()] = r;
+  for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
+    if (bend > 0) range[parameters.rotation(bend)] = kRotationRangeRad;
+    range[parameters.angle(bend)] = kAngleRangeRad;
+    range[parameters.bend_radius(bend)] = kBendRadiusRange * r;
+  }
+  if (parameters.flattened()) {
+    range.tail(parameters.size() - parameters.flattening(0))
+        .setConstant(std::numeric_limits<double>::infinity());
+  }
+  return range;
+}
 
 void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at, double sigma_mm,
                     Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const {
@@ -38,18 +56,11 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
 
 double FitPriors::Learnt(const TubeParameters& parameters, const hal::Tube& tube,
                          const Eigen::MatrixXd& matrix, double variance_mm2) const {
-  const double r = tube.pipe_radius_mm;
   // Of every parameter: 1 sigma of what is expected, and whether `matrix` knows that already.
-  Eigen::VectorXd range = Eigen::VectorXd::Constant(parameters.size(), kLengthRange * r);
+  Eigen::VectorXd range = ExpectedRange(parameters, tube.pipe_radius_mm);
   Eigen::VectorXd counted = Eigen::VectorXd::Zero(parameters.size());
-  for (int i = 2; i < parameters.size() && i < parameters.pipe_radius(); ++i) range[i] = 1.0;
-  if (parameters.pipe_radius() >= 0) range[parameters.pipe_radius()] = r;
-  for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
-    if (bend > 0) range[parameters.rotation(bend)] = kRotationRangeRad;
-    range[parameters.angle(bend)] = kAngleRangeRad;
+  for (std::size_t bend = 0; bend_radius && bend < parameters.bends(); ++bend) {
     const int i = parameters.bend_radius(bend);
-    range[i] = kBendRadiusRange * r;
-    if (!bend_radius) continue;
     const double deviation_mm = *tube.program.rows[bend].bend_radius_mm - bend_radius->mean_mm;
     if (RobustWeight(deviation_mm, bend_radius->sigma_mm) < 0.5) continue;
     range[i] = bend_radius->sigma_mm;

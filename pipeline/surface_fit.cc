@@ -162,21 +162,21 @@ Eigen::VectorXd BoundedStep(const NormalEquations& equations, const Bounds& boun
   return equations.scale.asDiagonal() * step;
 }
 
-// sigma^2 (J^T J)^-1, with directions that no point feels (a straight's roll) left out.
-Eigen::MatrixXd Covariance(const NormalEquations& equations, double design_effect) {
+// sigma^2 (J^T J)^-1. What the points do not tell (the radius of a bend that nobody sees) is as
+// vague as before they were looked at; what moves no point at all (a straight's roll) is left out.
+Eigen::MatrixXd Covariance(const NormalEquations& equations, const TubeParameters& parameters,
+                           const hal::Tube& tube, double design_effect) {
   const Eigen::Index size = equations.right.size();
   const double variance = design_effect * equations.Variance();
-  Eigen::MatrixXd covariance;
-  const Eigen::LDLT<Eigen::MatrixXd> ldlt(equations.scaled);
-  if (ldlt.vectorD().minCoeff() > 1e-9) {
-    covariance = ldlt.solve(Eigen::MatrixXd::Identity(size, size));
-  } else {
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(equations.scaled);
-    Eigen::VectorXd inverse = eigen.eigenvalues();
-    for (double& value : inverse) value = value > 1e-14 ? 1.0 / value : 0.0;
-    covariance = eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose();
+  Eigen::VectorXd range = ExpectedRange(parameters, tube.pipe_radius_mm);
+  for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
+    double& of_radius = range[parameters.bend_radius(bend)];
+    of_radius = std::hypot(of_radius, equations.at[parameters.bend_radius(bend)]);
   }
-  return variance * equations.scale.asDiagonal() * covariance * equations.scale.asDiagonal();
+  Eigen::MatrixXd matrix = equations.scaled;
+  matrix.diagonal() += variance * equations.scale.cwiseQuotient(range).cwiseAbs2();
+  const Eigen::MatrixXd inverse = matrix.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  return variance * equations.scale.asDiagonal() * inverse * equations.scale.asDiagonal();
 }
 
 // Where a fit stands: a tube and what the points say of it.
@@ -232,7 +232,7 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations, 
   const double variance_mm2 = equations.Variance() * fit.design_effect;
   fit.learnt = fit.priors.Learnt(parameters, fit.tube, equations.matrix, variance_mm2);
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
-  fit.covariance = Covariance(equations, fit.design_effect);
+  fit.covariance = Covariance(equations, parameters, fit.tube, fit.design_effect);
   const Eigen::MatrixXd& covariance = fit.covariance;
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];

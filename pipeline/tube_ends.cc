@@ -23,6 +23,9 @@ constexpr double kCrowd = 0.15;     // of the points that usually stand together
 constexpr std::size_t kBegun = 20;  // one in so many points may lie before the tube's end
 constexpr double kEven = 0.3;       // scatter of the gaps between laser lines, of their mean
 
+// A gap of scattered points over 1 sigma of their border: 2 if nothing else moved it.
+constexpr double kScattered = 1.4;
+
 constexpr double kBeyondNodes = 2.0;  // of r_P: the nodes reach this near to the tube's ends
 constexpr std::size_t kSectors = 16;
 constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 16;  // of the walk
@@ -31,6 +34,7 @@ constexpr double kDisagreement = 0.15;  // of r_P, beyond the borders' own width
 struct Border {
   double at_mm = 0;
   double sigma_mm = 0;
+  double least_mm = 0;  // other samples of the same end would hardly put it further out
 };
 
 // How the points of a straight follow each other along it.
@@ -109,8 +113,10 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
     if (CrowdAt(inward, i, spacing.gap_mm / 3.0, last) < kCrowd * spacing.usual_crowd) continue;
     if (i + 1 < inward.size() && inward[i + 1] - inward[i] > 4.0 * spacing.gap_mm) continue;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
-    return Border{inward[i] - 0.5 * spacing.gap_mm,
-                  spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : 1.0)};
+    const double at_mm = inward[i] - 0.5 * spacing.gap_mm;
+    // Scattered points begin behind the end by half a gap, give or take as much.
+    return Border{at_mm, spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : kScattered),
+                  at_mm + (spacing.even ? 1.0 : 0.5) * spacing.gap_mm};
   }
   return std::nullopt;
 }
@@ -122,20 +128,23 @@ using Sectors = std::array<std::vector<double>, kSectors>;
 // beside its end, goes on along a part of the turn only and is left out.
 std::optional<Border> CommonBorder(Sectors& sectors, double pipe_radius_mm) {
   std::vector<double> borders;
-  std::array<double, kSectors> own{};
+  std::array<std::optional<Border>, kSectors> own;
   double width_mm = 0;
   for (std::size_t i = 0; i < kSectors; ++i) {
-    const auto border = FindBorder(sectors[i], pipe_radius_mm);
-    own[i] = border ? border->at_mm : -std::numeric_limits<double>::infinity();
-    if (!border) continue;
-    borders.push_back(border->at_mm);
-    width_mm = std::max(width_mm, border->sigma_mm);
+    own[i] = FindBorder(sectors[i], pipe_radius_mm);
+    if (!own[i]) continue;
+    borders.push_back(own[i]->at_mm);
+    width_mm = std::max(width_mm, own[i]->sigma_mm);
   }
   const double common = Median(borders);
-  const double tolerance_mm = kDisagreement * pipe_radius_mm + 2.0 * width_mm;
+  const double disagree_mm = kDisagreement * pipe_radius_mm;
+  const auto agrees = [&](const std::optional<Border>& border) {
+    return border && border->least_mm >= common - disagree_mm &&
+           border->at_mm <= common + disagree_mm + kScattered * width_mm;
+  };
   std::vector<double> pooled;
   for (std::size_t i = 0; i < kSectors; ++i) {
-    if (!borders.empty() && std::abs(own[i] - common) > tolerance_mm) continue;
+    if (!borders.empty() && !agrees(own[i])) continue;
     pooled.insert(pooled.end(), sectors[i].begin(), sectors[i].end());
   }
   return FindBorder(pooled, pipe_radius_mm);

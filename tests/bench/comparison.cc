@@ -58,43 +58,54 @@ Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured
     found = reversed;
     sigma = ReverseSigma(sigma);
   }
-  const auto add = [&](Ratio LraRatios::*kind, double error, double one_sigma, double least,
-                       bool vague) {
+  const auto note = [&result](double ratio, const char* name, std::size_t row) {
+    if (!(std::abs(ratio) > result.worst_over_sigma)) return;
+    result.worst_over_sigma = std::abs(ratio);
+    result.worst_of_sigma = name + std::to_string(row + 1);
+  };
+  std::size_t i = 0;  // row
+  const auto add = [&](Ratio LraRatios::*kind, const char* name, double error, double one_sigma,
+                       double least, bool vague) {
     result.values.push_back({kind, error, least, vague});
     if (vague) {
       if (one_sigma > 0) result.vague.Add(error / one_sigma);
       return;
     }
     (result.plain.*kind).Add(error);
-    if (one_sigma > 0) (result.over_sigma.*kind).Add(error / one_sigma);
+    if (one_sigma > 0) {
+      (result.over_sigma.*kind).Add(error / one_sigma);
+      note(error / one_sigma, name, i);
+    }
     if (least <= 0) return;
     (result.over_bound.*kind).Add(error / least);
     result.worst_over_bound = std::max(result.worst_over_bound, std::abs(error / least));
   };
   const double r = truth.pipe_radius_mm;
   const std::size_t bends = wanted.bend_count();
-  for (std::size_t i = 0; i < bends; ++i) {
+  for (; i < bends; ++i) {
     const hal::BendRow& f = found.rows[i];
     const hal::BendRow& w = wanted.rows[i];
     const hal::BendRow& s = sigma.rows[i];
     const hal::BendRow& b = bound.program.rows[i];
-    add(&LraRatios::angle, f.angle_deg - w.angle_deg, s.angle_deg, b.angle_deg,
+    add(&LraRatios::angle, "A", f.angle_deg - w.angle_deg, s.angle_deg, b.angle_deg,
         !(b.angle_deg <= 5));
-    add(&LraRatios::bend_radius, *f.bend_radius_mm - *w.bend_radius_mm,
+    add(&LraRatios::bend_radius, "CLR", *f.bend_radius_mm - *w.bend_radius_mm,
         s.bend_radius_mm.value_or(0), *b.bend_radius_mm,
         !(*b.bend_radius_mm <= *w.bend_radius_mm / 6));
     if (i == 0) continue;
-    add(&LraRatios::length, f.length_mm - w.length_mm, s.length_mm, b.length_mm,
+    add(&LraRatios::length, "L", f.length_mm - w.length_mm, s.length_mm, b.length_mm,
         !(b.length_mm <= 0.5 * r));
-    add(&LraRatios::rotation, hal::WrapRotationDeg(f.rotation_deg - w.rotation_deg), s.rotation_deg,
-        b.rotation_deg, !(b.rotation_deg <= 5));
+    add(&LraRatios::rotation, "R", hal::WrapRotationDeg(f.rotation_deg - w.rotation_deg),
+        s.rotation_deg, b.rotation_deg, !(b.rotation_deg <= 5));
   }
-  add(&LraRatios::pipe_radius, measured.tube.pipe_radius_mm - r, measured.pipe_radius_sigma_mm,
+  add(&LraRatios::pipe_radius, "r", measured.tube.pipe_radius_mm - r, measured.pipe_radius_sigma_mm,
       bound.pipe_radius_mm, !(bound.pipe_radius_mm > 0));
-  for (const std::size_t i : {std::size_t{0}, bends}) {
-    const double error = found.rows[i].length_mm - wanted.rows[i].length_mm;
+  for (const std::size_t end : {std::size_t{0}, bends}) {
+    const double error = found.rows[end].length_mm - wanted.rows[end].length_mm;
     result.ends_over_spacing.Add(error / spacing_mm);
-    if (sigma.rows[i].length_mm > 0) result.ends_over_sigma.Add(error / sigma.rows[i].length_mm);
+    if (!(sigma.rows[end].length_mm > 0)) continue;
+    result.ends_over_sigma.Add(error / sigma.rows[end].length_mm);
+    note(error / sigma.rows[end].length_mm, "L", end);
   }
   return result;
 }

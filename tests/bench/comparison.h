@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "hal/bend_program.h"
@@ -39,6 +40,8 @@ struct Comparison {
   Ratio ends_over_spacing, ends_over_sigma;
   Ratio vague;  // values that the points hardly determine, over sigma; in none of the others
   double worst_over_bound = 0;
+  double worst_over_sigma = 0;  // the ends too
+  std::string worst_of_sigma;   // which: "L3"
   // The same one by one, always in the same order for the same tube.
   struct Value {
     Ratio LraRatios::*kind;

@@ -144,6 +144,11 @@ TubeResult RunTube(std::uint64_t seed, bool verbose) {
   if (result.comparison.worst_over_bound > kFarOff) {
     result.note = "an error is " + Number(result.comparison.worst_over_bound) + " times the bound";
   }
+  if (result.comparison.worst_over_sigma > kFarOff) {
+    result.note += std::string(result.note.empty() ? "" : "; ") + "the error of " +
+                   result.comparison.worst_of_sigma + " is " +
+                   Number(result.comparison.worst_over_sigma) + " of its sigmas";
+  }
   if (ends > 1.5) {
     result.note +=
         std::string(result.note.empty() ? "" : "; ") + "ends off by " + Number(ends) + " spacings";

@@ -224,6 +224,30 @@ TEST(Correlations, AreThoseOfRepeatedScans) {
   EXPECT_NEAR(run.direction_sigma_deg / sideways_deg, 1, 0.3);
 }
 
+// Where nobody sees the bend its radius is anything, and so is where it begins and ends; the
+// straights say how far it turns.
+TEST(SurfaceFit, SaysThatAHiddenBendIsNotKnown) {
+  Random random(8);
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {
+      {40, 0, 60, 20.0}, {50, 30, 8, 20.0}, {45, 80, 70, 20.0}, {40, 0, 0, std::nullopt}};
+  auto points = tests::SyntheticCloud(tube, {.points = 8000, .noise_mm = 0.05}, random);
+  const hal::SpineSegment hidden = hal::SpineSegments(tube.program, tube.X_WT)[3];
+  const Eigen::Vector3d middle = hidden.PointAt(0.5 * hidden.length_mm);
+  std::erase_if(points, [&](const Eigen::Vector3d& p) { return (p - middle).norm() < 2.2 * 5; });
+  const SurfaceFit fit =
+      FitSurface(tube, tests::Blocks(points, tube.pipe_radius_mm), {.reach_mm = 1});
+  const auto& sigma = fit.sigma.rows;
+  EXPECT_GT(*sigma[1].bend_radius_mm, 5);
+  EXPECT_LT(*sigma[1].bend_radius_mm, 50);
+  EXPECT_GT(sigma[1].length_mm, 0.3);
+  EXPECT_GT(sigma[2].length_mm, 0.3);
+  EXPECT_LT(sigma[1].angle_deg, 0.1);
+  EXPECT_LT(sigma[1].rotation_deg, 1);
+  EXPECT_LT(*sigma[0].bend_radius_mm, 0.1);
+}
+
 TEST(Correlations, TurnAroundWithTheTube) {
   JointUncertainty joint;
   joint.correlations = {{{1, RowValueKind::kRotation}, {2, RowValueKind::kRotation}, -0.95},

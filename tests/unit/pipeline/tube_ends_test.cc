@@ -165,5 +165,29 @@ TEST(TubeEnds, WithoutPointsNothingMoves) {
   EXPECT_EQ(FindTubeEnds(tube, kNoise, {}).tube.program, tube.program);
 }
 
+// What goes on beyond the end along a part of the turn only is a table and not the tube, though few
+// points on another part make it hard to say where they end.
+TEST(TubeEnds, ATableGoesOnBeyondTheEnd) {
+  Random random(9);
+  for (int run = 0; run < 10; ++run) {
+    const hal::Tube tube = Truth(2, random);
+    Points cloud = tests::SyntheticCloud(tube, {.points = 12000, .noise_mm = kNoise}, random);
+    const auto last = hal::SpineSegments(tube.program, tube.X_WT).back();
+    const Eigen::Vector3d across = last.normal.cross(last.tangent);
+    std::erase_if(cloud, [&](const Eigen::Vector3d& p) {
+      const Eigen::Vector3d from = p - last.start_mm;
+      return from.dot(last.tangent) > 0 && from.dot(last.normal) > 0.7 * kRadius &&
+             Uniform(random, 0, 1) < 0.95;
+    });
+    for (int i = 0; i < 400; ++i) {
+      cloud.push_back(last.PointAt(last.length_mm + Uniform(random, -1.5, 1.5) * kRadius) -
+                      1.01 * kRadius * last.normal + Uniform(random, -2, 2) * kRadius * across);
+    }
+    const TubeEnds ends =
+        FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+    EXPECT_NEAR(EndErrors(tube, ends).last, 0, 0.4) << run;
+  }
+}
+
 }  // namespace
 }  // namespace bendloop::pipeline
