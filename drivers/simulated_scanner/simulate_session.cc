@@ -58,6 +58,7 @@ Result<void> CheckScan(const hal::Tube& tube, const VirtualScanOptions& options)
     }
   }
   auto checked = InRange("noise_mm", options.noise_mm, 0, 100);
+  if (checked) checked = InRange("noise_growth", options.noise_growth, 0, 4);
   if (checked) checked = InRange("outlier_fraction", options.outlier_fraction, 0, 1);
   if (checked) checked = InRange("mixed_pixel_fraction", options.mixed_pixel_fraction, 0, 1);
   if (checked) checked = InRange("dropout_fraction", options.dropout_fraction, 0, 1);
@@ -98,6 +99,7 @@ Result<SimulatedSession> SimulateSession(const hal::Tube& tube,
       {"noise_mm", Text(options.scan.noise_mm)},
       {"outlier_fraction", Text(options.scan.outlier_fraction)},
   };
+  if (options.scan.noise_growth > 0) meta["noise_growth"] = Text(options.scan.noise_growth);
   meta.insert(options.more_meta.begin(), options.more_meta.end());
   if (auto done = writer->SetMeta(meta); !done) return Fail(done.error());
   if (auto done = writer->Write(scan.StartEvent()); !done) return Fail(done.error());

@@ -167,7 +167,7 @@ void VirtualScan::Make(std::size_t index, hal::LaserProfile& profile) const {
       if (is_edge && random.Chance(options_.mixed_pixel_fraction)) {
         along_mm += (before_mm - along_mm) * random.Uniform();
       }
-      along_mm += options_.noise_mm * random.Normal();
+      along_mm += options_.noise_mm / std::pow(cosine, options_.noise_growth) * random.Normal();
     }
     const double x_mm = along_mm * ray_S.x();
     const double z_mm = along_mm * ray_S.y();

@@ -38,7 +38,8 @@ struct VirtualScanOptions {
   std::int64_t start_t_ns = 1'000'000'000;
 
   // What is wrong with it.
-  double noise_mm = 0.03;             // 1 sigma, along the ray
+  double noise_mm = 0.03;   // 1 sigma, along the ray, at normal incidence
+  double noise_growth = 0;  // n: 1 sigma is noise_mm / cos(incidence)^n; 0: everywhere alike
   double outlier_fraction = 0.002;    // fliers: anywhere on the ray within the range
   double mixed_pixel_fraction = 0.1;  // of points at an edge: between front and back
   double dropout_fraction = 0;        // of points, lost at random

@@ -35,6 +35,7 @@ constexpr const char* kFooter = R"(
 Examples:
   bendloop simulate --part part.toml --out part.session
   bendloop simulate --part part.toml --out noisy.session --seed 7 --noise 0.1 --outliers 0.02
+  bendloop simulate --part part.toml --out shiny.session --noise-growth 2
   bendloop simulate --part part.toml --out bad.session --springback-120 6 --clutter table,clamps
 
 The tube is bent from the part's first program: the nominal with its [material] made up for. So it
@@ -97,6 +98,10 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
       ->type_name("SESSION");
   command->add_option("--seed", a->scan.seed, "Of everything random")->capture_default_str();
   command->add_option("--noise", a->scan.noise_mm, "1 sigma along the ray [mm]")
+      ->capture_default_str();
+  command
+      ->add_option("--noise-growth", a->scan.noise_growth,
+                   "At grazing incidence: noise / cos(incidence)^this, 0 to 4")
       ->capture_default_str();
   command->add_option("--outliers", a->scan.outlier_fraction, "Part of the points that are fliers")
       ->capture_default_str();

@@ -180,6 +180,9 @@ int Run(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--seed", options.seed, "of pose, noise and fliers")->capture_default_str();
   app.add_option("--noise", options.noise_mm, "1 sigma along the ray [mm]")->capture_default_str();
+  app.add_option("--noise-growth", options.noise_growth,
+                 "at grazing incidence: noise / cos(incidence)^this, 0 to 4")
+      ->capture_default_str();
   app.add_option("--outliers", options.outlier_fraction, "share of fliers, 0 to 1")
       ->capture_default_str();
   app.add_option("--pose-noise", options.pose_noise_mm, "1 sigma of the arm's position [mm]")

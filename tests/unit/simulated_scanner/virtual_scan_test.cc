@@ -197,6 +197,29 @@ TEST(VirtualScan, PutsInTheNoiseThatIsAskedFor) {
               400);
 }
 
+// Along the normal a displacement along the ray counts with the cosine of the incidence.
+TEST(VirtualScan, NoiseGrowsWithTheIncidenceAsAskedFor) {
+  const hal::Tube tube{10, {{{400, 0, 0, std::nullopt}}}, {}};
+  auto options = Clean();
+  options.path.profile_spacing_mm = 1;
+  options.noise_mm = 0.02;
+  options.noise_growth = 2;
+  std::array<double, 2> sum{};  // steep, grazing
+  std::array<double, 2> count{};
+  for (const auto& [p, X_WS] : AllPoints(VirtualScan(tube, options))) {
+    const Vector3d across(0, p.y(), p.z());
+    const double cosine = across.normalized().dot((X_WS.position_mm - p).normalized());
+    const double error = (across.norm() - 10) * cosine / options.noise_mm;
+    sum[cosine < 0.5] += error * error;
+    count[cosine < 0.5] += 1;
+  }
+  for (const int i : {0, 1}) {
+    const auto k = static_cast<std::size_t>(i);
+    ASSERT_GT(count[k], 500);
+    EXPECT_NEAR(std::sqrt(sum[k] / count[k]), 1, 0.06) << i;
+  }
+}
+
 TEST(VirtualScan, IsTheSameForTheSameSeedInAnyOrder) {
   std::mt19937_64 engine(5);
   const hal::Tube tube = LayOnTable(RandomTube(engine, 3), 5);
