@@ -12,6 +12,7 @@
 
 #include "hal/spine.h"
 #include "pipeline/coverage.h"
+#include "pipeline/incidence.h"
 #include "pipeline/input_checks.h"
 #include "pipeline/joined_pieces.h"
 #include "pipeline/mls_projection.h"
@@ -87,7 +88,8 @@ class Reconstruction::Impl {
     ++profiles_;
     const Eigen::Matrix3d R_WS = profile.X_WS.orientation.toRotationMatrix();
     for (const hal::ProfilePoint& p : profile.points) {
-      AddPoint(R_WS.col(0) * p.x_mm + R_WS.col(2) * p.z_mm + profile.X_WS.position_mm);
+      const Eigen::Vector3d from_sensor = R_WS.col(0) * p.x_mm + R_WS.col(2) * p.z_mm;
+      AddPoint(from_sensor + profile.X_WS.position_mm, PackDirection(-from_sensor));
     }
     if (grid_) ProjectQuietBlocks();
   }
@@ -120,17 +122,26 @@ class Reconstruction::Impl {
     projection_.emplace(radius_mm);
   }
 
-  void AddPoint(const Eigen::Vector3d& point) {
+  void AddPoint(const Eigen::Vector3d& point, SensorDirection to_sensor = {}) {
     ++points_;
     if (!grid_) {
-      if (waiting_.size() < SampleGrid::kMaxPoints && IsPlace(point)) waiting_.push_back(point);
+      Wait(point, to_sensor);
       return;
     }
     std::int32_t block = -1;
-    if (grid_->Insert(point, block) != SampleGrid::Insertion::kSample) return;
+    if (grid_->Insert(point, block, to_sensor) != SampleGrid::Insertion::kSample) return;
     for (const std::int32_t near : grid_->blocks()[static_cast<std::size_t>(block)].neighbours) {
       if (near >= 0) Touch(static_cast<std::size_t>(near));
     }
+  }
+
+  void Wait(const Eigen::Vector3d& point, SensorDirection to_sensor) {
+    if (waiting_.size() >= SampleGrid::kMaxPoints || !IsPlace(point)) return;
+    if (to_sensor.known() || !waiting_to_sensor_.empty()) {
+      waiting_to_sensor_.resize(waiting_.size());
+      waiting_to_sensor_.push_back(to_sensor);
+    }
+    waiting_.push_back(point);
   }
 
   void Touch(std::size_t block) {
@@ -164,7 +175,8 @@ class Reconstruction::Impl {
   ReconstructionOptions options_;
   const hal::Clock& clock_;
   double radius_mm_ = 0;
-  std::vector<Eigen::Vector3d> waiting_;  // until the pipe radius is known
+  std::vector<Eigen::Vector3d> waiting_;            // until the pipe radius is known
+  std::vector<SensorDirection> waiting_to_sensor_;  // of these, or none
   std::optional<SampleGrid> grid_;
   std::optional<MlsProjection> projection_;
   std::vector<std::uint64_t> touched_;  // by block: profile of the last change; 0: up to date
@@ -200,6 +212,7 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
         (block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * grid_->block_mm();
     out.half_diagonal_mm = 0.5 * std::sqrt(3.0) * grid_->block_mm();
     out.points = all_points ? std::span(block.points) : block.samples();
+    if (all_points) out.to_sensor = block.to_sensor;
   }
   return result;
 }
@@ -290,9 +303,10 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
     StartWith(radius->radius_mm);
   }
   if (!more.empty()) {
-    grid_->InsertAll(more, &workers);
+    grid_->InsertAll(more, &workers, waiting_to_sensor_);
     for (std::size_t block = 0; block < grid_->blocks().size(); ++block) Touch(block);
     waiting_ = {};
+    waiting_to_sensor_ = {};
   }
   if (grid_->point_count() < kMinPoints) {
     return hal::Fail(hal::ErrorKind::kBadInput,
@@ -328,12 +342,15 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
                                   .flattened = !structure.flattening.empty(),
                                   .priors = structure.priors,
                                   .workers = &workers};
+  const IncidenceWeights weights = WeighByIncidence(
+      structure.tube, structure.flattening, structure.sigma_mm, options.reach_mm, blocks, &workers);
   const SurfaceFit fit = FitSurface(structure.tube, blocks, options);
+  const double noise_mm = weights.certainties.empty() ? fit.sigma_mm : weights.noise_mm;
   timer.Done("fit");
   SayHowSure(structure, fit, CompareHalves(fit, blocks, options), measurement);
   timer.Done("self_check");
 
-  const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks, &workers);
+  const TubeEnds ends = FindTubeEnds(fit.tube, noise_mm, blocks, &workers);
   measurement.tube = ends.tube;
   measurement.sigma = fit.sigma;
   auto& sigma_rows = measurement.sigma.rows;
@@ -356,9 +373,9 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   if (bends > 0 && !ends.last_seen) doubt(bends - 1, "last");
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
-  measurement.noise_mm = fit.sigma_mm;
+  measurement.noise_mm = noise_mm;
   timer.Done("ends");
-  DescribeSamples(blocks, grid_->kept_count(), fit.sigma_mm, measurement, &workers);
+  DescribeSamples(blocks, grid_->kept_count(), noise_mm, measurement, &workers);
   timer.Done("description");
   if (const auto units = CheckUnits(measurement.tube.pipe_radius_mm); !units) {
     return hal::Fail(units.error());

@@ -113,7 +113,16 @@ SampleGrid::Insertion SampleGrid::InsertInto(Block& block, const Eigen::Vector3d
   return Insertion::kOther;
 }
 
-SampleGrid::Insertion SampleGrid::Insert(const Eigen::Vector3d& point, std::int32_t& block_index) {
+void SampleGrid::SetDirection(Block& block, Insertion what, SensorDirection to_sensor) {
+  if (what == Insertion::kDropped || (block.to_sensor.empty() && !to_sensor.known())) return;
+  block.to_sensor.resize(block.points.size() - 1);
+  block.to_sensor.push_back(to_sensor);
+  if (what == Insertion::kOther) return;
+  std::swap(block.to_sensor.back(), block.to_sensor[block.sample_count - 1]);
+}
+
+SampleGrid::Insertion SampleGrid::Insert(const Eigen::Vector3d& point, std::int32_t& block_index,
+                                         SensorDirection to_sensor) {
   Place place;
   if (!Locate(point, place)) return Insertion::kDropped;
   block_index = FindOrCreate(place.cell);
@@ -121,6 +130,7 @@ SampleGrid::Insertion SampleGrid::Insert(const Eigen::Vector3d& point, std::int3
   ++point_count_;
   const std::size_t before = block.points.size() - block.sample_count;
   const Insertion what = InsertInto(block, point, place.voxel);
+  SetDirection(block, what, to_sensor);
   sample_count_ += what == Insertion::kSample ? 1 : 0;
   other_count_ += block.points.size() - block.sample_count - before;  // fewer, if it was full
   if (what == Insertion::kOther) BoundOthers();
@@ -138,10 +148,13 @@ void SampleGrid::BoundOthers() {
   }
 }
 
-void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* workers) {
+void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* workers,
+                           std::span<const SensorDirection> to_sensor) {
   if (points.size() < kPart || other_count_ + points.size() > max_points_) {
     std::int32_t block = 0;
-    for (const Eigen::Vector3d& point : points) Insert(point, block);
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      Insert(points[i], block, to_sensor.empty() ? SensorDirection{} : to_sensor[i]);
+    }
     return;
   }
   // Parts of the points number the cells that they meet, each for itself.
@@ -187,10 +200,12 @@ void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* wor
   // The points go behind those that their blocks hold, in their order.
   std::vector<std::size_t> held;
   std::vector<std::vector<std::uint8_t>> voxels(blocks_.size());
+  std::vector<std::vector<SensorDirection>> directions(to_sensor.empty() ? 0 : blocks_.size());
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     held.push_back(blocks_[b].points.size());
     blocks_[b].points.resize(held[b] + arriving[b]);
     voxels[b].resize(arriving[b]);
+    if (!to_sensor.empty()) directions[b].resize(arriving[b]);
   }
   ParallelFor(workers, parts.size(), [&](std::size_t k) {
     Part& part = parts[k];
@@ -201,6 +216,7 @@ void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* wor
       const std::uint32_t at = part.next[cell]++;
       blocks_[b].points[held[b] + at] = points[k * kPart + i];
       voxels[b][at] = part.voxel_of[i];
+      if (!to_sensor.empty()) directions[b][at] = to_sensor[k * kPart + i];
     }
   });
   const std::size_t rounds = std::min(kMostRounds, blocks_.size());
@@ -218,7 +234,12 @@ void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* wor
       arrived.assign(block.points.begin() + static_cast<std::ptrdiff_t>(held[b]),
                      block.points.end());
       block.points.resize(held[b]);
-      for (std::size_t i = 0; i < arrived.size(); ++i) InsertInto(block, arrived[i], voxels[b][i]);
+      const bool directed = !to_sensor.empty() || !block.to_sensor.empty();
+      for (std::size_t i = 0; i < arrived.size(); ++i) {
+        const Insertion what = InsertInto(block, arrived[i], voxels[b][i]);
+        if (!directed) continue;
+        SetDirection(block, what, to_sensor.empty() ? SensorDirection{} : directions[b][i]);
+      }
       changes[round].samples += block.sample_count;
       changes[round].others += block.points.size() - block.sample_count;
     }
@@ -234,9 +255,11 @@ void SampleGrid::Thin(Block& block) {
   if (block.stride >= kMaxStride) return;
   std::size_t kept = block.sample_count;
   for (std::size_t i = block.sample_count; i < block.points.size(); i += 2) {
+    if (!block.to_sensor.empty()) block.to_sensor[kept] = block.to_sensor[i];
     block.points[kept++] = block.points[i];
   }
   block.points.resize(kept);
+  if (!block.to_sensor.empty()) block.to_sensor.resize(kept);
   block.stride *= 2;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "pipeline/parallel.h"
+#include "pipeline/sensor_direction.h"
 
 namespace bendloop::pipeline {
 
@@ -52,6 +53,8 @@ class SampleGrid {
     std::array<std::int32_t, 27> neighbours{};  // block indices, -1: none; 13 is the block itself
     std::bitset<kSubdivisions * kSubdivisions * kSubdivisions> seen;
     std::vector<Eigen::Vector3d> points;  // first the samples, then the others
+    // Of the points, one each; none as long as nothing is known of any.
+    std::vector<SensorDirection> to_sensor;
     std::uint32_t sample_count = 0;
     std::uint32_t stride = 1;   // of the others only every so many-th is kept: a power of two
     std::uint32_t arrived = 0;  // others, kept or not
@@ -68,9 +71,12 @@ class SampleGrid {
 
   enum class Insertion { kSample, kOther, kDropped };
   // Returns what became of the point; `block` receives its block's index unless it was dropped.
-  Insertion Insert(const Eigen::Vector3d& point, std::int32_t& block);
-  // The same for many points, one after the other; faster, and with the same result.
-  void InsertAll(std::span<const Eigen::Vector3d> points, Workers* workers = nullptr);
+  Insertion Insert(const Eigen::Vector3d& point, std::int32_t& block,
+                   SensorDirection to_sensor = {});
+  // The same for many points, one after the other; faster, and with the same result. `to_sensor`:
+  // as many, or none.
+  void InsertAll(std::span<const Eigen::Vector3d> points, Workers* workers = nullptr,
+                 std::span<const SensorDirection> to_sensor = {});
 
   const std::vector<Block>& blocks() const { return blocks_; }
   double block_mm() const { return block_mm_; }
@@ -97,6 +103,8 @@ class SampleGrid {
   };
   bool Locate(const Eigen::Vector3d& point, Place& place) const;  // false: nowhere
   Insertion InsertInto(Block& block, const Eigen::Vector3d& point, std::size_t voxel) const;
+  // Of the point that was inserted last.
+  static void SetDirection(Block& block, Insertion what, SensorDirection to_sensor);
   Eigen::Vector3i CellOf(const Eigen::Vector3d& point) const;
   std::int32_t Find(const Eigen::Vector3i& cell) const;
   std::int32_t FindOrCreate(const Eigen::Vector3i& cell);

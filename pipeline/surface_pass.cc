@@ -14,12 +14,36 @@ namespace {
 constexpr std::size_t kChunk = 8192;  // points: what they need stays in the processor's cache
 constexpr std::size_t kMostRounds = 16;
 
+// Two loops, because this is one of those that take the time: where all points are alike, nothing
+// looks at `certainties`.
+template <bool kWeighted>
+void AssignBatch(const NearestLanes& nearest, std::span<const std::int32_t> candidates,
+                 double pipe_radius_mm, double reach_mm, std::size_t count,
+                 const float* certainties, SurfaceAssignment& result) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t c = nearest.Candidate(i);
+    const auto k = static_cast<std::size_t>(candidates[c]);
+    const double certainty = kWeighted ? certainties[i] : 1.0;
+    const double d = certainty * (nearest.Local(c).distance[i] - pipe_radius_mm);
+    if (!(d < std::numeric_limits<double>::max())) continue;  // beyond the tube's ends
+    const double magnitude = std::min(std::abs(d), reach_mm);
+    result.segment_count[k] += 1.0;
+    result.segment_sum_mm2[k] += magnitude * magnitude;
+    if (!(magnitude < reach_mm)) continue;
+    result.distances_mm.push_back(d);
+    SegmentPoints& points = result.segments[k];
+    if (kWeighted) points.weight[points.size] = certainty * certainty;
+    points.Add(nearest.Local(c), i, d);
+  }
+}
+
 }  // namespace
 
 void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
                   std::span<const PointBlock> blocks, double reach_mm, SurfaceAssignment& result) {
   result.segments.resize(frames.size());
-  for (SegmentPoints& points : result.segments) points.Clear();
+  const bool weighted = AreWeighted(blocks);
+  for (SegmentPoints& points : result.segments) points.Clear(weighted);
   result.distances_mm.clear();
   result.block_ends.clear();
   result.total = 0;
@@ -37,17 +61,11 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
       for (const std::int32_t k : candidates) {
         result.segments[static_cast<std::size_t>(k)].MakeRoom(count);
       }
-      for (std::size_t i = 0; i < count; ++i) {
-        const std::size_t c = nearest.Candidate(i);
-        const auto k = static_cast<std::size_t>(candidates[c]);
-        const double d = nearest.Local(c).distance[i] - pipe_radius_mm;
-        if (!(d < std::numeric_limits<double>::max())) continue;  // beyond the tube's ends
-        const double magnitude = std::min(std::abs(d), reach_mm);
-        result.segment_count[k] += 1.0;
-        result.segment_sum_mm2[k] += magnitude * magnitude;
-        if (!(magnitude < reach_mm)) continue;
-        result.distances_mm.push_back(d);
-        result.segments[k].Add(nearest.Local(c), i, d);
+      if (weighted) {
+        AssignBatch<true>(nearest, candidates, pipe_radius_mm, reach_mm, count,
+                          block.certainties.data() + first, result);
+      } else {
+        AssignBatch<false>(nearest, candidates, pipe_radius_mm, reach_mm, count, nullptr, result);
       }
     }
     result.block_ends.push_back(result.distances_mm.size());

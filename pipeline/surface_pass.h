@@ -11,7 +11,8 @@
 
 namespace bendloop::pipeline {
 
-// Points given to the segments of a tube whose spines are nearest. Its memory is used again.
+// Points given to the segments of a tube whose spines are nearest. Distances, and the reach, count
+// in units of a point's own certainty: each is the distance times it. Its memory is used again.
 struct SurfaceAssignment {
   std::vector<SegmentPoints> segments;  // within reach of the surface, in the segment's frame
   std::vector<double> distances_mm;     // the same points' signed distances, block after block

@@ -32,7 +32,10 @@ double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, b
 }  // namespace
 
 void OwnedBlocks::Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm) {
-  blocks_.push_back({center_mm, half_diagonal_mm, {points_.data() + points_.size(), 0}});
+  blocks_.push_back({center_mm,
+                     half_diagonal_mm,
+                     {points_.data() + points_.size(), 0},
+                     {certainties_.data() + certainties_.size(), 0}});
 }
 
 void OwnedBlocks::Add(const Eigen::Vector3d& point) {
@@ -40,6 +43,20 @@ void OwnedBlocks::Add(const Eigen::Vector3d& point) {
   points_.push_back(point);
   auto& held = blocks_.back().points;
   held = {held.data(), held.size() + 1};
+}
+
+void OwnedBlocks::Add(const PointBlock& from, std::size_t i) {
+  if (!from.certainties.empty() && certainties_.size() < certainties_.capacity()) {
+    certainties_.push_back(from.certainties[i]);
+    auto& held = blocks_.back().certainties;
+    held = {held.data(), held.size() + 1};
+  }
+  Add(from.points[i]);
+}
+
+bool AreWeighted(std::span<const PointBlock> blocks) {
+  return std::any_of(blocks.begin(), blocks.end(),
+                     [](const PointBlock& block) { return !block.certainties.empty(); });
 }
 
 std::size_t CountPoints(std::span<const PointBlock> blocks) {
@@ -66,11 +83,11 @@ std::vector<BlockRange> EvenRounds(std::span<const PointBlock> blocks, std::size
 }
 
 OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
-  OwnedBlocks thinned(CountPoints(blocks) / stride + 1);
+  OwnedBlocks thinned(CountPoints(blocks) / stride + 1, AreWeighted(blocks));
   std::size_t next = 0;
   for (const PointBlock& block : blocks) {
     thinned.Begin(block.center_mm, block.half_diagonal_mm);
-    for (; next < block.points.size(); next += stride) thinned.Add(block.points[next]);
+    for (; next < block.points.size(); next += stride) thinned.Add(block, next);
     next -= block.points.size();
   }
   return thinned;
@@ -79,15 +96,15 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
 OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough) {
   const std::size_t count = CountPoints(blocks);
   const std::size_t stride = count / (2 * enough) + 1;
-  OwnedBlocks result(std::min(count, 2 * enough));
+  OwnedBlocks result(std::min(count, 2 * enough), AreWeighted(blocks));
   std::uint64_t index = 0;
   for (const PointBlock& block : blocks) {
     result.Begin(block.center_mm, block.half_diagonal_mm);
-    for (const Eigen::Vector3d& point : block.points) {
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
       // Fibonacci hashing: evenly spread, without a pattern that a scanner could share.
       const std::uint64_t lot = ++index * 0x9E3779B97F4A7C15U;
       const bool first = (lot >> 63) == 0;
-      if (first == (half == Half::kFirst) && (lot >> 20) % stride == 0) result.Add(point);
+      if (first == (half == Half::kFirst) && (lot >> 20) % stride == 0) result.Add(block, i);
     }
   }
   return result;

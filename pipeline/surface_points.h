@@ -10,6 +10,7 @@
 
 #include "hal/spine.h"
 #include "pipeline/flattening.h"
+#include "pipeline/sensor_direction.h"
 
 namespace bendloop::pipeline {
 
@@ -19,25 +20,36 @@ struct PointBlock {
   Eigen::Vector3d center_mm;
   double half_diagonal_mm = 0;
   std::span<const Eigen::Vector3d> points;
+  // How certain each is: the standard deviation of a point of mean weight over its own. Of all
+  // blocks or of none: then all are alike.
+  std::span<const float> certainties = {};
+  std::span<const SensorDirection> to_sensor = {};  // one each, or none: not known
 };
+bool AreWeighted(std::span<const PointBlock> blocks);  // whether points have certainties
 
 // Blocks with their points.
 class OwnedBlocks {
  public:
-  // `points`: as many as all blocks will hold, or more.
-  explicit OwnedBlocks(std::size_t points) { points_.reserve(points); }
+  // `points`: as many as all blocks will hold, or more. `weighted`: they have certainties.
+  explicit OwnedBlocks(std::size_t points, bool weighted = false) {
+    points_.reserve(points);
+    if (weighted) certainties_.reserve(points);
+  }
   OwnedBlocks(OwnedBlocks&&) = default;
   OwnedBlocks& operator=(OwnedBlocks&&) = default;
 
   // A new block; Add() goes to it.
   void Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm);
   void Add(const Eigen::Vector3d& point);
+  void Add(const PointBlock& from, std::size_t i);  // with its certainty
 
   std::size_t point_count() const { return points_.size(); }
   operator std::span<const PointBlock>() const { return blocks_; }
 
  private:
-  std::vector<Eigen::Vector3d> points_;  // never grows beyond what was reserved: blocks look at it
+  // Neither grows beyond what was reserved: blocks look at it.
+  std::vector<Eigen::Vector3d> points_;
+  std::vector<float> certainties_;
   std::vector<PointBlock> blocks_;
 };
 

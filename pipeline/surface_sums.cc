@@ -110,8 +110,13 @@ BENDLOOP_WIDE(void, ToArc,
 
 // Up to kBatch points of a segment; those that are missing have no weight.
 struct Batch {
-  const double *x, *y, *z, *distance;
+  const double *x, *y, *z, *distance, *weight;
 };
+constexpr std::array<double, kBatch> kAlike = [] {
+  std::array<double, kBatch> ones{};
+  ones.fill(1.0);
+  return ones;
+}();
 
 template <int kFunctions>
 struct Sums {
@@ -164,7 +169,7 @@ BENDLOOP_LOOP void AddLineBody(const Batch& p, double pipe_radius_mm, double inv
     f[kXOz][l] = p.x[l] * oz;
     f[kLineOne][l] = 1.0;
     f[kLineDistance][l] = distance - pipe_radius_mm;
-    sums.weight[l] = Weight(std::abs(p.distance[l]), inverse_sigma);
+    sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
   AddProducts<kLineFunctions>(sums);
 }
@@ -196,7 +201,7 @@ BENDLOOP_LOOP void AddArcBody(const Batch& p, double bend_radius_mm, double pipe
     f[kS][l] = s;
     f[kArcOne][l] = 1.0;
     f[kArcDistance][l] = distance - pipe_radius_mm;
-    sums.weight[l] = Weight(std::abs(p.distance[l]), inverse_sigma);
+    sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
   AddProducts<kArcFunctions>(sums);
 }
@@ -214,7 +219,8 @@ CondensedSum SumThrough(const SegmentPoints& points,
   std::size_t first = 0;
   for (; first + kBatch <= points.size; first += kBatch) {
     add(Batch{points.x.data() + first, points.y.data() + first, points.z.data() + first,
-              points.distance.data() + first},
+              points.distance.data() + first,
+              points.weighted ? points.weight.data() + first : kAlike.data()},
         sums);
   }
   if (const std::size_t left = points.size - first; left > 0) {
@@ -230,7 +236,10 @@ CondensedSum SumThrough(const SegmentPoints& points,
     copy(points.y, rest.y);
     copy(points.z, rest.z);
     copy(points.distance, rest.distance);
-    add(Batch{rest.x.data(), rest.y.data(), rest.z.data(), rest.distance.data()}, sums);
+    std::array<double, kBatch> weight = kAlike;
+    if (points.weighted) copy(points.weight, weight);
+    add(Batch{rest.x.data(), rest.y.data(), rest.z.data(), rest.distance.data(), weight.data()},
+        sums);
   }
   Eigen::Matrix<double, kFunctions, kFunctions> sum;
   for (int j = 0; j < kFunctions; ++j) {
@@ -332,7 +341,7 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
     f[kBumpOuter][l] = outer;
     f[kArcDistance][l] = distance - oval.pipe_radius_mm + oval.constant * quadrant +
                          oval.bump * bump * quadrant + oval.collapse * outer;
-    sums.weight[l] = Weight(std::abs(p.distance[l]), inverse_sigma);
+    sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
   AddProducts<kOvalFunctions>(sums);
 }
@@ -401,9 +410,11 @@ void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLa
 }
 
 void SegmentPoints::MakeRoom(std::size_t more) {
-  if (size + more <= x.size()) return;
-  const std::size_t room = std::max(2 * x.size(), size + more);
-  for (std::vector<double>* lane : {&x, &y, &z, &distance}) lane->resize(room);
+  if (size + more > x.size()) {
+    const std::size_t room = std::max(2 * x.size(), size + more);
+    for (std::vector<double>* lane : {&x, &y, &z, &distance}) lane->resize(room);
+  }
+  if (weighted && weight.size() < x.size()) weight.resize(x.size());
 }
 
 CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,

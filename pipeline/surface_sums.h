@@ -42,18 +42,25 @@ void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t 
 void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLanes& local,
                  std::array<double, kBatch>& inside_mm);
 
-// Any number of points of one segment in its frame, with their distance from the surface.
+// Any number of points of one segment in its frame, with their distance from the surface times
+// their certainty.
 struct SegmentPoints {
   std::size_t size = 0;
   std::vector<double> x, y, z, distance;  // at least `size` long
+  bool weighted = false;
+  std::vector<double> weight;  // the certainties' squares; if not `weighted`, all are one
 
-  void Clear() { size = 0; }
+  void Clear(bool with_weights = false) {
+    size = 0;
+    weighted = with_weights;
+  }
   void MakeRoom(std::size_t more);
   void Add(const SegmentPoints& from, std::size_t i) {
     if (size == x.size()) MakeRoom(kBatch);
     x[size] = from.x[i];
     y[size] = from.y[i];
     z[size] = from.z[i];
+    if (weighted) weight[size] = from.weight[i];
     distance[size++] = from.distance[i];
   }
   void Add(const LocalLanes& from, std::size_t i, double from_surface_mm) {
@@ -65,8 +72,9 @@ struct SegmentPoints {
 };
 
 // Sum over the points of weight * row * row^T, where a row is the derivative of the point's
-// distance from the segment's surface by the local state, then that distance. The weight goes by
-// the distance in units of `sigma_mm`.
+// distance from the segment's surface by the local state, then that distance. The weight is the
+// point's own, and fades with the distance in units of its own sigma: `sigma_mm` over its
+// certainty.
 CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,
                        double pipe_radius_mm, double sigma_mm);
 

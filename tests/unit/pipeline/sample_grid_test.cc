@@ -56,6 +56,8 @@ TEST(SampleGrid, BallsHoldTheSamplesWithin) {
 }
 
 // Dense enough for blocks to be thinned, with points that are nowhere, and not the first to come.
+// What is known of a point's sensor stays with it; here it stood where the direction from the
+// origin points to.
 TEST(SampleGrid, AllAtOnceIsTheSameAsOneByOne) {
   Random random(9);
   for (const std::size_t threads : {1U, 3U}) {
@@ -64,12 +66,18 @@ TEST(SampleGrid, AllAtOnceIsTheSameAsOneByOne) {
     points[70] = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
     points[100'000] = Eigen::Vector3d::Constant(1e200);
     const Points before = Cube(100, 4, random);
-    SampleGrid one_by_one(2.0), at_once(2.0);
+    SampleGrid one_by_one(2.0), at_once(2.0), without(2.0);
     std::int32_t block = 0;
     for (const Eigen::Vector3d& p : before) one_by_one.Insert(p, block), at_once.Insert(p, block);
-    for (const Eigen::Vector3d& p : points) one_by_one.Insert(p, block);
+    std::vector<SensorDirection> directions;
+    for (const Eigen::Vector3d& p : points) {
+      directions.push_back(PackDirection(p));
+      one_by_one.Insert(p, block, directions.back());
+    }
     Workers workers(threads);
-    at_once.InsertAll(points, &workers);
+    at_once.InsertAll(points, &workers, directions);
+    without.InsertAll(points, &workers);
+    for (const SampleGrid::Block& b : without.blocks()) EXPECT_TRUE(b.to_sensor.empty());
     EXPECT_EQ(at_once.sample_count(), one_by_one.sample_count());
     EXPECT_EQ(at_once.point_count(), one_by_one.point_count());
     EXPECT_EQ(at_once.kept_count(), one_by_one.kept_count());
@@ -80,6 +88,16 @@ TEST(SampleGrid, AllAtOnceIsTheSameAsOneByOne) {
       EXPECT_EQ(x.cell, y.cell);
       EXPECT_EQ(x.neighbours, y.neighbours);
       EXPECT_EQ(x.points, y.points);
+      EXPECT_EQ(x.to_sensor, y.to_sensor);
+      ASSERT_TRUE(x.to_sensor.empty() || x.to_sensor.size() == x.points.size());
+      std::size_t unknown = 0;  // of those that came before
+      for (std::size_t i = 0; i < x.to_sensor.size(); ++i) {
+        unknown += x.to_sensor[i].known() ? 0 : 1;
+        if (x.to_sensor[i].known()) {
+          EXPECT_EQ(x.to_sensor[i], PackDirection(x.points[i]));
+        }
+      }
+      EXPECT_LE(unknown, before.size());
       EXPECT_EQ(x.sample_count, y.sample_count);
       EXPECT_EQ(x.stride, y.stride);
       EXPECT_EQ(x.arrived, y.arrived);

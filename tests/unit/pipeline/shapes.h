@@ -93,18 +93,20 @@ inline std::pair<double, Eigen::Vector3d> NearestOnSpine(
   return {best, tangent};
 }
 
-// Points sorted into cubes, as the surface fit takes them.
-inline pipeline::OwnedBlocks Blocks(const Points& points, double edge) {
-  std::map<std::tuple<int, int, int>, Points> cubes;
-  for (const Eigen::Vector3d& p : points) {
-    const Eigen::Vector3i c = (p / edge).array().floor().cast<int>();
-    cubes[{c.x(), c.y(), c.z()}].push_back(p);
+// Points sorted into cubes, as the surface fit takes them; with certainties or without.
+inline pipeline::OwnedBlocks Blocks(const Points& points, double edge,
+                                    const std::vector<float>& certainties = {}) {
+  std::map<std::tuple<int, int, int>, std::vector<std::size_t>> cubes;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3i c = (points[i] / edge).array().floor().cast<int>();
+    cubes[{c.x(), c.y(), c.z()}].push_back(i);
   }
-  pipeline::OwnedBlocks blocks(points.size());
+  const pipeline::PointBlock all{{0, 0, 0}, 0, points, certainties};
+  pipeline::OwnedBlocks blocks(points.size(), !certainties.empty());
   for (const auto& [c, held] : cubes) {
     const Eigen::Vector3d low(std::get<0>(c), std::get<1>(c), std::get<2>(c));
     blocks.Begin((low + Eigen::Vector3d::Constant(0.5)) * edge, 0.5 * std::sqrt(3.0) * edge);
-    for (const Eigen::Vector3d& p : held) blocks.Add(p);
+    for (const std::size_t i : held) blocks.Add(all, i);
   }
   return blocks;
 }

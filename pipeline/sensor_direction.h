@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+namespace bendloop::pipeline {
+
+// The direction in which a point's sensor stood, or that nothing is known of it, in four bytes:
+// octahedral, good to 1e-4 rad. (The unit octahedron |x| + |y| + |z| = 1, its lower half folded
+// outwards over the square of the upper one.)
+struct SensorDirection {
+  static constexpr std::int16_t kUnknown = std::numeric_limits<std::int16_t>::min();
+  static constexpr double kOne = 32767;
+  std::int16_t a = kUnknown, b = kUnknown;
+
+  bool known() const { return a != kUnknown; }
+  bool operator==(const SensorDirection&) const = default;
+};
+
+// `to_sensor` of any length; unknown when it is nothing or not finite.
+inline SensorDirection PackDirection(const Eigen::Vector3d& to_sensor) {
+  const double size = to_sensor.cwiseAbs().sum();
+  if (!(size > 0 && size < std::numeric_limits<double>::max())) return {};
+  double a = to_sensor.x() / size, b = to_sensor.y() / size;
+  if (to_sensor.z() < 0) {
+    const double unfolded = a;
+    a = std::copysign(1.0 - std::abs(b), a);
+    b = std::copysign(1.0 - std::abs(unfolded), b);
+  }
+  const auto whole = [](double part) {
+    return static_cast<std::int16_t>(part * SensorDirection::kOne + std::copysign(0.5, part));
+  };
+  return {whole(a), whole(b)};
+}
+
+// Unit vector of one that is known.
+inline Eigen::Vector3d UnpackDirection(SensorDirection packed) {
+  Eigen::Vector3d v(packed.a / SensorDirection::kOne, packed.b / SensorDirection::kOne, 0);
+  v.z() = 1.0 - std::abs(v.x()) - std::abs(v.y());
+  const double folded = v.z() < 0 ? -v.z() : 0.0;
+  v.x() -= std::copysign(folded, v.x());
+  v.y() -= std::copysign(folded, v.y());
+  return v.normalized();
+}
+
+}  // namespace bendloop::pipeline
