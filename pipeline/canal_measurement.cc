@@ -179,7 +179,8 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
   for (std::size_t i = 0; i < scan.spine.size(); ++i) {
     polygon.push_back({scan.spine[i].position_mm, scan.tangents[i], 0, 1, 0});
   }
-  const SurfaceFit structure = FindStructure(polygon, even_mm, blocks, blocks, kCaution);
+  const SurfaceFit structure =
+      FindStructure(polygon, even_mm, blocks, blocks, {.caution = kCaution});
   const SurfaceFit fit = FitSurface(structure.tube, blocks,
                                     {.reach_mm = 0.5 * even_mm,
                                      .max_length_mm = 2.0 * LengthOf(polygon),

@@ -52,8 +52,9 @@ bool IsPlace(const Eigen::Vector3d& point) {
 }
 
 // Shapes of the bends, margins, and what a person should know of them.
+// `as_nominal`: there is one, with so many bends.
 void SayHowSure(const SurfaceFit& structure, const SurfaceFit& fit, const HalvesDiffer& halves,
-                Measurement& measurement) {
+                bool as_nominal, Measurement& measurement) {
   const double r_mm = fit.tube.pipe_radius_mm;
   for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
     const Flattening& f = fit.flattening[i];
@@ -63,10 +64,11 @@ void SayHowSure(const SurfaceFit& structure, const SurfaceFit& fit, const Halves
   }
   measurement.structure_margin = std::clamp(structure.margin, 0.0, kMostMargin);
   if (measurement.structure_margin < kCloseCall) {
-    measurement.warnings.push_back("the number of bends is a close call (margin " +
-                                   Fixed(measurement.structure_margin, 1) +
-                                   ", clear from 10 on): compare it with the drawing, or scan "
-                                   "again with more points");
+    measurement.warnings.push_back(
+        "the number of bends is a close call (margin " + Fixed(measurement.structure_margin, 1) +
+        ", clear from 10 on): " +
+        (as_nominal ? "it is the nominal's, which the samples alone do not show"
+                    : "compare it with the drawing, or scan again with more points"));
   }
   measurement.halves_differ_sigma = halves.sigmas;
   if (halves.sigmas > kHalvesDiffer) {
@@ -324,7 +326,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
 
   std::vector<PointBlock> blocks = BlocksNear(*polygon, true);
   const auto find_structure = [&] {
-    return FindStructure(*polygon, radius_mm_, BlocksNear(*polygon, false), blocks);
+    return FindStructure(*polygon, radius_mm_, BlocksNear(*polygon, false), blocks,
+                         {.nominal = options_.nominal});
   };
   SurfaceFit structure = find_structure();
   for (int i = 0; i < kMaxParted; ++i) {
@@ -347,7 +350,9 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   const SurfaceFit fit = FitSurface(structure.tube, blocks, options);
   const double noise_mm = weights.certainties.empty() ? fit.sigma_mm : weights.noise_mm;
   timer.Done("fit");
-  SayHowSure(structure, fit, CompareHalves(fit, blocks, options), measurement);
+  const bool as_nominal =
+      options_.nominal && options_.nominal->bend_count() == structure.tube.program.bend_count();
+  SayHowSure(structure, fit, CompareHalves(fit, blocks, options), as_nominal, measurement);
   timer.Done("self_check");
 
   const TubeEnds ends = FindTubeEnds(fit.tube, noise_mm, blocks, &workers);

@@ -23,8 +23,8 @@ enum class SpineMethod {
 struct ReconstructionOptions {
   // Known pipe radius [mm]; estimated from the samples when empty.
   std::optional<double> pipe_radius_mm;
-  // The tube that the samples should show, in any pose: a hint for pipe radius and coverage, never
-  // for the number or size of the bends.
+  // The tube that the samples should show, in any pose: says which of several pieces is the tube,
+  // and how many bends it has where the samples leave that open; never how large they are.
   std::optional<hal::BendProgram> nominal;
   // Of the points that come to a place again and again so many are kept for the final fit, evenly
   // over the scan: memory and the final fit are bounded by this and by the tube.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/spine_polygon.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -18,6 +19,45 @@ constexpr double kMaxGap = 8.0;   // a clamp hides up to 3, and the ends beside 
 constexpr double kMinLength = 2.0;
 constexpr double kMinEdgeCosine = 0.8;  // an edge runs along the tangents of its nodes
 constexpr double kMinGapCosine = 0.2;
+// Neighbours agree when a bend as tight as this leads from one to the other, but for their noise.
+constexpr double kNear = 0.8;
+constexpr double kTightest = 1.5;
+constexpr double kOffNoise = 0.15;
+constexpr double kTurnNoiseRad = 0.2;
+
+// Nodes of which most others beside them say that the spine does not pass there: fitted across two
+// things, as where another part of the tube is near, or to too few samples.
+std::vector<SpineNode> WithoutOddOnes(std::span<const SpineNode> nodes, double radius_mm) {
+  const double near_mm = kNear * radius_mm;
+  std::vector<std::size_t> by_x(nodes.size());
+  for (std::size_t i = 0; i < by_x.size(); ++i) by_x[i] = i;
+  std::sort(by_x.begin(), by_x.end(), [&nodes](std::size_t a, std::size_t b) {
+    return std::pair(nodes[a].position_mm.x(), a) < std::pair(nodes[b].position_mm.x(), b);
+  });
+  std::vector<int> votes(nodes.size(), 0);  // more for it than against it
+  for (std::size_t i = 0; i < by_x.size(); ++i) {
+    const SpineNode& a = nodes[by_x[i]];
+    for (std::size_t j = i + 1; j < by_x.size(); ++j) {
+      const SpineNode& b = nodes[by_x[j]];
+      const Eigen::Vector3d between = b.position_mm - a.position_mm;
+      if (between.x() > near_mm) break;
+      const double distance = between.norm();
+      if (distance > near_mm) continue;
+      const double turn = std::acos(std::min(1.0, std::abs(a.tangent.dot(b.tangent))));
+      const double bent = distance / (kTightest * radius_mm);  // over this distance [rad]
+      const double off = std::max(a.tangent.cross(between).norm(), b.tangent.cross(between).norm());
+      const bool agree =
+          turn < bent + kTurnNoiseRad && off < 0.5 * bent * distance + kOffNoise * radius_mm;
+      votes[by_x[i]] += agree ? 1 : -1;
+      votes[by_x[j]] += agree ? 1 : -1;
+    }
+  }
+  std::vector<SpineNode> kept;
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (votes[i] >= 0) kept.push_back(nodes[i]);
+  }
+  return kept;
+}
 
 // Nodes with many samples first; the weaker ones within the spacing go.
 std::vector<SpineNode> Thin(std::span<const SpineNode> nodes, double spacing_mm) {
@@ -163,7 +203,8 @@ double LengthOf(const SpinePolygon& polygon) {
 }
 
 std::vector<SpinePolygon> SpinePolygons(std::span<const SpineNode> nodes, double pipe_radius_mm) {
-  const std::vector<SpineNode> thinned = Thin(nodes, kSpacing * pipe_radius_mm);
+  const std::vector<SpineNode> thinned =
+      Thin(WithoutOddOnes(nodes, pipe_radius_mm), kSpacing * pipe_radius_mm);
   std::vector<SpinePolygon> pieces = Follow(thinned, kMaxEdge * pipe_radius_mm);
   return JoinedOverGaps(std::move(pieces), pipe_radius_mm);
 }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/structure.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "pipeline/arc_line_spline.h"
 #include "pipeline/initial_spline.h"
+#include "pipeline/nominal_along.h"
 #include "pipeline/structure_search.h"
 #include "pipeline/usual_bend_radius.h"
 
@@ -17,20 +19,42 @@ constexpr std::size_t kEnoughSamples = 8000;
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
 constexpr int kGlanceSteps = 15;
+// Twice the logarithm of the odds that a part has no bend more than its nominal. Evidence beyond it
+// is a defect; below it Measurement::structure_margin says that it was a close call.
+constexpr double kNominalOdds = 10;
 
-}  // namespace
-
-SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
-                             std::span<const PointBlock> samples) {
-  const ArcLineSpline spline = InitialSpline(polygon, kGlanceTolerance * pipe_radius_mm);
-  return StructureSearch(polygon, pipe_radius_mm, samples, kGlanceSamples,
-                         {.max_fit_steps = kGlanceSteps})
-      .Fit(TubeFromSpline(spline, pipe_radius_mm));
+// By how much a structure that may be the nominal's is better than one that was found without it.
+// Its bends need no evidence, it is enough that the samples do not speak against them; for taking a
+// bend away that the nominal does not have the samples must be nearly content.
+double AdvantageOfNominal(const StructureCriterion& criterion, const SurfaceFit& nominal,
+                          const SurfaceFit& found) {
+  const double advantage = criterion.Advantage(nominal, found);
+  const std::size_t bends = nominal.tube.program.bend_count();
+  if (bends > found.tube.program.bend_count()) {
+    return std::max(advantage, criterion.Gain(nominal, found));
+  }
+  return bends < found.tube.program.bend_count() ? advantage + kNominalOdds : advantage;
 }
 
-SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
-                         std::span<const PointBlock> samples,
-                         std::span<const PointBlock> all_points, double caution) {
+// The nominal's structure, where the samples let it be, instead of one that cannot be the nominal.
+SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& polygon,
+                           const hal::BendProgram& nominal, SurfaceFit found) {
+  SurfaceFit expected = search.Fit(NominalAlong(nominal, found.tube.pipe_radius_mm, polygon));
+  const double advantage = search.criterion().Advantage(expected, found);
+  const bool may_be = MayBe(nominal, expected.tube, expected.sigma);
+  const bool same_bends = expected.tube.program.bend_count() == found.tube.program.bend_count();
+  if ((may_be ? AdvantageOfNominal(search.criterion(), expected, found) : advantage) > 0) {
+    expected.margin = same_bends ? found.margin : std::max(0.0, advantage);
+    return expected;
+  }
+  if (!same_bends) found.margin = std::min(found.margin, -advantage);
+  return found;
+}
+
+// What the samples alone say.
+SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
+                       std::span<const PointBlock> samples, std::span<const PointBlock> all_points,
+                       double caution) {
   const bool few = CountPoints(all_points) <= kEnoughSamples;
   StructureSearch coarse(polygon, pipe_radius_mm, few ? all_points : samples, kEnoughSamples,
                          {.caution = caution});
@@ -64,6 +88,28 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
   if (!oval.criterion().IsFlattened(fit, flattened)) return fit;
   oval.Refine(flattened);
   return oval.criterion().IsFlattened(fit, flattened) ? flattened : fit;
+}
+
+}  // namespace
+
+SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
+                             std::span<const PointBlock> samples) {
+  const ArcLineSpline spline = InitialSpline(polygon, kGlanceTolerance * pipe_radius_mm);
+  return StructureSearch(polygon, pipe_radius_mm, samples, kGlanceSamples,
+                         {.max_fit_steps = kGlanceSteps})
+      .Fit(TubeFromSpline(spline, pipe_radius_mm));
+}
+
+SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
+                         std::span<const PointBlock> samples,
+                         std::span<const PointBlock> all_points, const StructureOptions& options) {
+  SurfaceFit fit = StructureOf(polygon, pipe_radius_mm, samples, all_points, options.caution);
+  StructureSearch search(
+      polygon, pipe_radius_mm, all_points, kPointsAtOnce,
+      {.flattened = !fit.flattening.empty(), .priors = fit.priors, .caution = options.caution});
+  search.StartAnew(fit);
+  if (!options.nominal || MayBe(*options.nominal, fit.tube, fit.sigma)) return fit;
+  return SettleByNominal(search, polygon, *options.nominal, std::move(fit));
 }
 
 }  // namespace bendloop::pipeline

@@ -52,7 +52,7 @@ double StructureCriterion::Variance(const SurfaceFit& fit) {
   return fit.sigma_mm * fit.sigma_mm * fit.design_effect;
 }
 
-double StructureCriterion::Advantage(const SurfaceFit& a, const SurfaceFit& b) const {
+double StructureCriterion::Gain(const SurfaceFit& a, const SurfaceFit& b) const {
   // One that lost the tube has next to no distances, and a small sigma of these.
   const auto reached_a = static_cast<double>(a.distances_mm.size());
   const auto reached_b = static_cast<double>(b.distances_mm.size());
@@ -60,11 +60,10 @@ double StructureCriterion::Advantage(const SurfaceFit& a, const SurfaceFit& b) c
   if (reached_b < kLost * reached_a) return kFar;
   const double variance = std::min(Variance(a), Variance(b));
   const double limit_mm = kTruncated * std::min(a.sigma_mm, b.sigma_mm);
-  const auto criterion = [&](const SurfaceFit& fit) {
-    return Cost(fit, limit_mm) / variance + PriceOf(fit) +
-           fit.priors.ChiSquare(fit.tube.program, fit.flattening);
+  const auto chi_square = [&](const SurfaceFit& fit) {
+    return Cost(fit, limit_mm) / variance + fit.priors.ChiSquare(fit.tube.program, fit.flattening);
   };
-  return criterion(b) - criterion(a);
+  return chi_square(b) - chi_square(a);
 }
 
 bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& flattened) const {
@@ -78,13 +77,13 @@ bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& 
 }
 
 double StructureCriterion::PriceOf(const SurfaceFit& fit) const {
-  double price =
-      fit.learnt + kBendPrice * price_ * static_cast<double>(fit.tube.program.bend_count());
+  double price = caution_ * fit.learnt +
+                 kBendPrice * price_ * static_cast<double>(fit.tube.program.bend_count());
   for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
     if (fit.tube.program.rows[i].angle_deg < kSlightDeg) price += kSlightPrice * price_;
     if (i > 0 && AreOne(fit, i)) price += kTwinPrice * price_;
   }
-  return caution_ * price;
+  return price;
 }
 
 }  // namespace bendloop::pipeline

@@ -16,9 +16,14 @@ class StructureCriterion {
 
   // About what a parameter costs that the samples know well.
   double price() const { return price_; }
-  // By how much `a` is better than `b`; the variance is taken from the better fit of the two. Every
-  // sample costs at most some sigma: what neither model explains must not decide between them.
-  double Advantage(const SurfaceFit& a, const SurfaceFit& b) const;
+  // By how much `a` explains the samples better than `b`; the variance is taken from the better fit
+  // of the two. Every sample costs at most some sigma: what neither model explains must not decide
+  // between them.
+  double Gain(const SurfaceFit& a, const SurfaceFit& b) const;
+  // By how much `a` is better, with what both cost.
+  double Advantage(const SurfaceFit& a, const SurfaceFit& b) const {
+    return Gain(a, b) + PriceOf(b) - PriceOf(a);
+  }
   bool IsBetter(const SurfaceFit& a, const SurfaceFit& b) const { return Advantage(a, b) > 0; }
   // Whether the samples insist that the bends are not round. Out of nothing but noise the gain is
   // chi-squared with the flattening's number of parameters.

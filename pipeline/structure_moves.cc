@@ -184,6 +184,7 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
     return fit.segment_samples[outer] < few * fit.tube.pipe_radius_mm &&
            (fit.segment_samples[arc] < few * segments[arc].length_mm ||
+            segments[arc].length_mm < kBorder * fit.tube.pipe_radius_mm ||
             segments[arc].bend_radius_mm < kTight * fit.tube.pipe_radius_mm);
   };
   const std::size_t last = segments.size() - 1;

@@ -32,8 +32,8 @@ bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm);
 double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment> segments);
 
 // Without a first or last bend that no samples show: they are missing on the outer straight, and on
-// most of the arc, or that is as tight as the pipe is thick (a cap). `fit` is of the spline. False:
-// there was none.
+// most of the arc, or that is shorter than the border of a scan is sharp (fliers beyond it), or as
+// tight as the pipe is thick (a cap). `fit` is of the spline. False: there was none.
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit);
 
 // The end straights as long as the polygon's ends are away, if that is more. False: neither was

@@ -8,9 +8,11 @@
 #include <numbers>
 #include <utility>
 
+#include "hal/spine.h"
 #include "pipeline/initial_spline.h"
 #include "pipeline/statistics.h"
 #include "pipeline/structure_moves.h"
+#include "pipeline/surface_pass.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -39,7 +41,13 @@ constexpr double kLoose = 30;
 // A straight that is known so well, in sigma, is no accident of a wide bend or of one taken for
 // two.
 constexpr double kSettled = 300;
-constexpr double kTolerance = 2e-5;  // of chi square, far below the price of a parameter
+// Where the search starts anew.
+constexpr std::array<double, 7> kOtherTolerances = {0.06, 0.03, 0.1, 0.05, 0.13, 0.2, 0.02};
+constexpr int kMostAnew = 4;
+constexpr double kLeastExcess = 100;  // of squared distances, in variances
+constexpr double kClearExcess = 6;    // sigma
+constexpr double kTruncated = 5;      // sigma, of a distance
+constexpr double kTolerance = 2e-5;   // of chi square, far below the price of a parameter
 
 ArcLineSpline Without(const ArcLineSpline& spline, std::size_t first, std::size_t last) {
   ArcLineSpline without = spline;
@@ -77,6 +85,77 @@ hal::Tube NoTighter(hal::Tube tube) {
     radius_mm += shorter_mm / tangent;
   }
   return tube;
+}
+
+// By segment: by how much the squared distances of its samples are more than elsewhere, in
+// variances; 0 where that may be chance. What is far off counts no more than a few sigma: fliers
+// are everywhere.
+std::vector<double> Excess(const SurfaceFit& fit, std::span<const PointBlock> blocks) {
+  const double r = fit.tube.pipe_radius_mm;
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  SurfaceAssignment assignment;
+  AssignPoints(SegmentFrames(segments, kBeyond * r, fit.flattening), r, blocks, kReach * r,
+               assignment);
+  const double limit_mm = kTruncated * fit.sigma_mm;
+  std::vector<double> excess, mean_square;
+  for (const SegmentPoints& points : assignment.segments) {
+    double sum = 0;
+    for (std::size_t i = 0; i < points.size; ++i) {
+      const double d = std::min(std::abs(points.distance[i]), limit_mm) / fit.sigma_mm;
+      sum += d * d;
+    }
+    const auto n = static_cast<double>(points.size);
+    if (points.size > 0) mean_square.push_back(sum / n);
+    excess.push_back(sum);
+  }
+  const double usual = std::max(1.0, Median(mean_square));
+  for (std::size_t k = 0; k < excess.size(); ++k) {
+    const auto n = static_cast<double>(assignment.segments[k].size);
+    excess[k] -= usual * n;
+    const double chance = kClearExcess * std::sqrt(2.0 * n) * usual * fit.design_effect;
+    if (excess[k] < std::max(kLeastExcess, chance)) excess[k] = 0;
+  }
+  return excess;
+}
+
+// Parts of the tube whose samples are explained much worse than the others, worst first.
+std::vector<StructureWindow> BadParts(const SurfaceFit& fit, std::span<const PointBlock> blocks) {
+  const std::vector<double> excess = Excess(fit, blocks);
+  std::vector<std::pair<double, StructureWindow>> parts;
+  for (std::size_t k = 0; k < excess.size(); ++k) {
+    if (excess[k] <= 0) continue;
+    const std::size_t first = k;
+    double sum = 0;
+    for (; k < excess.size() && excess[k] > 0; ++k) sum += excess[k];
+    // The bends in it, and the one before and after.
+    const std::size_t before = first / 2, after = k / 2;
+    parts.push_back({-sum,
+                     {before - std::min<std::size_t>(before, 1),
+                      std::min(after + 1, fit.tube.program.bend_count())}});
+  }
+  std::stable_sort(parts.begin(), parts.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<StructureWindow> windows;
+  for (const auto& part : parts) windows.push_back(part.second);
+  return windows;
+}
+
+// The nodes along a window.
+SpinePolygon NodesOf(const SpinePolygon& polygon, const hal::Tube& tube, StructureWindow window) {
+  const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
+  std::vector<std::int32_t> all;
+  for (std::size_t k = 0; k < frames.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
+  std::size_t first = polygon.size(), last = 0;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const auto k =
+        static_cast<std::size_t>(NearestSegment(polygon[i].position_mm, frames, all).segment);
+    if (k < window.first_segment() || k > window.last_segment()) continue;
+    first = std::min(first, i);
+    last = i;
+  }
+  if (first >= last) return {};
+  return {polygon.begin() + static_cast<std::ptrdiff_t>(first),
+          polygon.begin() + static_cast<std::ptrdiff_t>(last) + 1};
 }
 
 bool IsSettled(const SurfaceFit& fit, std::size_t row) {
@@ -131,6 +210,34 @@ void StructureSearch::Refine(SurfaceFit& best) {
   }
   best.margin = margin_;
   for (const auto& worse : simpler_) best.margin = std::min(best.margin, worse.value_or(kNoGoal));
+}
+
+void StructureSearch::StartAnew(SurfaceFit& best) {
+  for (int i = 0; i < kMostAnew; ++i) {
+    bool started = false;
+    for (const StructureWindow& window : BadParts(best, blocks_)) {
+      if ((started = StartedAnew(best, window))) break;
+    }
+    if (!started) return;
+    Refine(best);
+  }
+}
+
+bool StructureSearch::StartedAnew(SurfaceFit& fit, StructureWindow window) {
+  nearest_.reset();
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  Part part = Around(spline, window);
+  const SpinePolygon nodes = NodesOf(*polygon_, fit.tube, part.window);
+  if (nodes.size() < 3) return false;
+  for (const double tolerance : kOtherTolerances) {
+    const ArcLineSpline other = InitialSpline(nodes, tolerance * radius_mm_);
+    auto better = Better(fit, spline, part, other);
+    if (better && criterion_.Advantage(*better, fit) > kAsk) {
+      Accept(fit, std::move(*better), part.window);
+      return true;
+    }
+  }
+  return false;
 }
 
 SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
@@ -208,7 +315,10 @@ std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
       FitWhole(TubeFromSpline(spline, rival.tube.pipe_radius_mm), GoalOf(rival, rival, fewer));
   const double worse = criterion_.Advantage(rival, fit);
   if (worse < 0) return fit;
-  Note(worse);
+  // A bend that was dropped again as unseen makes no other structure.
+  const bool is_other = part.spline.arcs.size() == changed.arcs.size() ||
+                        fit.tube.program.bend_count() != rival.tube.program.bend_count();
+  if (is_other) Note(worse);
   return std::nullopt;
 }
 

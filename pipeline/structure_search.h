@@ -40,6 +40,8 @@ class StructureSearch {
   void Split(SurfaceFit& best);
   // Adds what the samples ask for and takes away what they do not mind to lose.
   void Refine(SurfaceFit& best);
+  // Where samples are still explained much worse than elsewhere, starts again from the nodes.
+  void StartAnew(SurfaceFit& best);
 
  private:
   // A part of the tube as it is, for comparison with what might be there.
@@ -67,6 +69,7 @@ class StructureSearch {
   bool Added(SurfaceFit& fit);
   bool AddedAt(SurfaceFit& fit, MissingBend missing);
   bool SimplifiedAt(SurfaceFit& fit, std::size_t arc);
+  bool StartedAnew(SurfaceFit& fit, StructureWindow window);
   void Accept(SurfaceFit& fit, SurfaceFit better, const StructureWindow& window);
   void Note(double worse) { margin_ = std::min(margin_, worse); }
 

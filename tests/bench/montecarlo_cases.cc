@@ -284,6 +284,30 @@ hal::BendProgram NominalOf(const hal::BendProgram& truth, Random& random) {
   return nominal;
 }
 
+// With one bend more in the middle of a straight.
+void AddBend(hal::BendProgram& nominal, double r, Random& random) {
+  const auto at = static_cast<std::size_t>(Uniform(random, 0, 0.999) *
+                                           static_cast<double>(nominal.rows.size()));
+  hal::BendRow before = nominal.rows[at];
+  before.length_mm *= 0.5;
+  before.rotation_deg = at == 0 ? 0 : Uniform(random, -180, 180);
+  before.angle_deg = Uniform(random, 2, 20);
+  before.bend_radius_mm = nominal.rows.front().bend_radius_mm.value_or(3 * r);
+  nominal.rows[at].length_mm *= 0.5;
+  if (at + 1 < nominal.rows.size()) nominal.rows[at].rotation_deg = Uniform(random, -180, 180);
+  nominal.rows.insert(nominal.rows.begin() + static_cast<std::ptrdiff_t>(at), before);
+}
+
+// Without its slightest bend.
+void DropBend(hal::BendProgram& nominal) {
+  const auto slightest = std::min_element(
+      nominal.rows.begin(), nominal.rows.end() - 1,
+      [](const hal::BendRow& a, const hal::BendRow& b) { return a.angle_deg < b.angle_deg; });
+  (slightest + 1)->length_mm += slightest->length_mm;
+  if (slightest == nominal.rows.begin()) (slightest + 1)->rotation_deg = 0;
+  nominal.rows.erase(slightest);
+}
+
 }  // namespace
 
 const std::vector<std::string>& MonteCarloKinds() {
@@ -295,7 +319,7 @@ const std::vector<std::string>& MonteCarloKinds() {
   return names;
 }
 
-MonteCarloCase DrawMonteCarloCase(std::uint64_t seed) {
+MonteCarloCase DrawMonteCarloCase(std::uint64_t seed, Drawing drawing) {
   const Kind& kind = Kinds()[seed % Kinds().size()];
   Random random(seed);
   MonteCarloCase result;
@@ -310,7 +334,7 @@ MonteCarloCase DrawMonteCarloCase(std::uint64_t seed) {
   tests::CloudOptions& cloud = sampling.cloud;
   cloud.noise_mm = result.noise_mm = Uniform(random, kind.noise_mm);
   cloud.fliers = result.fliers = kind.fliers;
-  cloud.ovality = kind.ovality;
+  cloud.ovality = result.ovality = kind.ovality;
   cloud.profile_error_mm = Uniform(random, kind.profile_error_mm);
   result.systematic_mm = 0.5 * kind.ovality * r + 3.0 * cloud.profile_error_mm;
   result.spacing_mm = r / std::sqrt(sampling.per_area);
@@ -330,6 +354,9 @@ MonteCarloCase DrawMonteCarloCase(std::uint64_t seed) {
     }
   }
   std::shuffle(result.points_W.begin(), result.points_W.end(), random);
+  if (drawing != Drawing::kOfKind) result.nominal = NominalOf(result.truth.program, random);
+  if (drawing == Drawing::kBendMore) AddBend(*result.nominal, r, random);
+  if (drawing == Drawing::kBendFewer) DropBend(*result.nominal);
   return result;
 }
 

@@ -159,5 +159,24 @@ TEST(SpinePolygons, DoNotDependOnTheOrderOfTheNodes) {
   EXPECT_NEAR(LengthOf(SpinePolygons(nodes, kRadius).at(0)), length, 1e-9);
 }
 
+// Where another part of the tube passes near by, a node may be fitted across both: it ends a piece
+// and looks elsewhere.
+TEST(SpinePolygons, JoinsPastATurnedNode) {
+  for (const double side : {-1.0, 1.0}) {
+    std::vector<SpineNode> nodes;
+    for (int i = 0; i < 60; ++i) {
+      SpineNode node{{0.4 * kRadius * i, 0, 0}, Eigen::Vector3d::UnitX(), 0.05, 40};
+      if (i == 30) {
+        node.position_mm.y() += 0.3 * side * kRadius;
+        node.tangent = Eigen::Vector3d(0.5, 0.87 * side, 0).normalized();
+      }
+      nodes.push_back(node);
+    }
+    const auto polygons = SpinePolygons(nodes, kRadius);
+    ASSERT_EQ(polygons.size(), 1U);
+    EXPECT_NEAR(LengthOf(polygons[0]), 0.4 * kRadius * 59, 0.5 * kRadius);
+  }
+}
+
 }  // namespace
 }  // namespace bendloop::pipeline

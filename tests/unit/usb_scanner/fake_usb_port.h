@@ -44,8 +44,8 @@ class FakeBus {
   std::size_t most_bytes = 700;  // of a transfer
   std::vector<std::pair<Fault, int>> plan;
   int filled = 0;
-  int halts_cleared = 0;
-  std::size_t most_in_flight = 0;
+  std::atomic<int> halts_cleared = 0;  // tests look at these while the carrier runs
+  std::atomic<std::size_t> most_in_flight = 0;
   std::vector<std::string> wrong;  // what no driver may do
 };
 
@@ -70,7 +70,7 @@ class FakeUsbPort final : public UsbPort {
     if (!bus_.plugged) return false;
     if (std::count(submitted_.begin(), submitted_.end(), transfer) != 0) Wrong("submitted twice");
     submitted_.push_back(transfer);
-    bus_.most_in_flight = std::max(bus_.most_in_flight, submitted_.size());
+    bus_.most_in_flight = std::max(bus_.most_in_flight.load(), submitted_.size());
     // What the device would write to from now on: a reader that still reads it must fail.
     std::fill(buffers_[transfer].begin(), buffers_[transfer].end(), std::uint8_t{0xEE});
     return true;

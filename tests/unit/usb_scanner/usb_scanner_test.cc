@@ -208,7 +208,7 @@ TEST_F(UsbScannerTest, AFloodStaysBounded) {
     const std::lock_guard lock(bus_.mutex);
     now = bus_.filled;
   }
-  EXPECT_LE(bus_.filled, 12);  // with those of identify and start
+  EXPECT_LE(filled, 12);  // with those of identify and start
   // While garbage keeps coming each read still ends in time.
   hal::LaserProfile profile(200);
   hal::ScanEvent event;
