@@ -334,7 +334,8 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
   fit.sigma_mm = state.sigma_mm;
   fit.cost_mm2 = state.ChiSquare(fit.sigma_mm, options) * fit.sigma_mm * fit.sigma_mm;
   DesignEffect design_effect;
-  design_effect.Add(state.assignment, kNoWeight * state.sigma_mm);
+  design_effect.Add(state.assignment, state.Frames(), state.tube.pipe_radius_mm,
+                    kNoWeight * state.sigma_mm);
   fit.design_effect = design_effect.Value();
   SetMeanSquares(state.assignment.segment_sum_mm2, state.assignment.segment_count, fit);
   const TubeParameters parameters = state.Parameters(options);

@@ -26,13 +26,15 @@ struct SurfaceAssignment {
 void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
                   std::span<const PointBlock> blocks, double reach_mm, SurfaceAssignment& result);
 
-// How many times more the block means scatter than independent noise would have it: the ratio of
-// the mean squares between and within blocks. Pose errors, ovality and dents move neighbours
-// together, and n such samples tell less than n independent ones.
+// How many times more the means of patches of the surface scatter than independent noise would have
+// it: the ratio of the mean squares between and within patches. Pose errors, ovality and dents move
+// neighbours together, and n such samples tell less than n independent ones. Patches and not blocks,
+// whose faces, where they lie along the surface, part the points by their noise.
 struct DesignEffect {
-  double between = 0, within = 0, blocks = 0, freedom = 0;
+  double between = 0, within = 0, patches = 0, freedom = 0;
 
-  void Add(const SurfaceAssignment& assignment, double limit_mm);
+  void Add(const SurfaceAssignment& assignment, std::span<const SegmentFrame> frames,
+           double pipe_radius_mm, double limit_mm);
   void Add(const DesignEffect& other);
   double Value() const;  // at least 1
 };
