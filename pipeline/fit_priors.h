@@ -15,8 +15,8 @@ struct UsualBendRadius {
   double sigma_mm = 0;
 };
 
-// What one expects of any tube: 1 sigma of every parameter (mm, rad); infinite for flattening, which
-// has a prior of its own.
+// What one expects of any tube: 1 sigma of every parameter (mm, rad); infinite for flattening,
+// which has a prior of its own.
 Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radius_mm);
 
 // What is known of a tube before its points are looked at. In a fit each item counts like one more

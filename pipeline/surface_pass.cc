@@ -50,7 +50,6 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
   const bool weighted = AreWeighted(blocks);
   for (SegmentPoints& points : result.segments) points.Clear(weighted);
   result.distances_mm.clear();
-  result.block_ends.clear();
   result.total = 0;
   result.segment_count.assign(frames.size(), 0.0);
   result.segment_sum_mm2.assign(frames.size(), 0.0);
@@ -73,7 +72,6 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
         AssignBatch<false>(nearest, candidates, pipe_radius_mm, reach_mm, count, nullptr, result);
       }
     }
-    result.block_ends.push_back(result.distances_mm.size());
   }
 }
 

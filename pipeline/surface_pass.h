@@ -15,8 +15,7 @@ namespace bendloop::pipeline {
 // in units of a point's own certainty: each is the distance times it. Its memory is used again.
 struct SurfaceAssignment {
   std::vector<SegmentPoints> segments;  // within reach of the surface, in the segment's frame
-  std::vector<double> distances_mm;     // the same points' signed distances, block after block
-  std::vector<std::size_t> block_ends;  // in these
+  std::vector<double> distances_mm;     // the same points' signed distances, as they came
   std::size_t total = 0;                // points looked at
   std::vector<double> segment_count;    // all points near a segment
   std::vector<double> segment_sum_mm2;  // of min(d, reach)^2 over these
@@ -28,8 +27,8 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
 
 // How many times more the means of patches of the surface scatter than independent noise would have
 // it: the ratio of the mean squares between and within patches. Pose errors, ovality and dents move
-// neighbours together, and n such samples tell less than n independent ones. Patches and not blocks,
-// whose faces, where they lie along the surface, part the points by their noise.
+// neighbours together, and n such samples tell less than n independent ones. Patches and not
+// blocks, whose faces, where they lie along the surface, part the points by their noise.
 struct DesignEffect {
   double between = 0, within = 0, patches = 0, freedom = 0;
 

@@ -224,6 +224,27 @@ TEST(Correlations, AreThoseOfRepeatedScans) {
   EXPECT_NEAR(run.direction_sigma_deg / sideways_deg, 1, 0.3);
 }
 
+// Noise that is no thin part of the pipe radius tells nothing about neighbours, however the points
+// lie in blocks; laser lines that are displaced as a whole do.
+TEST(SurfaceFit, NeighboursMoveTogetherOnlyWhereTheyDo) {
+  Random random(10);
+  hal::Tube tube;
+  tube.pipe_radius_mm = 2;
+  tube.program.rows = {{20, 0, 60, 8.0}, {25, 30, 40, 8.0}, {20, 0, 0, std::nullopt}};
+  tests::CloudOptions options{.points = 12000, .noise_mm = 0.12};
+  const auto effect = [&] {
+    const auto points = tests::SyntheticCloud(tube, options, random);
+    const auto blocks = tests::Blocks(points, tube.pipe_radius_mm * 2 / 3);
+    return FitSurface(tube, blocks, {.reach_mm = 0.4 * tube.pipe_radius_mm}).design_effect;
+  };
+  EXPECT_LT(effect(), 1.15);
+  options.stripes_mm = 0.4;
+  EXPECT_LT(effect(), 1.15);
+  options.noise_mm = 0.03;
+  options.profile_error_mm = 0.03;
+  EXPECT_GT(effect(), 1.5);
+}
+
 // Where nobody sees the bend its radius is anything, and so is where it begins and ends; the
 // straights say how far it turns.
 TEST(SurfaceFit, SaysThatAHiddenBendIsNotKnown) {
