@@ -43,7 +43,7 @@ std::vector<TangentLine> EdgesOf(const Points& vertices) {
 
 TEST(ShortcutGraph, FindsTheBendsOfAnExactPolygon) {
   Random random(1);
-  for (int run = 0; run < 60; ++run) {
+  for (int run = 0; run < 36; ++run) {
     const bool beyond = run % 3 == 0;  // a half turn
     const hal::Tube tube = tests::RandomTube({.bends = 1 + run % 5,
                                               .min_angle_deg = beyond ? 200.0 : 15.0,
