@@ -100,7 +100,7 @@ void DesignEffect::Add(const SurfaceAssignment& assignment, std::span<const Segm
       unsigned around = 0;
       if (bend_mm > 0) {
         row = 0.25 * rows * QuarterTurns(x, y);
-        around = TurnSector<kPatchesAround>(std::hypot(x, y) - bend_mm, z);
+        around = TurnSector<kPatchesAround>(std::sqrt(x * x + y * y) - bend_mm, z);
       } else {
         row = per_mm * (x - from_mm);
         around = TurnSector<kPatchesAround>(y, z);
