@@ -11,8 +11,7 @@ namespace bendloop::pipeline {
 // The value below which `part` (0..1) of the values lie; 0 for none.
 inline double Quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0.0;
-  const auto index =
-      static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1) + 0.5);
+  const auto index = std::lround(part * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + index, values.end());
   return values[static_cast<std::size_t>(index)];
 }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "hal/spine.h"
@@ -143,8 +144,8 @@ std::vector<StructureWindow> BadParts(const SurfaceFit& fit, std::span<const Poi
 // The nodes along a window.
 SpinePolygon NodesOf(const SpinePolygon& polygon, const hal::Tube& tube, StructureWindow window) {
   const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
-  std::vector<std::int32_t> all;
-  for (std::size_t k = 0; k < frames.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
+  std::vector<std::int32_t> all(frames.size());
+  std::iota(all.begin(), all.end(), 0);
   std::size_t first = polygon.size(), last = 0;
   for (std::size_t i = 0; i < polygon.size(); ++i) {
     const auto k =
