@@ -51,18 +51,19 @@ std::vector<Eigen::Vector3d> SyntheticCloud(const hal::Tube& tube, const CloudOp
   std::vector<Eigen::Vector3d> displaced;  // by stripe
   if (options.profile_error_mm > 0 && options.stripes_mm > 0) {
     std::normal_distribution<double> error(0.0, options.profile_error_mm);
-    displaced.resize(static_cast<std::size_t>(total / options.stripes_mm) + 2);
+    displaced.resize(static_cast<std::size_t>(total / options.stripes_mm) + 3);
     for (Eigen::Vector3d& d : displaced) d = {error(random), error(random), error(random)};
   }
   while (points.size() < options.points) {
-    double s = Uniform(random, 0, total);
+    // Every laser line is as dense as the others, the last before the end too.
+    double s = Uniform(random, 0, total + options.stripes_mm);
     const double phi = Uniform(random, 0, 2 * kPi);
     std::size_t stripe = 0;
     if (options.stripes_mm > 0) {
       const double before = options.first_stripe_mm + options.stripe_tilt * r * std::cos(phi);
       const double nth = std::floor((s - before) / options.stripes_mm);
       s = before + nth * options.stripes_mm;
-      if (s < 0) continue;
+      if (s < 0 || s > total) continue;
       stripe = static_cast<std::size_t>(std::max(0.0, nth));
     }
     const auto* segment = &segments.back();
