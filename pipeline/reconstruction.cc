@@ -77,6 +77,23 @@ void SayHowSure(const SurfaceFit& structure, const SurfaceFit& fit, const Halves
   }
 }
 
+// An end that no sample shows is where the nodes stop: how far its straight goes on nobody knows.
+void EndAtNodes(const TubeEnds& ends, const SpinePolygon& polygon, hal::Tube& tube) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const auto along = [](const hal::SpineSegment& straight, const SpineNode& node) {
+    const double along_mm = (node.position_mm - straight.start_mm).dot(straight.tangent);
+    return std::clamp(along_mm, 0.0, straight.length_mm);
+  };
+  if (!ends.last_seen) {
+    tube.program.rows.back().length_mm = along(segments.back(), polygon.back());
+  }
+  if (!ends.first_seen) {
+    const double unseen_mm = along(segments.front(), polygon.front());
+    tube.X_WT.position_mm += unseen_mm * segments.front().tangent;
+    tube.program.rows.front().length_mm -= unseen_mm;
+  }
+}
+
 }  // namespace
 
 class Reconstruction::Impl {
@@ -357,6 +374,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
 
   const TubeEnds ends = FindTubeEnds(fit.tube, noise_mm, blocks, &workers);
   measurement.tube = ends.tube;
+  EndAtNodes(ends, *polygon, measurement.tube);
   measurement.sigma = fit.sigma;
   auto& sigma_rows = measurement.sigma.rows;
   if (sigma_rows.size() == 1) {
