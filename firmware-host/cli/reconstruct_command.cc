@@ -7,6 +7,8 @@
 #include <optional>
 #include <thread>
 
+#include "config/load.h"
+#include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/version.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cloud/point_cloud.h"
@@ -24,6 +26,7 @@ struct ReconstructArguments {
   std::string cloud;
   std::string units = "mm";
   std::optional<double> pipe_radius_mm;
+  std::string part;
   std::string model = "auto";
   std::string spine_method = "mls";
   std::string json;
@@ -39,6 +42,7 @@ Examples:
   bendloop reconstruct coil.ply --units m
   bendloop reconstruct tube.xyz --pipe-radius 4 --json tube.json --spine-out spine.csv
   bendloop reconstruct tube.pcd --json - | jq .tube.rows
+  bendloop reconstruct noisy.ply --part part.toml
   bendloop reconstruct tapered.ply --model canal --spine-out spine.csv
 
 Models:
@@ -57,10 +61,12 @@ The rotation is right-handed about the feed direction, from one bend plane to th
 
 // The one place where a model and a spine method become a measurement.
 hal::Result<pipeline::Measurement> Measure(const ReconstructArguments& arguments,
+                                           const std::optional<hal::BendProgram>& nominal,
                                            const PointCloud& cloud) {
   using pipeline::TubeModel;
   pipeline::ReconstructionOptions options;
   options.pipe_radius_mm = arguments.pipe_radius_mm;
+  options.nominal = nominal;
   options.spine_method = arguments.spine_method == "shrinking" ? pipeline::SpineMethod::kShrinking
                                                                : pipeline::SpineMethod::kMls;
   options.threads = std::thread::hardware_concurrency();
@@ -113,12 +119,20 @@ std::string BaseName(const std::string& path) {
 int Reconstruct(const ReconstructArguments& arguments) {
   const auto units = UnitsFromName(arguments.units);
   if (!units) return Report(units.error());
+  std::optional<hal::BendProgram> nominal;
+  if (!arguments.part.empty()) {
+    const auto part = config::LoadPart(arguments.part);
+    if (!part) return Report(part.error());
+    auto program = NominalProgram(*part);
+    if (!program) return Report(program.error());
+    nominal = std::move(*program);
+  }
   auto cloud = ReadCloud(arguments.cloud, *units);
   if (!cloud) return Report(cloud.error());
   for (const std::string& warning : cloud->warnings) {
     std::cerr << "bendloop: note: " << arguments.cloud << ": " << warning << "\n";
   }
-  auto measurement = Measure(arguments, *cloud);
+  auto measurement = Measure(arguments, nominal, *cloud);
   if (!measurement) {
     hal::Error error = measurement.error();
     if (error.kind == hal::ErrorKind::kBadInput) {
@@ -169,6 +183,11 @@ CLI::App* AddReconstructCommand(CLI::App& app, Run& run) {
   command->add_option("--pipe-radius", arguments->pipe_radius_mm, "Known; estimated when not given")
       ->check(CLI::Range(0.2, 300.0).description("0.2 to 300"))
       ->type_name("MM");
+  command
+      ->add_option("--part", arguments->part,
+                   "The part's file: says which of several tubes it is, and how many bends where "
+                   "the points leave that open")
+      ->type_name("PART.toml");
   command->add_option("--model", arguments->model, "What the points show")
       ->check(CLI::IsMember({"auto", "tube", "canal", "freeform"}))
       ->capture_default_str();

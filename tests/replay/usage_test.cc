@@ -70,6 +70,30 @@ TEST(Usage, AKnownRadiusThatThePointsContradictIsSaid) {
   EXPECT_THAT(wrong.err, HasSubstr("says 6.000 mm, the points show 5.000 mm"));
 }
 
+TEST(Usage, ThePartSaysWhichOfTwoTubesItIs) {
+  const Scratch scratch;
+  const std::string file = (scratch / "two.xyz").string();
+  std::ofstream cloud(file);
+  for (int i = 0; i < 3000; ++i) {
+    const double y = 5 * std::cos(i * 0.7), z = 5 * std::sin(i * 0.7);
+    cloud << i * 0.04 << " " << y << " " << z << "\n"
+          << i * 0.036 << " " << y + 60 << " " << z << "\n";
+  }
+  cloud.close();
+  const std::string part = (scratch / "part.toml").string();
+  std::ofstream(part) << "schema = \"bendloop.part/1\"\nname = \"short\"\npart_number = 1\n"
+                         "pipe_radius_mm = 5.0\nbend_radius_mm = 15.0\n"
+                         "[[row]]\nlength_mm = 50\nangle_deg = 20\n[[row]]\nlength_mm = 53\n";
+  const Ran alone = scratch.Bendloop("reconstruct " + file);
+  EXPECT_EQ(alone.code, 3);
+  EXPECT_THAT(alone.err, HasSubstr("two tubes"));
+  const Ran told = scratch.Bendloop("reconstruct " + file + " --part " + part);
+  EXPECT_EQ(told.code, 0) << told.err;
+  EXPECT_THAT(told.out, HasSubstr("108.0"));
+  EXPECT_THAT(told.out, HasSubstr(" 0 bends"));  // whatever the part should have
+  EXPECT_EQ(scratch.Bendloop("reconstruct " + file + " --part " + file).code, 3);
+}
+
 TEST(Usage, NoDaemonIsFour) {
   const Scratch scratch;
   const Ran ran = scratch.Bendloop("status --state-dir " + (scratch / "nowhere").string());
