@@ -68,14 +68,16 @@ double Interpolated(std::span<const Class> classes, std::span<const double> valu
 }
 
 // Towards the sensor, unit vectors.
-void Unpack(std::span<const SensorDirection> from, PointLanes& to) {
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    const Eigen::Vector3d direction = UnpackDirection(from[i]);
-    to.x[i] = direction.x();
-    to.y[i] = direction.y();
-    to.z[i] = direction.z();
+BENDLOOP_LOOP void UnpackBody(const SensorDirection* from, std::size_t count, PointLanes& to) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const UnpackedDirection direction = UnpackDirection(from[i]);
+    to.x[i] = direction.x;
+    to.y[i] = direction.y;
+    to.z[i] = direction.z;
   }
 }
+BENDLOOP_WIDE(void, Unpack, (const SensorDirection* from, std::size_t count, PointLanes& to),
+              (from, count, to))
 
 // The incidence of the rays from points to the sensor on the segment's pipe, from how far they pass
 // by its axis: noise along the ray does not move them, and so a point's certainty does not depend
@@ -130,7 +132,7 @@ class IncidenceWalk {
       const std::size_t count = std::min(kBatch, block.points.size() - first);
       const auto directions = block.to_sensor.subspan(first, count);
       nearest_.Find(block.points.subspan(first, count), frames_, pipe_radius_mm_, candidates_);
-      Unpack(directions, to_sensor_);
+      Unpack(directions.data(), count, to_sensor_);
       for (std::size_t c = 0; c < candidates_.size(); ++c) {
         Cosines(frames_[static_cast<std::size_t>(candidates_[c])], nearest_.Local(c), to_sensor_,
                 1.0 / pipe_radius_mm_, least_cosine_, cosines_[c].data());

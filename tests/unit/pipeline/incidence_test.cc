@@ -19,7 +19,8 @@ TEST(SensorDirection, ComesBackFromFourBytes) {
   const auto expect_back = [](const Eigen::Vector3d& direction) {
     const SensorDirection packed = PackDirection(direction);
     ASSERT_TRUE(packed.known());
-    EXPECT_LT((UnpackDirection(packed) - direction.normalized()).norm(), 1e-4)
+    const UnpackedDirection back = UnpackDirection(packed);
+    EXPECT_LT((Eigen::Vector3d(back.x, back.y, back.z) - direction.normalized()).norm(), 1e-4)
         << direction.transpose();
   };
   for (int run = 0; run < 2000; ++run) {
