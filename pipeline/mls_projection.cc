@@ -7,6 +7,7 @@
 
 #include "pipeline/cylinder_fit.h"
 #include "pipeline/local_paraboloid.h"
+#include "pipeline/near_nodes.h"
 #include "pipeline/statistics.h"
 
 namespace bendloop::pipeline {
@@ -50,28 +51,16 @@ std::span<T> PartOf(std::span<T> items, std::size_t round, std::size_t rounds) {
 // parallel to the true one at twice the radius. Of such a pair the node with far fewer samples
 // goes; two real tubes that touch have about as many each.
 std::vector<SpineNode> WithoutMirrored(const std::vector<SpineNode>& nodes, double radius_mm) {
-  std::vector<std::size_t> by_x(nodes.size());
-  for (std::size_t i = 0; i < by_x.size(); ++i) by_x[i] = i;
-  std::sort(by_x.begin(), by_x.end(), [&nodes](std::size_t a, std::size_t b) {
-    return std::pair(nodes[a].position_mm.x(), a) < std::pair(nodes[b].position_mm.x(), b);
-  });
-  const double near_mm = kMirrorNear * radius_mm;
-  const double far_mm = kMirrorFar * radius_mm;
   std::vector<bool> mirrored(nodes.size(), false);
-  for (std::size_t i = 0; i < by_x.size(); ++i) {
-    for (std::size_t j = i + 1; j < by_x.size(); ++j) {
-      const SpineNode& a = nodes[by_x[i]];
-      const SpineNode& b = nodes[by_x[j]];
-      if (b.position_mm.x() - a.position_mm.x() > far_mm) break;
-      const Eigen::Vector3d between = b.position_mm - a.position_mm;
-      const double distance = between.norm();
-      if (distance < near_mm || distance > far_mm) continue;
-      if (std::abs(a.tangent.dot(b.tangent)) < 0.85) continue;
-      if (std::abs(between.dot(a.tangent)) > 0.5 * distance) continue;
-      if (a.samples > kMirrorSamples * static_cast<double>(b.samples)) mirrored[by_x[j]] = true;
-      if (b.samples > kMirrorSamples * static_cast<double>(a.samples)) mirrored[by_x[i]] = true;
-    }
-  }
+  VisitNearPairs(nodes, kMirrorFar * radius_mm, [&](std::size_t i, std::size_t j, double distance) {
+    const SpineNode& a = nodes[i];
+    const SpineNode& b = nodes[j];
+    if (distance < kMirrorNear * radius_mm) return;
+    if (std::abs(a.tangent.dot(b.tangent)) < 0.85) return;
+    if (std::abs((b.position_mm - a.position_mm).dot(a.tangent)) > 0.5 * distance) return;
+    if (a.samples > kMirrorSamples * static_cast<double>(b.samples)) mirrored[j] = true;
+    if (b.samples > kMirrorSamples * static_cast<double>(a.samples)) mirrored[i] = true;
+  });
   std::vector<SpineNode> kept;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (!mirrored[i]) kept.push_back(nodes[i]);

@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "pipeline/near_nodes.h"
 #include "pipeline/nn_crust.h"
 
 namespace bendloop::pipeline {
@@ -28,30 +29,19 @@ constexpr double kTurnNoiseRad = 0.2;
 // Nodes of which most others beside them say that the spine does not pass there: fitted across two
 // things, as where another part of the tube is near, or to too few samples.
 std::vector<SpineNode> WithoutOddOnes(std::span<const SpineNode> nodes, double radius_mm) {
-  const double near_mm = kNear * radius_mm;
-  std::vector<std::size_t> by_x(nodes.size());
-  for (std::size_t i = 0; i < by_x.size(); ++i) by_x[i] = i;
-  std::sort(by_x.begin(), by_x.end(), [&nodes](std::size_t a, std::size_t b) {
-    return std::pair(nodes[a].position_mm.x(), a) < std::pair(nodes[b].position_mm.x(), b);
-  });
   std::vector<int> votes(nodes.size(), 0);  // more for it than against it
-  for (std::size_t i = 0; i < by_x.size(); ++i) {
-    const SpineNode& a = nodes[by_x[i]];
-    for (std::size_t j = i + 1; j < by_x.size(); ++j) {
-      const SpineNode& b = nodes[by_x[j]];
-      const Eigen::Vector3d between = b.position_mm - a.position_mm;
-      if (between.x() > near_mm) break;
-      const double distance = between.norm();
-      if (distance > near_mm) continue;
-      const double turn = std::acos(std::min(1.0, std::abs(a.tangent.dot(b.tangent))));
-      const double bent = distance / (kTightest * radius_mm);  // over this distance [rad]
-      const double off = std::max(a.tangent.cross(between).norm(), b.tangent.cross(between).norm());
-      const bool agree =
-          turn < bent + kTurnNoiseRad && off < 0.5 * bent * distance + kOffNoise * radius_mm;
-      votes[by_x[i]] += agree ? 1 : -1;
-      votes[by_x[j]] += agree ? 1 : -1;
-    }
-  }
+  VisitNearPairs(nodes, kNear * radius_mm, [&](std::size_t i, std::size_t j, double distance) {
+    const SpineNode& a = nodes[i];
+    const SpineNode& b = nodes[j];
+    const Eigen::Vector3d between = b.position_mm - a.position_mm;
+    const double turn = std::acos(std::min(1.0, std::abs(a.tangent.dot(b.tangent))));
+    const double bent = distance / (kTightest * radius_mm);  // over this distance [rad]
+    const double off = std::max(a.tangent.cross(between).norm(), b.tangent.cross(between).norm());
+    const bool agree =
+        turn < bent + kTurnNoiseRad && off < 0.5 * bent * distance + kOffNoise * radius_mm;
+    votes[i] += agree ? 1 : -1;
+    votes[j] += agree ? 1 : -1;
+  });
   std::vector<SpineNode> kept;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (votes[i] >= 0) kept.push_back(nodes[i]);

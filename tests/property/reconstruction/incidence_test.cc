@@ -79,6 +79,7 @@ std::vector<double> Values(const hal::BendProgram& program, double pipe_radius_m
   return values;
 }
 
+#ifndef BENDLOOP_FEW_SEEDS  // figures, no memory errors
 struct Errors {
   double mean_square = 0;             // in units of what the same points say without poses
   double mean_square_over_sigma = 0;  // as reported
@@ -124,7 +125,6 @@ Errors Compare(double noise_growth, int scans) {
   return errors;
 }
 
-#ifndef BENDLOOP_FEW_SEEDS  // figures, no memory errors
 constexpr int kScans = 24;
 
 TEST(Incidence, WhatGrowsUncertainWeighsLess) {
