@@ -66,6 +66,7 @@ void ExpectSame(const Measurement& a, const Measurement& b) {
   EXPECT_EQ(a.fit.outliers, b.fit.outliers);
 }
 
+#ifndef BENDLOOP_FEW_SEEDS  // figures, no memory errors
 // Interior lengths, rotations, angles and radii; first and last length come from the ends.
 std::vector<double> Values(const hal::BendProgram& program, double pipe_radius_mm) {
   std::vector<double> values = {pipe_radius_mm};
@@ -79,7 +80,6 @@ std::vector<double> Values(const hal::BendProgram& program, double pipe_radius_m
   return values;
 }
 
-#ifndef BENDLOOP_FEW_SEEDS  // figures, no memory errors
 struct Errors {
   double mean_square = 0;             // in units of what the same points say without poses
   double mean_square_over_sigma = 0;  // as reported
