@@ -178,7 +178,8 @@ TEST_F(CellLoopTest, LiveAndBatchAgree) {
   const auto same = again.Finish();
   ASSERT_TRUE(same);
   ExpectSameBits(same->tube.program, measured.tube.program);
-  // All at once: within a tenth of a sigma.
+  // All at once and without the poses, so that all points weigh the same: another estimate from the
+  // same points, which may differ by what both do not know.
   std::vector<Eigen::Vector3d> points;
   for (const auto& profile : profiles_) {
     for (const auto& p : profile.points)
@@ -190,10 +191,10 @@ TEST_F(CellLoopTest, LiveAndBatchAgree) {
   ASSERT_EQ(batch->tube.program.rows.size(), rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const auto& other = batch->tube.program.rows[i];
-    const auto& sigma = measured.sigma.rows[i];
-    EXPECT_NEAR(other.length_mm, rows[i].length_mm, 0.1 * sigma.length_mm + 1e-9) << i;
-    EXPECT_NEAR(other.rotation_deg, rows[i].rotation_deg, 0.1 * sigma.rotation_deg + 1e-9) << i;
-    EXPECT_NEAR(other.angle_deg, rows[i].angle_deg, 0.1 * sigma.angle_deg + 1e-9) << i;
+    const auto& sigma = batch->sigma.rows[i];
+    EXPECT_NEAR(other.length_mm, rows[i].length_mm, 3 * sigma.length_mm + 1e-9) << i;
+    EXPECT_NEAR(other.rotation_deg, rows[i].rotation_deg, 3 * sigma.rotation_deg + 1e-9) << i;
+    EXPECT_NEAR(other.angle_deg, rows[i].angle_deg, 3 * sigma.angle_deg + 1e-9) << i;
   }
 }
 
