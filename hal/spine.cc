@@ -9,6 +9,12 @@ namespace {
 constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 }
 
+Eigen::Matrix3d SpineSegment::axes() const {
+  Eigen::Matrix3d columns;
+  columns << tangent, normal.cross(tangent), normal;
+  return columns;
+}
+
 Eigen::Vector3d SpineSegment::PointAt(double along_mm) const {
   if (!is_arc()) return start_mm + along_mm * tangent;
   const double phi = along_mm / bend_radius_mm;

@@ -22,6 +22,8 @@ struct SpineSegment {
 
   bool is_arc() const { return bend_radius_mm > 0; }
   double angle_rad() const { return is_arc() ? length_mm / bend_radius_mm : 0.0; }
+  // Its frame at the start, as columns: tangent, normal x tangent, normal.
+  Eigen::Matrix3d axes() const;
   Eigen::Vector3d center_mm() const { return start_mm + bend_radius_mm * normal.cross(tangent); }
   // `along_mm` in [0, length_mm]; beyond it the line or circle goes on.
   Eigen::Vector3d PointAt(double along_mm) const;

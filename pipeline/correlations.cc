@@ -166,9 +166,7 @@ Eigen::MatrixXd TurnBehind(const KnownTogether& run, const TubeParameters& param
                            const std::vector<hal::SpineSegment>& segments,
                            const std::vector<Eigen::MatrixXd>& derivatives) {
   const auto turn = [&](std::size_t k) -> Eigen::MatrixXd {
-    Eigen::Matrix3d axes;
-    axes << segments[k].tangent, segments[k].normal.cross(segments[k].tangent), segments[k].normal;
-    return axes * derivatives[k].middleRows<3>(3);
+    return segments[k].axes() * derivatives[k].middleRows<3>(3);
   };
   Eigen::MatrixXd before = turn(2 * run.first_bend);
   if (run.first_bend > 0) before.col(parameters.rotation(run.first_bend)).setZero();

@@ -13,8 +13,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-// Bend radii tell the ends apart only when they clearly differ.
-constexpr double kExpectedRadiusPart = 0.15;
 // Below this a bend's normal, and so the rotation, becomes uncertain in proportion.
 constexpr double kFullNormal_deg = 10.0;
 
@@ -58,16 +56,12 @@ DirectionFit FitOneWay(const hal::BendProgram& nominal, const hal::BendProgram& 
     const hal::BendRow& n = nominal.rows[i];
     const hal::BendRow& m = measured.rows[i];
     const hal::BendRow s = i < sigma.rows.size() ? sigma.rows[i] : hal::BendRow{};
-    const double arcs_mm = (i > 0 ? ArcMm(nominal.rows[i - 1]) : 0.0) + ArcMm(n);
-    cost.Add(i, m.length_mm - n.length_mm,
-             std::hypot(options.expected_length_mm, options.expected_stretch_part * arcs_mm),
-             s.length_mm);
+    const hal::BendRow expected = ExpectedVariation(nominal, i, options);
+    cost.Add(i, m.length_mm - n.length_mm, expected.length_mm, s.length_mm);
     if (i == bends) break;
-    cost.Add(i, m.angle_deg - n.angle_deg,
-             std::hypot(options.expected_angle_deg, options.expected_springback_part * n.angle_deg),
-             s.angle_deg);
+    cost.Add(i, m.angle_deg - n.angle_deg, expected.angle_deg, s.angle_deg);
     if (n.bend_radius_mm && m.bend_radius_mm) {
-      cost.Add(i, *m.bend_radius_mm - *n.bend_radius_mm, kExpectedRadiusPart * *n.bend_radius_mm,
+      cost.Add(i, *m.bend_radius_mm - *n.bend_radius_mm, *expected.bend_radius_mm,
                s.bend_radius_mm.value_or(0.0));
     }
     if (i == 0) continue;
@@ -76,7 +70,7 @@ DirectionFit FitOneWay(const hal::BendProgram& nominal, const hal::BendProgram& 
     const double weight = std::min(1.0, smallest / kFullNormal_deg);
     if (weight < 0.05) continue;
     cost.Add(i, hal::WrapRotationDeg(m.rotation_deg - n.rotation_deg),
-             options.expected_rotation_deg / weight, s.rotation_deg);
+             expected.rotation_deg / weight, s.rotation_deg);
   }
   cost.Finish();
   const auto knots_N = Knots(nominal, {});
@@ -110,6 +104,22 @@ std::string_view Name(DirectionState state) {
       return "no match";
   }
   return "unknown";
+}
+
+hal::BendRow ExpectedVariation(const hal::BendProgram& nominal, std::size_t row,
+                               const DirectionOptions& options) {
+  const hal::BendRow& n = nominal.rows[row];
+  const double arcs_mm = (row > 0 ? ArcMm(nominal.rows[row - 1]) : 0.0) + ArcMm(n);
+  hal::BendRow expected;
+  expected.length_mm =
+      std::hypot(options.expected_length_mm, options.expected_stretch_part * arcs_mm);
+  expected.rotation_deg = options.expected_rotation_deg;
+  expected.angle_deg =
+      std::hypot(options.expected_angle_deg, options.expected_springback_part * n.angle_deg);
+  if (n.bend_radius_mm) {
+    expected.bend_radius_mm = options.expected_radius_part * *n.bend_radius_mm;
+  }
+  return expected;
 }
 
 DirectionMatch MatchDirection(const hal::BendProgram& nominal, const hal::BendProgram& measured,

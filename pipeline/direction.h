@@ -32,6 +32,7 @@ struct DirectionOptions {
   double expected_angle_deg = 3.0;
   double expected_stretch_part = 0.02;     // of the arcs beside a straight, added to its length
   double expected_springback_part = 0.03;  // of a bend's angle
+  double expected_radius_part = 0.15;      // of a bend radius
   // A row this many expected variations off is not a variation of the part any more.
   double plausible_row = 8.0;
   // Root mean square over all rows, in expected variations.
@@ -40,6 +41,11 @@ struct DirectionOptions {
   // of 100 000 to 1).
   double decisive_difference = 23.0;
 };
+
+// 1 sigma of what may stand between a part and each value of a row of its nominal; the rotation's
+// is that between bends with a clear plane.
+hal::BendRow ExpectedVariation(const hal::BendProgram& nominal, std::size_t row,
+                               const DirectionOptions& options);
 
 // How well a measured program fits the nominal one way round.
 struct DirectionFit {

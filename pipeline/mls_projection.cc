@@ -160,10 +160,7 @@ void MlsProjection::UpdateBlocks(const SampleGrid& grid, std::span<const std::in
 }
 
 std::uint64_t MlsProjection::WideVersion(const SampleGrid& grid, std::int32_t block) const {
-  const Eigen::Vector3d center =
-      (grid.blocks()[static_cast<std::size_t>(block)].cell.cast<double>() +
-       Eigen::Vector3d::Constant(0.5)) *
-      grid.block_mm();
+  const Eigen::Vector3d center = grid.CenterOf(grid.blocks()[static_cast<std::size_t>(block)]);
   return grid.BallVersion(center, 0.5 * grid.block_mm() + kWiderParaboloid * radius_mm_);
 }
 

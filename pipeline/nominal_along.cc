@@ -24,7 +24,6 @@ constexpr int kSteps = 15;
 constexpr std::size_t kEnoughNodes = 300;
 constexpr double kNodeSigma = 0.1;        // of r_P
 constexpr double kUsualBendRadius = 3.0;  // of r_P, where the nominal names none
-constexpr double kRadiusPart = 0.15;      // 1 sigma of what tooling makes of a bend radius
 constexpr double kLeastAngleDeg = 0.1;
 constexpr double kMissing = 0.5;  // of the nominal's angle: less is no bend that springback left
 constexpr double kSure = 2.0;     // sigma
@@ -111,8 +110,7 @@ class NominalAlongNodes {
     const auto k = static_cast<std::size_t>(&segment - segments.data());
     const double along_mm = foot.along_mm - segment.from_start_mm;
     const Eigen::Vector3d place = segment.PointAt(along_mm);
-    Eigen::Matrix3d axes;  // local state: surface_sums.h
-    axes << segment.tangent, segment.normal.cross(segment.tangent), segment.normal;
+    const Eigen::Matrix3d axes = segment.axes();  // of the local state: surface_sums.h
     const Eigen::Vector3d p = axes.transpose() * (place - segment.start_mm);
     const Eigen::Vector3d t = axes.transpose() * segment.TangentAt(along_mm);
     const Eigen::Vector3d off = axes.transpose() * (foot.node_mm - place);
@@ -132,30 +130,24 @@ class NominalAlongNodes {
   }
 
   void AddPrior(const TubeParameters& parameters, Eigen::MatrixXd& matrix, Eigen::VectorXd& right) {
-    const DirectionOptions expected;
     const auto add = [&](int i, double deviation, double sigma) {
       matrix(i, i) += 1.0 / (sigma * sigma);
       right[i] -= deviation / (sigma * sigma);
       cost_ += deviation * deviation / (sigma * sigma);
     };
-    double arc_before_mm = 0;
     for (std::size_t i = 0; i < parameters.bends(); ++i) {
       const hal::BendRow& is = tube_.program.rows[i];
       const hal::BendRow& was = nominal_.rows[i];
-      const double arc_mm = was.angle_deg * kRadians * *was.bend_radius_mm;
-      add(parameters.length(i), is.length_mm - was.length_mm,
-          std::hypot(expected.expected_length_mm,
-                     expected.expected_stretch_part * (arc_before_mm + arc_mm)));
-      arc_before_mm = arc_mm;
+      const hal::BendRow sigma = ExpectedVariation(nominal_, i, {});
+      add(parameters.length(i), is.length_mm - was.length_mm, sigma.length_mm);
       add(parameters.angle(i), (is.angle_deg - was.angle_deg) * kRadians,
-          kRadians * std::hypot(expected.expected_angle_deg,
-                                expected.expected_springback_part * was.angle_deg));
+          kRadians * sigma.angle_deg);
       add(parameters.bend_radius(i), *is.bend_radius_mm - *was.bend_radius_mm,
-          kRadiusPart * *was.bend_radius_mm);
+          *sigma.bend_radius_mm);
       if (i == 0) continue;
       add(parameters.rotation(i),
           hal::WrapRotationDeg(is.rotation_deg - was.rotation_deg) * kRadians,
-          kRadians * expected.expected_rotation_deg);
+          kRadians * sigma.rotation_deg);
     }
   }
 

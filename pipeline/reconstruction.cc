@@ -227,8 +227,7 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
     if (projection_->IsPlanar(index)) continue;
     const SampleGrid::Block& block = grid_->blocks()[static_cast<std::size_t>(index)];
     PointBlock& out = result.emplace_back();
-    out.center_mm =
-        (block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * grid_->block_mm();
+    out.center_mm = grid_->CenterOf(block);
     out.half_diagonal_mm = 0.5 * std::sqrt(3.0) * grid_->block_mm();
     out.points = all_points ? std::span(block.points) : block.samples();
     if (all_points) out.to_sensor = block.to_sensor;

@@ -80,6 +80,9 @@ class SampleGrid {
 
   const std::vector<Block>& blocks() const { return blocks_; }
   double block_mm() const { return block_mm_; }
+  Eigen::Vector3d CenterOf(const Block& block) const {
+    return (block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * block_mm_;
+  }
   std::size_t sample_count() const { return sample_count_; }
   std::size_t point_count() const { return point_count_; }                 // that came
   std::size_t kept_count() const { return sample_count_ + other_count_; }  // that are here

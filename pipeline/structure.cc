@@ -23,27 +23,22 @@ constexpr int kGlanceSteps = 15;
 // is a defect; below it Measurement::structure_margin says that it was a close call.
 constexpr double kNominalOdds = 10;
 
-// By how much a structure that may be the nominal's is better than one that was found without it.
-// Its bends need no evidence, it is enough that the samples do not speak against them; for taking a
-// bend away that the nominal does not have the samples must be nearly content.
-double AdvantageOfNominal(const StructureCriterion& criterion, const SurfaceFit& nominal,
-                          const SurfaceFit& found) {
-  const double advantage = criterion.Advantage(nominal, found);
-  const std::size_t bends = nominal.tube.program.bend_count();
-  if (bends > found.tube.program.bend_count()) {
-    return std::max(advantage, criterion.Gain(nominal, found));
-  }
-  return bends < found.tube.program.bend_count() ? advantage + kNominalOdds : advantage;
-}
-
 // The nominal's structure, where the samples let it be, instead of one that cannot be the nominal.
 SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& polygon,
                            const hal::BendProgram& nominal, SurfaceFit found) {
   SurfaceFit expected = search.Fit(NominalAlong(nominal, found.tube.pipe_radius_mm, polygon));
   const double advantage = search.criterion().Advantage(expected, found);
-  const bool may_be = MayBe(nominal, expected.tube, expected.sigma);
-  const bool same_bends = expected.tube.program.bend_count() == found.tube.program.bend_count();
-  if ((may_be ? AdvantageOfNominal(search.criterion(), expected, found) : advantage) > 0) {
+  const std::size_t bends = expected.tube.program.bend_count();
+  const bool same_bends = bends == found.tube.program.bend_count();
+  double favoured = advantage;
+  if (!same_bends && MayBe(nominal, expected.tube, expected.sigma)) {
+    // Its bends need no evidence, it is enough that the samples do not speak against them; for
+    // taking a bend away that the nominal does not have the samples must be nearly content.
+    favoured = bends > found.tube.program.bend_count()
+                   ? std::max(advantage, search.criterion().Gain(expected, found))
+                   : advantage + kNominalOdds;
+  }
+  if (favoured > 0) {
     expected.margin = same_bends ? found.margin : std::max(0.0, advantage);
     return expected;
   }

@@ -15,14 +15,6 @@ constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kSlight = 0.5;  // rad
 constexpr double kLeast = 1e-4;  // rad: a bend of nothing has no plane
 
-Eigen::Matrix3d AxesOf(const hal::SpineSegment& segment) {
-  Eigen::Matrix3d axes;
-  axes.col(0) = segment.tangent;
-  axes.col(1) = segment.normal.cross(segment.tangent);
-  axes.col(2) = segment.normal;
-  return axes;
-}
-
 }  // namespace
 
 TubeParameters::TubeParameters(const hal::Tube& reference, bool free_pipe_radius,
@@ -140,7 +132,7 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
     }
     Eigen::MatrixXd& derivative =
         derivatives.emplace_back(Eigen::MatrixXd::Zero(kLocalState, size_));
-    const Eigen::Matrix3d to_local = AxesOf(segment).transpose();
+    const Eigen::Matrix3d to_local = segment.axes().transpose();
     for (const auto& [column, twist] : active) {
       derivative.block<3, 1>(0, column) =
           to_local * (twist.velocity + twist.omega.cross(segment.start_mm - twist.pivot));

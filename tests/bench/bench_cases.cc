@@ -8,6 +8,7 @@
 #include <random>
 
 #include "hal/spine.h"
+#include "pipeline/mls_projection.h"
 #include "tests/support/synthetic_cloud.h"
 
 namespace bendloop::bench {
@@ -98,6 +99,23 @@ Eigen::Vector3d BestView(const hal::Tube& tube, std::mt19937_64& random) {
 double ScatteredSpacing(double per_mm2) { return 1.0 / std::sqrt(per_mm2); }
 
 }  // namespace
+
+pipeline::SampleGrid FilledGrid(const Case& scan) {
+  pipeline::SampleGrid grid(pipeline::MlsProjection::BlockMm(scan.truth.pipe_radius_mm));
+  std::int32_t block = 0;
+  for (const Eigen::Vector3d& p : scan.points_W) grid.Insert(p, block);
+  return grid;
+}
+
+pipeline::OwnedBlocks Blocks(const Case& scan) {
+  const pipeline::SampleGrid grid = FilledGrid(scan);
+  pipeline::OwnedBlocks blocks(grid.point_count());
+  for (const auto& block : grid.blocks()) {
+    blocks.Begin(grid.CenterOf(block), 0.5 * std::sqrt(3.0) * grid.block_mm());
+    for (const Eigen::Vector3d& p : block.points) blocks.Add(p);
+  }
+  return blocks;
+}
 
 Case PaperCase(std::size_t points, std::uint64_t seed) {
   std::mt19937_64 random(seed);

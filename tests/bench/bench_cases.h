@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "hal/tube.h"
+#include "pipeline/sample_grid.h"
+#include "pipeline/surface_points.h"
 
 namespace bendloop::bench {
 
@@ -21,6 +23,10 @@ struct Case {
   double spacing_mm = 0;  // between samples along the tube: of a scattered scan, the mean distance
   std::vector<Eigen::Vector3d> points_W;
 };
+
+pipeline::SampleGrid FilledGrid(const Case& scan);
+// Its points, in the blocks of such a grid.
+pipeline::OwnedBlocks Blocks(const Case& scan);
 
 // The four-bend tube of the paper's figure 3, noise 0.05 mm, seen from one side.
 Case PaperCase(std::size_t points, std::uint64_t seed);

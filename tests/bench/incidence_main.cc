@@ -2,11 +2,10 @@
 // Virtual scans of random tubes, once with the poses of their profiles and once as clouds: what
 // weights by incidence gain, for noise that grows more or less at grazing incidence.
 #include <CLI/CLI.hpp>
-#include <atomic>
 #include <iostream>
+#include <numeric>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "drivers/simulated_scanner/virtual_scan.h"
@@ -15,17 +14,16 @@
 #include "tests/bench/bench_table.h"
 #include "tests/bench/comparison.h"
 #include "tests/bench/stopwatch.h"
+#include "tests/bench/tube_runs.h"
 #include "tests/support/synthetic_cloud.h"
 
 namespace bendloop::bench {
 namespace {
 
 struct Options {
-  std::uint64_t tubes = 100;
-  std::uint64_t seed = 1;
+  TubeRuns runs{.tubes = 100};
   std::vector<double> growths = {0, 1, 2, 3};
   double pose_noise_mm = 0;
-  unsigned threads = std::thread::hardware_concurrency();
 };
 
 // One tube both ways.
@@ -92,17 +90,11 @@ std::optional<Both> RunTube(std::uint64_t seed, double growth, double pose_noise
 }
 
 void AddTo(std::vector<std::vector<std::string>>& lines, const Options& options, double growth) {
-  std::vector<std::optional<Both>> results(options.tubes);
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < results.size(); i = next++) {
-      results[i] = RunTube(options.seed * 1'000'000 + i, growth, options.pose_noise_mm);
-    }
-  };
-  std::vector<std::thread> workers;
-  for (unsigned i = 1; i < options.threads; ++i) workers.emplace_back(work);
-  work();
-  for (std::thread& worker : workers) worker.join();
+  std::vector<std::uint64_t> seeds(options.runs.tubes);
+  std::iota(seeds.begin(), seeds.end(), options.runs.first_seed());
+  const auto results = RunSeeds<std::optional<Both>>(
+      seeds, options.runs.threads,
+      [&](std::uint64_t seed) { return RunTube(seed, growth, options.pose_noise_mm); });
 
   LraRatios posed, plain, posed_sigma, plain_sigma;
   double points = 0, posed_ms = 0, plain_ms = 0;
@@ -152,21 +144,13 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  bendloop_incidence --tubes 400\n"
       "  bendloop_incidence --growth 0,2 --pose-noise 0.03");
-  app.add_option("--tubes", options.tubes, "How many")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
-  app.add_option("--seed", options.seed, "Tubes from this seed times a million on")
-      ->check(CLI::Range(0, 1000000000))
-      ->capture_default_str();
+  options.runs.AddOptions(app);
   app.add_option("--growth", options.growths, "n of noise / cos(incidence)^n, one row each")
       ->delimiter(',')
       ->check(CLI::Range(0.0, 4.0).description("0 to 4"))
       ->capture_default_str();
   app.add_option("--pose-noise", options.pose_noise_mm, "1 sigma of the sensor's position [mm]")
       ->check(CLI::Range(0.0, 1.0).description("0 to 1"))
-      ->capture_default_str();
-  app.add_option("--threads", options.threads, "Tubes at a time")
-      ->check(CLI::Range(1, 256))
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   return bendloop::bench::Run(options);

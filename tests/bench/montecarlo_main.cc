@@ -3,36 +3,31 @@
 // Cramer-Rao bound and with the sigma that the measurement reports.
 #include <CLI/CLI.hpp>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <fstream>
 #include <iostream>
 #include <map>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "hal/spine.h"
-#include "pipeline/mls_projection.h"
 #include "pipeline/reconstruction.h"
-#include "pipeline/sample_grid.h"
 #include "pipeline/surface_fit.h"
 #include "tests/bench/bench_table.h"
 #include "tests/bench/comparison.h"
 #include "tests/bench/montecarlo_cases.h"
 #include "tests/bench/stopwatch.h"
+#include "tests/bench/tube_runs.h"
 
 namespace bendloop::bench {
 namespace {
 
 struct Options {
-  std::uint64_t tubes = 1000;
-  std::uint64_t seed = 1;
+  TubeRuns runs{.tubes = 1000};
   std::string kind;
   Drawing drawing = Drawing::kOfKind;
   std::optional<std::uint64_t> only;
-  unsigned threads = std::thread::hardware_concurrency();
   std::string json_path;
 };
 
@@ -60,15 +55,8 @@ struct TubeResult {
 // found, in twice the logarithm of the likelihood. Points that err together tell less; the bends of
 // oval tubes may be oval in both.
 double GainOfTruth(const MonteCarloCase& scan, const hal::Tube& found) {
-  pipeline::SampleGrid grid(pipeline::MlsProjection::BlockMm(scan.truth.pipe_radius_mm));
-  grid.InsertAll(scan.points_W);
-  std::vector<pipeline::PointBlock> blocks;
-  for (const auto& block : grid.blocks()) {
-    const Eigen::Vector3d cell = block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5);
-    blocks.push_back({cell * grid.block_mm(), grid.block_mm(), block.points});
-  }
-  const auto points =
-      pipeline::Thinned(blocks, pipeline::StrideTo(scan.points_W.size(), pipeline::kPointsAtOnce));
+  const auto points = pipeline::Thinned(
+      Blocks(scan), pipeline::StrideTo(scan.points_W.size(), pipeline::kPointsAtOnce));
   const auto fit = [&](const hal::Tube& start) {
     return pipeline::FitSurface(
         start, points,
@@ -213,22 +201,6 @@ constexpr std::array<Column, 18> kColumns = {{
     {"ms", [](const Summary& s) { return s.ms / std::max(1, s.Tubes()); }},
 }};
 
-std::vector<TubeResult> RunAll(const std::vector<std::uint64_t>& seeds, Drawing drawing,
-                               unsigned threads) {
-  std::vector<TubeResult> results(seeds.size());
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < seeds.size(); i = next++) {
-      results[i] = RunTube(seeds[i], drawing, false);
-    }
-  };
-  std::vector<std::thread> workers;
-  for (unsigned i = 1; i < threads; ++i) workers.emplace_back(work);
-  work();
-  for (std::thread& worker : workers) worker.join();
-  return results;
-}
-
 int Run(const Options& options) {
   if (options.only) {
     const TubeResult tube = RunTube(*options.only, options.drawing, true);
@@ -237,14 +209,16 @@ int Run(const Options& options) {
   }
   const auto& kinds = MonteCarloKinds();
   std::vector<std::uint64_t> seeds;
-  for (std::uint64_t seed = options.seed * 1'000'000; seeds.size() < options.tubes; ++seed) {
+  for (std::uint64_t seed = options.runs.first_seed(); seeds.size() < options.runs.tubes; ++seed) {
     if (options.kind.empty() || kinds[seed % kinds.size()] == options.kind) seeds.push_back(seed);
   }
-  const std::vector<TubeResult> results = RunAll(seeds, options.drawing, options.threads);
+  const std::vector<TubeResult> results = RunSeeds<TubeResult>(
+      seeds, options.runs.threads,
+      [&options](std::uint64_t seed) { return RunTube(seed, options.drawing, false); });
 
   Summary all;
   std::map<std::string, Summary> of_kind;
-  nlohmann::json json = {{"seed", options.seed}, {"tubes", nlohmann::json::array()}};
+  nlohmann::json json = {{"seed", options.runs.seed}, {"tubes", nlohmann::json::array()}};
   for (const TubeResult& tube : results) {
     of_kind[tube.kind].Add(tube);
     all.Add(tube);
@@ -301,12 +275,7 @@ int main(int argc, char** argv) {
       "  bendloop_montecarlo --drawing fewer    parts with a bend that their drawing does not "
       "show\n"
       "  bendloop_montecarlo --only 1000117     one tube in detail");
-  app.add_option("--tubes", options.tubes, "How many")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str();
-  app.add_option("--seed", options.seed, "Tubes from this seed times a million on")
-      ->check(CLI::Range(0, 1000000000))
-      ->capture_default_str();
+  options.runs.AddOptions(app);
   app.add_option("--kind", options.kind, "Only this kind")
       ->check(CLI::IsMember(bendloop::bench::MonteCarloKinds()));
   using bendloop::bench::kDrawings;
@@ -316,9 +285,6 @@ int main(int argc, char** argv) {
       ->transform(CLI::CheckedTransformer(kDrawings))
       ->option_text("{kind,part,more,fewer}=kind");
   app.add_option("--only", options.only, "Only this tube, with what was found and what is true");
-  app.add_option("--threads", options.threads, "Tubes at a time")
-      ->check(CLI::Range(1, 256))
-      ->capture_default_str();
   app.add_option("--json", options.json_path, "Write every tube and figure to this file as well");
   CLI11_PARSE(app, argc, argv);
   return bendloop::bench::Run(options);

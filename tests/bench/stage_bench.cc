@@ -32,13 +32,6 @@ const Case& Paper() {
   return scan;
 }
 
-pipeline::SampleGrid FilledGrid(const Case& scan) {
-  pipeline::SampleGrid grid(pipeline::MlsProjection::BlockMm(scan.truth.pipe_radius_mm));
-  std::int32_t block = 0;
-  for (const Eigen::Vector3d& p : scan.points_W) grid.Insert(p, block);
-  return grid;
-}
-
 // Points of the true spine with noise, in their order.
 std::vector<Eigen::Vector3d> Chain(double step_mm, double noise_mm) {
   const hal::Tube& tube = Paper().truth;
@@ -52,17 +45,6 @@ std::vector<Eigen::Vector3d> Chain(double step_mm, double noise_mm) {
     }
   }
   return chain;
-}
-
-pipeline::OwnedBlocks Blocks(const Case& scan) {
-  const pipeline::SampleGrid grid = FilledGrid(scan);
-  pipeline::OwnedBlocks blocks(grid.point_count());
-  for (const auto& block : grid.blocks()) {
-    blocks.Begin((block.cell.cast<double>() + Eigen::Vector3d::Constant(0.5)) * grid.block_mm(),
-                 0.5 * std::sqrt(3.0) * grid.block_mm());
-    for (const Eigen::Vector3d& p : block.points) blocks.Add(p);
-  }
-  return blocks;
 }
 
 void EstimatePipeRadius(benchmark::State& state) {
