@@ -35,25 +35,6 @@ std::string Registers(const Span& span) {
                          : std::to_string(span.begin) + " to " + std::to_string(span.end() - 1);
 }
 
-// What the registers hold before scale and offset.
-Range Limits(RegisterType type) {
-  switch (type) {
-    case RegisterType::kUint16:
-      return {0, 65535};
-    case RegisterType::kInt16:
-      return {-32768, 32767};
-    case RegisterType::kUint32:
-      return {0, 4294967295.0};
-    case RegisterType::kInt32:
-      return {-2147483648.0, 2147483647.0};
-    case RegisterType::kUint8:
-      return {0, 255};
-    case RegisterType::kFloat32:
-      break;
-  }
-  return {-3.4e38, 3.4e38};
-}
-
 // Collects the spans of fields that were read well, and the checks that every field gets.
 class MapChecker {
  public:
@@ -89,7 +70,7 @@ class MapChecker {
           path + ".scale", "found " + NumberText(field.scale) + ", expected a scale that is not 0");
     }
     if (field.type == RegisterType::kFloat32) return;
-    const auto [low, high] = Limits(field.type);
+    const auto [low, high] = hal::RawRangeOf(field.type);
     const double a = low * field.scale + field.offset;
     const double b = high * field.scale + field.offset;
     if (std::min(a, b) <= min && std::max(a, b) >= max) return;
@@ -151,7 +132,7 @@ void CheckDistinct(TomlDocument& document, const std::string& table, const Codes
                    std::optional<RegisterType> type) {
   for (std::size_t i = 0; i < codes.size(); ++i) {
     const std::string path = table + "." + codes[i].first;
-    const double most = Limits(type.value_or(RegisterType::kUint32)).max;
+    const double most = hal::RawRangeOf(type.value_or(RegisterType::kUint32)).max;
     if (codes[i].second > most) {
       document.Report(path, "found " + std::to_string(codes[i].second) + ", expected at most " +
                                 NumberText(most) + ", which the register's type holds");

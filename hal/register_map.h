@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -16,6 +17,30 @@ constexpr std::uint16_t RegisterCount(RegisterType type) {
                  type == RegisterType::kFloat32
              ? 2
              : 1;
+}
+
+// What a register of the type holds, before scale and offset: whole numbers, but for kFloat32.
+struct RawRange {
+  double min;
+  double max;
+};
+constexpr RawRange RawRangeOf(RegisterType type) {
+  switch (type) {
+    case RegisterType::kUint16:
+      return {0, 65535};
+    case RegisterType::kInt16:
+      return {-32768, 32767};
+    case RegisterType::kUint32:
+      return {0, 4294967295.0};
+    case RegisterType::kInt32:
+      return {-2147483648.0, 2147483647.0};
+    case RegisterType::kUint8:
+      return {0, 255};
+    case RegisterType::kFloat32:
+      break;
+  }
+  constexpr double kMaxFloat = std::numeric_limits<float>::max();
+  return {-kMaxFloat, kMaxFloat};
 }
 
 // An entry of a CANopen object dictionary; index 0: none.

@@ -5,7 +5,6 @@
 #include <bit>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -15,27 +14,7 @@ namespace {
 using hal::ErrorKind;
 using hal::RegisterType;
 
-constexpr double kMaxUint32 = 4294967295.0;
-
-// Raw numbers that a type can hold without loss.
-std::pair<double, double> RawLimits(RegisterType type) {
-  switch (type) {
-    case RegisterType::kUint16:
-      return {0, 65535};
-    case RegisterType::kInt16:
-      return {-32768, 32767};
-    case RegisterType::kUint32:
-      return {0, kMaxUint32};
-    case RegisterType::kInt32:
-      return {-2147483648.0, 2147483647.0};
-    case RegisterType::kUint8:
-      return {0, 255};
-    case RegisterType::kFloat32:
-      break;
-  }
-  constexpr double kMaxFloat = std::numeric_limits<float>::max();
-  return {-kMaxFloat, kMaxFloat};
-}
+constexpr double kMaxUint32 = hal::RawRangeOf(RegisterType::kUint32).max;
 
 const char* TypeName(RegisterType type) {
   switch (type) {
@@ -90,7 +69,7 @@ hal::Result<void> PutField(const hal::RegisterMap& map, const hal::RegisterField
   if (!std::isfinite(value)) {
     return hal::Fail(ErrorKind::kBadInput, name + ": " + Number(value) + " is not a finite number");
   }
-  const auto [low, high] = RawLimits(field.type);
+  const auto [low, high] = hal::RawRangeOf(field.type);
   double raw = (value - field.offset) / field.scale;
   if (field.type != RegisterType::kFloat32) raw = std::round(raw);
   if (!(raw >= low && raw <= high)) {
@@ -153,7 +132,7 @@ hal::Result<std::uint32_t> GetInteger(const hal::RegisterMap& map, const hal::Re
 std::uint32_t MaxInteger(const hal::RegisterField& field) {
   constexpr double kMaxExactFloat = 16777216.0;
   double high =
-      field.type == RegisterType::kFloat32 ? kMaxExactFloat : RawLimits(field.type).second;
+      field.type == RegisterType::kFloat32 ? kMaxExactFloat : hal::RawRangeOf(field.type).max;
   high = std::floor(high * field.scale + field.offset);
   if (!(high > 0)) return 0;
   return high >= kMaxUint32 ? 0xFFFFFFFFu : static_cast<std::uint32_t>(high);
