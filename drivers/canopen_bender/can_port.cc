@@ -4,35 +4,17 @@
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
-#include <net/if.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
+
+#include "drivers/register_bender/can_interface.h"
 
 namespace bendloop::drivers {
 namespace {
-
-// What errno means on a CAN socket, for the setter.
-std::string SocketTrouble(int error) {
-  switch (error) {
-    case ENETDOWN:
-      return "the CAN interface is down (ip link set can0 up), or off the bus";
-    case ENOBUFS:
-      return "the CAN interface's transmit queue is full: nobody acknowledges on the bus";
-    case ENODEV:
-    case ENXIO:
-      return "the CAN interface is gone";
-    case EPERM:
-    case EACCES:
-      return "this user may not use CAN sockets";
-    default:
-      return std::strerror(error);
-  }
-}
 
 class CanSocket final : public CanPort {
  public:
@@ -49,7 +31,7 @@ class CanSocket final : public CanPort {
       return true;
     }
     if (errno == ENOBUFS || errno == EAGAIN || errno == EINTR) return false;
-    return hal::Fail(hal::ErrorKind::kDevice, "cannot send: " + SocketTrouble(errno));
+    return hal::Fail(hal::ErrorKind::kDevice, "cannot send: " + CanTrouble(errno));
   }
 
   hal::Result<std::optional<CanFrame>> Receive(std::chrono::milliseconds timeout) override {
@@ -61,7 +43,7 @@ class CanSocket final : public CanPort {
     const ssize_t size = recv(socket_, &raw, sizeof raw, MSG_DONTWAIT);
     if (size == 0) return hal::Fail(hal::ErrorKind::kDevice, "the CAN socket was closed");
     if (size < 0 && errno != EAGAIN && errno != EINTR) {
-      return hal::Fail(hal::ErrorKind::kDevice, "cannot receive: " + SocketTrouble(errno));
+      return hal::Fail(hal::ErrorKind::kDevice, "cannot receive: " + CanTrouble(errno));
     }
     // Remote requests and CAN FD frames are not CANopen's.
     const bool error = raw.can_id & CAN_ERR_FLAG;
@@ -100,18 +82,19 @@ std::unique_ptr<CanPort> AdoptCanSocket(int socket) { return std::make_unique<Ca
 hal::Result<std::unique_ptr<CanPort>> OpenCanPort(const std::string& interface,
                                                   const std::vector<std::uint32_t>& ids) {
   const auto fail = [&](const std::string& what) {
-    return hal::Fail(hal::ErrorKind::kDevice, "CAN interface " + interface + ": " + what);
+    return hal::Fail(CanInterfaceError(interface, what));
   };
+  const auto index = CanInterfaceIndex(interface);
+  if (!index) return hal::Fail(index.error());
   sockaddr_can address{};
   address.can_family = AF_CAN;
-  address.can_ifindex = static_cast<int>(if_nametoindex(interface.c_str()));
-  if (address.can_ifindex == 0) return fail("there is none of that name (ip link show type can)");
+  address.can_ifindex = *index;
   const int socket_fd = socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW);
-  if (socket_fd < 0) return fail("no CAN sockets (modprobe can-raw): " + SocketTrouble(errno));
+  if (socket_fd < 0) return fail("no CAN sockets (modprobe can-raw): " + CanTrouble(errno));
   if (!SetUp(socket_fd, address, ids)) {
     const int error = errno;
     close(socket_fd);
-    return fail(SocketTrouble(error));
+    return fail(CanTrouble(error));
   }
   return AdoptCanSocket(socket_fd);
 }

@@ -3,12 +3,14 @@
 
 #include <linux/can.h>
 #include <linux/can/isotp.h>
-#include <net/if.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+#include <string>
+
+#include "drivers/register_bender/can_interface.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -18,33 +20,16 @@ canid_t Identifier(std::uint32_t id) { return id > CAN_SFF_MASK ? id | CAN_EFF_F
 
 }  // namespace
 
-std::string CanTrouble(int error) {
-  switch (error) {
-    case ENETDOWN:
-      return "the CAN interface is down (ip link set can0 up), or off the bus";
-    case ENOBUFS:
-      return "the CAN interface's transmit queue is full: nobody acknowledges on the bus";
-    case EAGAIN:
-      return "the last message still is under way: nobody acknowledges on the bus";
-    case ECOMM:
-      return "the bender does not take the message (no flow control)";
-    case EBADMSG:
-    case EILSEQ:
-      return "frames of the answer are missing or out of order";
-    default:
-      return std::strerror(error);
-  }
-}
-
 hal::Result<int> OpenIsotpSocket(const std::string& interface, std::uint32_t send_id,
                                  std::uint32_t receive_id) {
   const auto fail = [&](const std::string& what) {
-    return hal::Fail(hal::ErrorKind::kDevice, "CAN interface " + interface + ": " + what);
+    return hal::Fail(CanInterfaceError(interface, what));
   };
+  const auto index = CanInterfaceIndex(interface);
+  if (!index) return hal::Fail(index.error());
   sockaddr_can address{};
   address.can_family = AF_CAN;
-  address.can_ifindex = static_cast<int>(if_nametoindex(interface.c_str()));
-  if (address.can_ifindex == 0) return fail("there is none of that name (ip link show type can)");
+  address.can_ifindex = *index;
   address.can_addr.tp.tx_id = Identifier(send_id);
   address.can_addr.tp.rx_id = Identifier(receive_id);
   const int socket_fd = socket(PF_CAN, SOCK_DGRAM | SOCK_CLOEXEC, CAN_ISOTP);

@@ -15,7 +15,4 @@ namespace bendloop::drivers {
 hal::Result<int> OpenIsotpSocket(const std::string& interface, std::uint32_t send_id,
                                  std::uint32_t receive_id);
 
-// What errno means on such a socket, for the setter.
-std::string CanTrouble(int error);
-
 }  // namespace bendloop::drivers

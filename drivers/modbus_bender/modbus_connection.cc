@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "drivers/modbus_bender/isotp_socket.h"
+#include "drivers/register_bender/can_interface.h"
 
 namespace bendloop::drivers {
 namespace {
