@@ -47,7 +47,7 @@ inline hal::RegisterMap ObjectMap(const hal::RegisterMap& row) {
 }
 
 // The CANopen link and the simulated node, on `interface`, or on a bus of two of their own.
-class CanopenBenderUnderTest final : public BenderUnderTest {
+class CanopenBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
   explicit CanopenBenderUnderTest(const hal::RegisterMap& map, const std::string& interface = "",
                                   drivers::SdoServer::Options sdo = {}) {
@@ -83,21 +83,9 @@ class CanopenBenderUnderTest final : public BenderUnderTest {
     if (ours_ >= 0) close(ours_);
   }
 
-  hal::BenderLink& link() override { return *link_; }
-  hal::ProgramBlock Active() override { return bender_->Active(); }
-  hal::ProgramBlock Staged() override { return bender_->Staged(); }
-  void Misbehave(const std::string& command) override {
-    const auto done = bender_->Misbehave(command);
-    EXPECT_TRUE(done) << done.error().message;
-  }
-  drivers::SimulatedBender& bender() { return *bender_; }
-
  private:
   drivers::CanopenBenderOptions options_{.node_id = 5, .vendor_id = 0x1234};
   int ours_ = -1;
-  hal::SteadyClock clock_;
-  std::unique_ptr<drivers::SimulatedBender> bender_;
-  std::unique_ptr<hal::BenderLink> link_;
 };
 
 }  // namespace bendloop::test

@@ -44,19 +44,9 @@ inline drivers::ModbusBenderOptions LinkOptions(std::uint16_t port) {
   return options;
 }
 
-// The Modbus link with the simulated bender on loopback.
-class ModbusBenderUnderTest final : public BenderUnderTest {
+// A link with the simulated bender at its other end; who derives makes both.
+class SimulatedBenderUnderTest : public BenderUnderTest {
  public:
-  explicit ModbusBenderUnderTest(const hal::RegisterMap& map, bool rtu = false)
-      : bender_(StartBender(SimulatorOptions(map, rtu))),
-        link_(drivers::MakeModbusBender(map, LinkOptions(*bender_), clock_)) {}
-
-  static drivers::ModbusBenderOptions LinkOptions(const drivers::SimulatedBender& bender) {
-    auto options = test::LinkOptions(bender.port());
-    if (!bender.device().empty()) options.serial = drivers::SerialLine{.device = bender.device()};
-    return options;
-  }
-
   hal::BenderLink& link() override { return *link_; }
   hal::ProgramBlock Active() override { return bender_->Active(); }
   hal::ProgramBlock Staged() override { return bender_->Staged(); }
@@ -66,10 +56,25 @@ class ModbusBenderUnderTest final : public BenderUnderTest {
   }
   drivers::SimulatedBender& bender() { return *bender_; }
 
- private:
+ protected:
   hal::SteadyClock clock_;
   std::unique_ptr<drivers::SimulatedBender> bender_;
   std::unique_ptr<hal::BenderLink> link_;
+};
+
+// The Modbus link, on loopback.
+class ModbusBenderUnderTest final : public SimulatedBenderUnderTest {
+ public:
+  explicit ModbusBenderUnderTest(const hal::RegisterMap& map, bool rtu = false) {
+    bender_ = StartBender(SimulatorOptions(map, rtu));
+    link_ = drivers::MakeModbusBender(map, LinkOptions(*bender_), clock_);
+  }
+
+  static drivers::ModbusBenderOptions LinkOptions(const drivers::SimulatedBender& bender) {
+    auto options = test::LinkOptions(bender.port());
+    if (!bender.device().empty()) options.serial = drivers::SerialLine{.device = bender.device()};
+    return options;
+  }
 };
 
 }  // namespace bendloop::test

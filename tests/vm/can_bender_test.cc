@@ -22,7 +22,7 @@ namespace {
 
 drivers::CanChannel Channel() { return {"vcan0", 0x18da10f1, 0x7e8}; }
 
-class IsotpBenderUnderTest final : public BenderUnderTest {
+class IsotpBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
   explicit IsotpBenderUnderTest(const hal::RegisterMap& map) {
     auto simulated = SimulatorOptions(map);
@@ -32,18 +32,6 @@ class IsotpBenderUnderTest final : public BenderUnderTest {
     options.can = Channel();
     link_ = drivers::MakeModbusBender(map, options, clock_);
   }
-  hal::BenderLink& link() override { return *link_; }
-  hal::ProgramBlock Active() override { return bender_->Active(); }
-  hal::ProgramBlock Staged() override { return bender_->Staged(); }
-  void Misbehave(const std::string& command) override {
-    const auto done = bender_->Misbehave(command);
-    EXPECT_TRUE(done) << done.error().message;
-  }
-
- private:
-  hal::SteadyClock clock_;
-  std::unique_ptr<drivers::SimulatedBender> bender_;
-  std::unique_ptr<hal::BenderLink> link_;
 };
 
 BenderFactory Isotp(const hal::RegisterMap& map) {
