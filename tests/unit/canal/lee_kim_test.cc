@@ -46,7 +46,18 @@ struct Row {
 
 void PrintTo(const Row& row, std::ostream* out) { *out << row.name; }
 
-class LeeKim : public ::testing::TestWithParam<std::tuple<SpineMethod, Row>> {};
+class LeeKim : public ::testing::TestWithParam<std::tuple<SpineMethod, Row>> {
+ public:
+  // GoogleTest takes letters, digits and "_".
+  static std::string Name(const ::testing::TestParamInfo<ParamType>& info) {
+    const auto& [method, row] = info.param;
+    std::string name = method == SpineMethod::kMls ? "mls_" : "shrinking_";
+    for (const char c : row.name) {
+      if (c != ',') name += c == ' ' ? '_' : c;
+    }
+    return name;
+  }
+};
 
 // The bounds are about twice what is reached; the paper has 0.016 for the first radius, 0.075 and
 // 0.269 for those of the canal surfaces.
@@ -103,7 +114,8 @@ INSTANTIATE_TEST_SUITE_P(
             Row{"table 3 canal", tests::Table3Canal(), TubeModel::kCanal, 0.01, 0.02},
             Row{"table 3 canal as free form", tests::Table3Canal(), TubeModel::kFreeform, 0.01,
                 0.02},
-            Row{"table 3 canal, auto", tests::Table3Canal(), TubeModel::kAuto, 0.01, 0.02})));
+            Row{"table 3 canal, auto", tests::Table3Canal(), TubeModel::kAuto, 0.01, 0.02})),
+    LeeKim::Name);
 
 }  // namespace
 }  // namespace bendloop::pipeline
