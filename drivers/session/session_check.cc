@@ -67,6 +67,12 @@ void CheckProfiles(SessionReader& reader, SessionSummary& summary) {
     summary.warnings.push_back(reader.path() + ": table profile: " + std::to_string(lost) +
                                " seq numbers are missing");
   }
+  if (reader.points_left_out() > 0) {
+    summary.warnings.push_back(reader.path() +
+                               ": table profile: " + std::to_string(reader.points_left_out()) +
+                               " of " + std::to_string(reader.points_left_out() + summary.points) +
+                               " points are not finite numbers and are left out");
+  }
   if (reader.intensities_ignored() > 0) {
     summary.warnings.push_back(reader.path() + ": table profile: intensity ignored in " +
                                std::to_string(reader.intensities_ignored()) +

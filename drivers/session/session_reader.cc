@@ -279,29 +279,29 @@ Result<void> SessionReader::DecodeProfile(hal::LaserProfile& profile) {
     return fail(std::to_string(count) + " points; at most " + std::to_string(kSessionMaxPoints) +
                 " are allowed");
   }
-  profile.points.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const unsigned char* const bytes = points + i * kSessionPointBytes;
-    const hal::ProfilePoint point{LoadFloat32(bytes), LoadFloat32(bytes + sizeof(float))};
-    if (!std::isfinite(point.x_mm) || !std::isfinite(point.z_mm)) {
-      return fail("points, byte " + std::to_string(i * kSessionPointBytes) +
-                  ": not a finite number");
-    }
-    profile.points[i] = point;
-  }
   profile.sequence = static_cast<std::uint64_t>(sequence);
   profile.t_ns = sqlite3_column_int64(row, 1);
   profile.X_WS.position_mm = {numbers[0], numbers[1], numbers[2]};
   profile.X_WS.orientation = orientation;
-  profile.intensity.clear();
+  const unsigned char* intensity = nullptr;
   if (sqlite3_column_type(row, 4) != SQLITE_NULL) {
-    const auto* const intensity = static_cast<const unsigned char*>(sqlite3_column_blob(row, 4));
+    const auto* const blob = static_cast<const unsigned char*>(sqlite3_column_blob(row, 4));
     const auto bytes = static_cast<std::size_t>(sqlite3_column_bytes(row, 4));
-    if (sqlite3_column_type(row, 4) == SQLITE_BLOB && bytes == count) {
-      if (count > 0) profile.intensity.assign(intensity, intensity + count);
-    } else {
-      ++intensities_ignored_;
+    const bool fits = sqlite3_column_type(row, 4) == SQLITE_BLOB && bytes == count;
+    if (fits) intensity = blob;
+    if (!fits) ++intensities_ignored_;
+  }
+  profile.points.clear();
+  profile.intensity.clear();
+  for (std::size_t i = 0; i < count; ++i) {
+    const unsigned char* const bytes = points + i * kSessionPointBytes;
+    const hal::ProfilePoint point{LoadFloat32(bytes), LoadFloat32(bytes + sizeof(float))};
+    if (!std::isfinite(point.x_mm) || !std::isfinite(point.z_mm)) {
+      ++points_left_out_;
+      continue;
     }
+    profile.points.push_back(point);
+    if (intensity != nullptr) profile.intensity.push_back(intensity[i]);
   }
   return {};
 }

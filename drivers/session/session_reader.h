@@ -41,6 +41,8 @@ class SessionReader {
   bool damaged() const { return damaged_; }
   std::size_t profiles_read() const { return profiles_read_; }
   std::size_t events_read() const { return events_read_; }
+  // Points that are not finite, as scanners mark those that they missed: not in the profiles.
+  std::size_t points_left_out() const { return points_left_out_; }
   // Profiles whose intensity was left out because it has not one value a point.
   std::size_t intensities_ignored() const { return intensities_ignored_; }
   // seq of the last row reached; -1 before the first.
@@ -72,6 +74,7 @@ class SessionReader {
   bool damaged_ = false;
   std::size_t profiles_read_ = 0;
   std::size_t events_read_ = 0;
+  std::size_t points_left_out_ = 0;
   std::size_t intensities_ignored_ = 0;
   std::int64_t last_sequence_ = -1;
 };

@@ -125,6 +125,12 @@ hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOp
   if (auto started = acquisition.Start(); !started) return hal::Fail(started.error());
   const CellEnd end = loop.Run(acquisition, ring, *info);
   acquisition.Stop();
+  if (const std::size_t missed = source.reader()->points_left_out(); missed > 0) {
+    const std::string words =
+        std::to_string(missed) + " points of the session are not finite numbers and are left out";
+    if (decided) replay.outcome.result.measurement.warnings.push_back(words);
+    if (failed) failed->message += " (" + words + ")";
+  }
   if (decided) return replay;
   if (end == CellEnd::kSourceFault) return hal::Fail(acquisition.fault());
   if (end == CellEnd::kPartsDone && failed && !acquisition.fault().message.empty()) {

@@ -63,8 +63,8 @@ TEST_F(DamagedSessionTest, SaysWhatIsWrongAndWhere) {
               "seq 3: pose, byte 24: the quaternion has length 0");
   ExpectError("UPDATE profile SET points=zeroblob(13) WHERE seq=4",
               "seq 4: points has 13 bytes, expected a multiple of 8");
-  ExpectError("UPDATE profile SET points=x'000000000000c07f' WHERE seq=4",
-              "seq 4: points, byte 0: not a finite number");
+  ExpectError("UPDATE profile SET pose=CAST(x'000000000000f87f' || zeroblob(48) AS BLOB)",
+              "seq 0: pose, byte 0: not a finite number");
   ExpectError("UPDATE profile SET points='12345678' WHERE seq=4", "seq 4: points is text");
   ExpectError("UPDATE profile SET points=zeroblob(8000008) WHERE seq=4", "1000001 points");
   ExpectError("UPDATE profile SET points=zeroblob(30000000) WHERE seq=4", "more than 16777216");

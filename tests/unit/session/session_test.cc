@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "drivers/session/session_check.h"
 #include "session_fixture.h"
 
 namespace bendloop::drivers {
@@ -177,6 +178,35 @@ TEST_F(SessionTest, OpensWhatAnotherProgramWrote) {
   ASSERT_TRUE(*reader->NextEvent(event));
   EXPECT_EQ(event.kind, hal::ScanEventKind::kOther);
   EXPECT_EQ(event.detail(), "warm up: slow");
+}
+
+TEST_F(SessionTest, PointsThatTheScannerMissedAreLeftOutAndCounted) {
+  const hal::ManualClock clock;
+  const std::string path = Path("holes.session");
+  auto writer = SessionWriter::Create(path, clock, {});
+  std::mt19937_64 engine(5);
+  for (std::uint64_t i = 0; i < 2; ++i) {
+    ASSERT_TRUE(writer->Write(RandomProfile(engine, i, 3)));
+  }
+  ASSERT_TRUE(writer->Finish());
+  // (NaN, 1), (2, 1), (1, infinity); intensities 1, 2, 3.
+  Sql(path,
+      "UPDATE profile SET points = x'0000c07f0000803f000000400000803f0000803f0000807f',"
+      " intensity = x'010203' WHERE seq = 1");
+  auto reader = SessionReader::Open(path);
+  ASSERT_TRUE(reader) << reader.error().message;
+  hal::LaserProfile profile;
+  ASSERT_TRUE(*reader->NextProfile(profile));
+  EXPECT_EQ(reader->points_left_out(), 0u);
+  const auto taken = reader->NextProfile(profile);
+  ASSERT_TRUE(taken) << taken.error().message;
+  ASSERT_EQ(profile.points.size(), 1u);
+  EXPECT_EQ(profile.points[0].x_mm, 2.0F);
+  EXPECT_EQ(profile.intensity, std::vector<std::uint8_t>{2});
+  EXPECT_EQ(reader->points_left_out(), 2u);
+  const auto summary = CheckSession(path);
+  ASSERT_TRUE(summary && summary->ok());
+  EXPECT_NE(summary->warnings.at(0).find("2 of 6 points are not finite"), std::string::npos);
 }
 
 }  // namespace
