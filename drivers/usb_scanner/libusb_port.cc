@@ -28,13 +28,6 @@ constexpr std::chrono::milliseconds kLookPeriod{100};
 
 nanoseconds Now() { return hal::SteadyClock().Now(); }
 
-std::string NameOf(const UsbMatch& match) {
-  char id[16];
-  std::snprintf(id, sizeof id, "%04x:%04x", static_cast<unsigned>(match.vendor),
-                static_cast<unsigned>(match.product));
-  return std::string("USB scanner ") + id + (match.serial.empty() ? "" : " " + match.serial);
-}
-
 std::string Where(libusb_device* device) {
   char path[32];
   std::snprintf(path, sizeof path, "/dev/bus/usb/%03d/%03d", libusb_get_bus_number(device),

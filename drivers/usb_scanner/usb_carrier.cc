@@ -23,6 +23,13 @@ constexpr std::chrono::milliseconds kPumpTurn{100};
 
 }  // namespace
 
+std::string NameOf(const UsbMatch& match) {
+  char id[16];
+  std::snprintf(id, sizeof id, "%04x:%04x", static_cast<unsigned>(match.vendor),
+                static_cast<unsigned>(match.product));
+  return std::string("USB scanner ") + id + (match.serial.empty() ? "" : " " + match.serial);
+}
+
 UsbCarrier::UsbCarrier(UsbScannerOptions options, std::unique_ptr<UsbPort> port)
     : options_(std::move(options)),
       port_(std::move(port)),
@@ -32,11 +39,9 @@ UsbCarrier::UsbCarrier(UsbScannerOptions options, std::unique_ptr<UsbPort> port)
 }
 
 std::string UsbCarrier::name() const {
-  char id[16];
-  std::snprintf(id, sizeof id, "%04x:%04x", static_cast<unsigned>(options_.match.vendor),
-                static_cast<unsigned>(options_.match.product));
-  const std::string& serial = serial_.empty() ? options_.match.serial : serial_;
-  return std::string("USB scanner ") + id + (serial.empty() ? "" : " " + serial);
+  UsbMatch found = options_.match;
+  if (!serial_.empty()) found.serial = serial_;
+  return NameOf(found);
 }
 
 std::string UsbCarrier::Remarks() const {

@@ -18,6 +18,8 @@ struct UsbMatch {
   std::uint16_t product = 0x0001;
   std::string serial;  // of the device descriptor; "": whatever it is, if there is one device only
 };
+// "USB scanner 1209:0001 A1234", for messages.
+std::string NameOf(const UsbMatch& match);
 
 // How a transfer ended.
 enum class UsbEnd : std::uint8_t {
