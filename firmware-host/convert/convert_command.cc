@@ -122,7 +122,8 @@ hal::Result<std::string> Convert(const Words& words, std::istream& in, std::ostr
                          " needs; give --bend-radius MM, or a column bend_radius_mm (0 for sharp "
                          "corners)");
   }
-  for (const std::string& note : table->notes) err << "note: " << name << ": " << note << "\n";
+  for (const std::string& note : table->notes)
+    err << "bendloop: note: " << name << ": " << note << "\n";
   if (words.reverse) table->tube = pipeline::ReverseTube(table->tube);
   auto written = WriteTubeTable(table->tube, write);
   if (!written) return hal::Fail(written.error().kind, name + ": " + written.error().message);
@@ -132,13 +133,13 @@ hal::Result<std::string> Convert(const Words& words, std::istream& in, std::ostr
 int Run(const Words& words, std::istream& in, std::ostream& out, std::ostream& err) {
   const auto written = Convert(words, in, err);
   if (!written) {
-    err << written.error().message << "\n";
+    err << "bendloop: " << written.error().message << "\n";
     return hal::ExitCode(written.error().kind);
   }
   out << *written << std::flush;
   if (!out) {
-    err << "the output cannot be written; is the disk full or the pipe closed?\n";
-    return hal::ExitCode(hal::ErrorKind::kInternal);
+    err << "bendloop: standard output: cannot be written; is the disk full or the pipe closed?\n";
+    return hal::ExitCode(hal::ErrorKind::kDevice);
   }
   return 0;
 }

@@ -15,6 +15,7 @@ namespace bendloop::host {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 struct Outcome {
   int code = -1;
@@ -174,7 +175,7 @@ TEST(Convert, NotesPointsThatBendNothing) {
   const auto done =
       Convert({"--to", "lra", "--bend-radius", "5"}, "x y z\n0 0 0\n10 0 0\n20 0 0\n");
   EXPECT_EQ(done.code, 0);
-  EXPECT_THAT(done.err, HasSubstr("note: standard input: point 2 lies on a straight"));
+  EXPECT_THAT(done.err, StartsWith("bendloop: note: standard input: point 2 lies on a straight"));
 }
 
 TEST(Convert, SaysWhatIsWrongAndWhere) {
@@ -247,6 +248,9 @@ TEST(Convert, SaysWhatIsWrongAndWhere) {
     const auto done = Convert(test.words, test.input);
     EXPECT_EQ(done.code, test.code) << done.err;
     EXPECT_THAT(done.err, HasSubstr(test.message));
+    if (test.code != 2) {
+      EXPECT_THAT(done.err, StartsWith("bendloop: "));
+    }
     EXPECT_EQ(done.out, "");
   }
 }
