@@ -2,7 +2,6 @@
 #include "drivers/simulated_scanner/scanner_device.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <sstream>
 #include <utility>
@@ -23,38 +22,61 @@ constexpr int kMostItemsATurn = 256;
 constexpr std::uint32_t kMostGarbage = 1 << 24;
 constexpr std::size_t kMostFloodBytes = 64 << 20;
 
+struct FaultName {
+  ScannerFault::Kind kind;
+  bool usb;  // takes a cable
+  const char* name;
+  const char* amount;
+  const char* help;
+};
+using Kind = ScannerFault::Kind;
+constexpr FaultName kFaults[] = {
+    {Kind::kGap, false, "gap", " N", "leave out N profiles"},
+    {Kind::kRepeat, false, "repeat", "", "send a profile twice"},
+    {Kind::kGarbage, false, "garbage", " BYTES", "random bytes between messages"},
+    {Kind::kCorrupt, false, "corrupt", "", "a wrong byte in a message"},
+    {Kind::kBadPose, false, "bad-pose", "", "a whole message with a pose that is none"},
+    {Kind::kStall, false, "stall", " MS", "no profiles for a while"},
+    {Kind::kMute, false, "mute", " MS", "nothing at all for a while, not even replies"},
+    {Kind::kFlood, false, "flood", " N", "the next profile N times at once"},
+    {Kind::kFault, false, "fault", "", "a fault event"},
+    {Kind::kCut, false, "cut", "", "half a message, then hang up (USB: the cable out and in)"},
+    {Kind::kHalt, true, "halt", "", "the IN pipe stalls until the host clears it"},
+    {Kind::kUnplug, true, "unplug", " MS", "the cable is out for a while"}};
+
 }  // namespace
 
-std::optional<Misbehaviour::Kind> MisbehaviourFromName(const std::string& name) {
-  using Kind = Misbehaviour::Kind;
-  constexpr std::array<std::pair<const char*, Kind>, 12> kNames = {{{"gap", Kind::kGap},
-                                                                    {"repeat", Kind::kRepeat},
-                                                                    {"garbage", Kind::kGarbage},
-                                                                    {"corrupt", Kind::kCorrupt},
-                                                                    {"bad-pose", Kind::kBadPose},
-                                                                    {"stall", Kind::kStall},
-                                                                    {"fault", Kind::kFault},
-                                                                    {"flood", Kind::kFlood},
-                                                                    {"mute", Kind::kMute},
-                                                                    {"cut", Kind::kCut},
-                                                                    {"halt", Kind::kHalt},
-                                                                    {"unplug", Kind::kUnplug}}};
-  for (const auto& [known, kind] : kNames) {
-    if (name == known) return kind;
+std::string ScannerFaultHelp(bool usb) {
+  std::string help;
+  for (const FaultName& fault : kFaults) {
+    if (fault.usb && !usb) continue;
+    std::string what = std::string("  ") + fault.name + fault.amount;
+    what.resize(23, ' ');
+    help += what + fault.help + "\n";
   }
-  return std::nullopt;
+  return help;
 }
 
-std::optional<Misbehaviour> ParseMisbehaviour(const std::string& words) {
+hal::Result<ScannerFault> ParseScannerFault(const std::string& words, bool usb) {
   std::istringstream in(words);
   std::string word;
   in >> word;
-  const auto kind = MisbehaviourFromName(word);
-  if (!kind) return std::nullopt;
-  Misbehaviour parsed{*kind, 1, 0};
-  if (!(in >> std::ws).eof() && in.peek() != 'a' && !(in >> parsed.amount)) return std::nullopt;
-  if (in >> word && (word != "after" || !(in >> parsed.after))) return std::nullopt;
-  if (!(in >> std::ws).eof()) return std::nullopt;
+  std::string known;
+  ScannerFault parsed;
+  bool good = false;
+  for (const FaultName& fault : kFaults) {
+    if (fault.usb && !usb) continue;
+    known += (known.empty() ? "" : ", ") + std::string(fault.name) + fault.amount;
+    if (word != fault.name) continue;
+    parsed.kind = fault.kind;
+    good = true;
+  }
+  if (!(in >> std::ws).eof() && in.peek() != 'a') good = good && in >> parsed.amount;
+  if (in >> word) good = good && word == "after" && in >> parsed.after;
+  if (!good || !(in >> std::ws).eof()) {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     "misbehave: expected " + known + "; then perhaps after N");
+  }
   parsed.amount = std::max(parsed.amount, 1U);
   return parsed;
 }
@@ -138,7 +160,7 @@ void ScannerDevice::Sent(std::size_t bytes) {
   sent_ = 0;
 }
 
-std::optional<Misbehaviour> ScannerDevice::TakeCarrierFault() {
+std::optional<ScannerFault> ScannerDevice::TakeCarrierFault() {
   if (!out_.empty()) return std::nullopt;
   return std::exchange(carrier_fault_, std::nullopt);
 }
@@ -201,8 +223,7 @@ void ScannerDevice::Flood(std::uint32_t messages) {
 }
 
 bool ScannerDevice::DoMisbehave() {
-  using Kind = Misbehaviour::Kind;
-  const Misbehaviour now = misbehaviours_.front();
+  const ScannerFault now = misbehaviours_.front();
   misbehaviours_.pop_front();
   ActiveScan& active = scans_.front();
   switch (now.kind) {

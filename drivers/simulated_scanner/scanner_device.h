@@ -12,8 +12,8 @@
 
 #include "drivers/scanner_wire/wire_decoder.h"
 #include "drivers/scanner_wire/wire_encoder.h"
-#include "drivers/simulated_scanner/misbehaviour.h"
 #include "drivers/simulated_scanner/random.h"
+#include "drivers/simulated_scanner/scanner_fault.h"
 #include "hal/clock.h"
 #include "hal/profile_source.h"
 
@@ -38,7 +38,7 @@ class ScannerDevice {
   // scans before are over. `scan` is open and started, and read without waiting to its end. Its
   // profiles with more points than the identity says are not sent.
   void Trigger(std::unique_ptr<hal::ProfileSource> scan, ScanPace pace);
-  void Misbehave(Misbehaviour misbehaviour) { misbehaviours_.push_back(misbehaviour); }
+  void Misbehave(ScannerFault misbehaviour) { misbehaviours_.push_back(misbehaviour); }
   // From the next scan on its clock runs fast by so much [ppm]; negative: slow.
   void set_clock_drift_ppm(double ppm) { drift_ppm_ = ppm; }
 
@@ -61,7 +61,7 @@ class ScannerDevice {
   }
   void Sent(std::size_t bytes);
   // kCut, kHalt, kUnplug: for the carrier to do, once nothing waits.
-  std::optional<Misbehaviour> TakeCarrierFault();
+  std::optional<ScannerFault> TakeCarrierFault();
   // How long nothing is due; 0: now.
   std::chrono::nanoseconds UntilDue() const;
 
@@ -98,8 +98,8 @@ class ScannerDevice {
   std::deque<ActiveScan> scans_;
   std::size_t scans_finished_ = 0;
   std::size_t scans_abandoned_ = 0;
-  std::deque<Misbehaviour> misbehaviours_;
-  std::optional<Misbehaviour> carrier_fault_;
+  std::deque<ScannerFault> misbehaviours_;
+  std::optional<ScannerFault> carrier_fault_;
   std::optional<std::chrono::nanoseconds> stalled_until_;
   std::optional<std::chrono::nanoseconds> mute_until_;
   double drift_ppm_ = 0;

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <string>
 
-#include "drivers/scanner_wire/wire_format.h"
 #include "drivers/session/session_writer.h"
 #include "hal/clock.h"
 
@@ -22,13 +21,15 @@ std::string Text(double value) {
   return text;
 }
 
-Result<void> InRange(const char* name, double value, double low, double high) {
-  if (value >= low && value <= high) return {};
+Result<void> InRange(const char* name, double value, Limits limits) {
+  if (limits.Hold(value)) return {};
   return Fail(ErrorKind::kUsage, std::string("virtual scan: ") + name + " is " + Text(value) +
-                                     ", expected " + Text(low) + " to " + Text(high));
+                                     ", expected " + limits.Text());
 }
 
 }  // namespace
+
+std::string Limits::Text() const { return drivers::Text(low) + " to " + drivers::Text(high); }
 
 Result<void> CheckScan(const hal::Tube& tube, const VirtualScanOptions& options) {
   if (!(tube.pipe_radius_mm > 0) || !std::isfinite(tube.pipe_radius_mm)) {
@@ -57,25 +58,28 @@ Result<void> CheckScan(const hal::Tube& tube, const VirtualScanOptions& options)
                                             Text(tube.pipe_radius_mm) + " mm");
     }
   }
-  auto checked = InRange("noise_mm", options.noise_mm, 0, 100);
-  if (checked) checked = InRange("noise_growth", options.noise_growth, 0, 4);
-  if (checked) checked = InRange("outlier_fraction", options.outlier_fraction, 0, 1);
-  if (checked) checked = InRange("mixed_pixel_fraction", options.mixed_pixel_fraction, 0, 1);
-  if (checked) checked = InRange("dropout_fraction", options.dropout_fraction, 0, 1);
-  if (checked) checked = InRange("pose_noise_mm", options.pose_noise_mm, 0, 100);
-  if (checked) checked = InRange("rays", options.rays, 1, static_cast<double>(kWireMaxPoints));
-  if (checked) checked = InRange("fan_half_angle_deg", options.fan_half_angle_deg, 0, 80);
-  if (checked) checked = InRange("near_mm", options.near_mm, 0, options.far_mm);
-  if (checked) checked = InRange("far_mm", options.far_mm, 1, 2000);
-  if (checked) checked = InRange("profiles_per_second", options.profiles_per_second, 0.1, 1e6);
+  auto checked = InRange("noise_mm", options.noise_mm, kNoiseMm);
+  if (checked) checked = InRange("noise_growth", options.noise_growth, kNoiseGrowth);
+  if (checked) checked = InRange("outlier_fraction", options.outlier_fraction, kFraction);
+  if (checked) checked = InRange("mixed_pixel_fraction", options.mixed_pixel_fraction, kFraction);
+  if (checked) checked = InRange("dropout_fraction", options.dropout_fraction, kFraction);
+  if (checked) checked = InRange("pose_noise_mm", options.pose_noise_mm, kNoiseMm);
+  if (checked) checked = InRange("rays", options.rays, kRays);
+  if (checked) checked = InRange("fan_half_angle_deg", options.fan_half_angle_deg, {0, 80});
+  if (checked) checked = InRange("near_mm", options.near_mm, {0, options.far_mm});
+  if (checked) checked = InRange("far_mm", options.far_mm, {1, 2000});
   if (checked) {
-    checked = InRange("profile_spacing_mm", options.path.profile_spacing_mm, 0.01, 1000);
+    checked = InRange("profiles_per_second", options.profiles_per_second, kProfilesPerSecond);
   }
-  if (checked) checked = InRange("standoff_mm", options.path.standoff_mm, 1, 2000);
-  if (checked) checked = InRange("overrun_mm", options.path.overrun_mm, 0, 1000);
-  if (checked) checked = InRange("jitter_mm", options.path.jitter_mm, 0, 100);
-  if (checked) checked = InRange("jitter_deg", options.path.jitter_deg, 0, 45);
-  if (checked) checked = InRange("clamps", options.clutter.clamps, 0, 100);
+  if (checked) {
+    checked = InRange("profile_spacing_mm", options.path.profile_spacing_mm, kSpacingMm);
+  }
+  if (checked) checked = InRange("standoff_mm", options.path.standoff_mm, {1, 2000});
+  if (checked) checked = InRange("overrun_mm", options.path.overrun_mm, {0, 1000});
+  if (checked) checked = InRange("jitter_mm", options.path.jitter_mm, kNoiseMm);
+  if (checked) checked = InRange("jitter_deg", options.path.jitter_deg, {0, 45});
+  if (checked) checked = InRange("clamps", options.clutter.clamps, {0, 100});
+  if (checked) checked = InRange("table_gap_mm", options.clutter.table_gap_mm, kTableGapMm);
   return checked;
 }
 

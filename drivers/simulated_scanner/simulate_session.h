@@ -5,11 +5,28 @@
 #include <map>
 #include <string>
 
+#include "drivers/scanner_wire/wire_format.h"
 #include "drivers/simulated_scanner/virtual_scan.h"
 #include "hal/result.h"
 #include "hal/tube.h"
 
 namespace bendloop::drivers {
+
+// What a number of VirtualScanOptions may be, both ends included.
+struct Limits {
+  double low;
+  double high;
+
+  bool Hold(double value) const { return value >= low && value <= high; }  // never a NaN
+  std::string Text() const;                                                // "0 to 100"
+};
+inline constexpr Limits kNoiseMm = {0, 100};  // and jitter
+inline constexpr Limits kNoiseGrowth = {0, 4};
+inline constexpr Limits kFraction = {0, 1};
+inline constexpr Limits kRays = {1, kWireMaxPoints};
+inline constexpr Limits kSpacingMm = {0.01, 1000};
+inline constexpr Limits kTableGapMm = {0, 1000};
+inline constexpr Limits kProfilesPerSecond = {0.1, 1e6};
 
 struct SimulateSessionOptions {
   VirtualScanOptions scan;

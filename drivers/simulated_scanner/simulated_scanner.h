@@ -33,7 +33,7 @@ class SimulatedScanner {
   // Somebody pulls the trigger (ScannerDevice).
   void Trigger(std::shared_ptr<const VirtualScan> scan, ScanPace pace);
   ScannerDevice& device() { return device_; }
-  void Misbehave(Misbehaviour misbehaviour) { device_.Misbehave(misbehaviour); }
+  void Misbehave(ScannerFault misbehaviour) { device_.Misbehave(misbehaviour); }
 
   // Serves the network and sends what is due. Waits at most `timeout` if there is nothing to do.
   hal::Result<void> Poll(std::chrono::nanoseconds timeout);

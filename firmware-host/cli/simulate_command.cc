@@ -10,6 +10,7 @@
 #include "firmware-host/cell/version.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/result/program_json.h"
+#include "firmware-host/simulators/scan_options.h"
 #include "pipeline/material.h"
 
 namespace bendloop::host {
@@ -97,37 +98,15 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
       ->required()
       ->type_name("SESSION");
   command->add_option("--seed", a->scan.seed, "Of everything random")->capture_default_str();
-  command->add_option("--noise", a->scan.noise_mm, "1 sigma along the ray [mm]")
-      ->capture_default_str();
-  command
-      ->add_option("--noise-growth", a->scan.noise_growth,
-                   "At grazing incidence: noise / cos(incidence)^this, 0 to 4")
-      ->capture_default_str();
-  command->add_option("--outliers", a->scan.outlier_fraction, "Part of the points that are fliers")
-      ->capture_default_str();
-  command->add_option("--dropouts", a->scan.dropout_fraction, "Part of the points that are missing")
-      ->capture_default_str();
-  command
-      ->add_option("--pose-noise", a->scan.pose_noise_mm, "1 sigma of the sensor's position [mm]")
-      ->capture_default_str();
+  AddScanOptions(*command, a->scan);
   command->add_option("--views", a->views, "Passes along the tube, from different sides")
       ->check(CLI::Range(1, 36))
       ->capture_default_str();
   command->add_flag("--all-around", a->all_around, "Views on all sides, not from above only");
-  command->add_option("--spacing", a->scan.path.profile_spacing_mm, "Between profiles [mm]")
-      ->check(CLI::Range(0.01, 1000.0).description("0.01 to 1000"))
-      ->capture_default_str();
-  command->add_option("--rays", a->scan.rays, "Points of one laser line at most")
-      ->capture_default_str();
   command->add_flag("--reverse", a->scan.path.reverse, "Scan from the tube's end");
   command->add_option("--clutter", a->clutter, "In view as well: table, clamps, tube")
       ->delimiter(',')
       ->check(CLI::IsMember({"table", "clamps", "tube"}));
-  command
-      ->add_option("--table-gap", a->scan.clutter.table_gap_mm,
-                   "The tube lies on posts, so far above the table [mm]")
-      ->check(CLI::Range(0.0, 1000.0).description("0 to 1000"))
-      ->capture_default_str();
   command->add_option(
       "--springback-20", a->springback_20_deg,
       "True springback of a bend of 20 degrees [deg]; default: the part's material");

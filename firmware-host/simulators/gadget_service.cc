@@ -12,7 +12,7 @@ namespace bendloop::host {
 namespace {
 
 using namespace std::chrono_literals;
-using drivers::Misbehaviour;
+using drivers::ScannerFault;
 using drivers::UsbGadget;
 
 constexpr std::size_t kChunk = 65536;
@@ -122,14 +122,14 @@ void GadgetService::Send() {
   }
 }
 
-void GadgetService::Do(const Misbehaviour& fault) {
-  if (fault.kind == Misbehaviour::Kind::kHalt) {
+void GadgetService::Do(const ScannerFault& fault) {
+  if (fault.kind == ScannerFault::Kind::kHalt) {
     (void)gadget_.Halt();
     return;
   }
   Unplug();
   std::unique_lock lock(mutex_);
-  const std::chrono::milliseconds out(fault.kind == Misbehaviour::Kind::kUnplug ? fault.amount : 1);
+  const std::chrono::milliseconds out(fault.kind == ScannerFault::Kind::kUnplug ? fault.amount : 1);
   changed_.wait_for(lock, out, [this] { return stop_.load(); });
   lock.unlock();
   if (!stop_) (void)gadget_.Plug();

@@ -35,7 +35,7 @@ class GadgetService {
   void Watch();
   void Receive();
   void Send();
-  void Do(const drivers::Misbehaviour& fault);
+  void Do(const drivers::ScannerFault& fault);
 
   drivers::UsbGadget& gadget_;
   drivers::ScannerDevice& device_;

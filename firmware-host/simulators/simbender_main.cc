@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <CLI/CLI.hpp>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -14,6 +13,7 @@
 #include "drivers/simulated_bender/misbehaviour.h"
 #include "drivers/simulated_bender/simulated_bender.h"
 #include "firmware-host/result/program_json.h"
+#include "firmware-host/simulators/simulator_main.h"
 
 namespace bendloop::host {
 namespace {
@@ -21,11 +21,6 @@ namespace {
 using drivers::SimulatedBender;
 
 constexpr std::uintmax_t kMaxProgramBytes = 4 << 20;
-
-int Complain(const hal::Error& error) {
-  std::cerr << "bendloop-simbender: " << error.message << '\n';
-  return hal::ExitCode(error.kind);
-}
 
 // Rows as in a result ("tube"), a tray part, or bare: {"rows": [...]}.
 hal::Result<hal::BendProgram> ReadProgram(const std::string& file) {
@@ -81,14 +76,14 @@ bool Obey(SimulatedBender& bender, const std::string& line) {
   return true;
 }
 
-int Run(int argc, char** argv) {
+hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
   drivers::SimulatedBenderOptions options;
   options.program.sequence = 1;
   std::string map_file;
   std::string program_file;
   std::vector<std::string> faults;
   unsigned cycle_ms = 200;
-  CLI::App app{
+  app.description(
       "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) or a CANopen node "
       "with\n"
       "a program, a press and its moods. Prints \"listening PORT\", then obeys one command a line "
@@ -99,8 +94,7 @@ int Run(int argc, char** argv) {
       "                       tray\n"
       "  status               print the active program's numbers\n"
       "  misbehave FAULT      do something wrong (below)\n"
-      "  quit                 or the end of input: switch off"};
-  app.name("bendloop-simbender");
+      "  quit                 or the end of input: switch off");
   app.footer("Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
              "\nExample:\n"
              "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
@@ -166,39 +160,37 @@ int Run(int argc, char** argv) {
       ->default_val(200u)
       ->check(CLI::Range(0u, 600000u));
   app.add_option("--misbehave", faults, "a fault from the start, e.g. --misbehave \"late 500\"");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : hal::ExitCode(hal::ErrorKind::kUsage);
-  }
+  app.parse(argc, argv);
   options.cycle = std::chrono::milliseconds(cycle_ms);
   if (*can_interface) options.can = can;
   node.heartbeat = std::chrono::milliseconds(heartbeat_ms);
 
   auto map = config::LoadRegisterMap(map_file);
-  if (!map) return Complain(map.error());
+  if (!map) return hal::Fail(map.error());
   if (map->of_objects() != (node_interface->count() > 0)) {
-    return Complain({hal::ErrorKind::kUsage, map_file + ": a map of CANopen objects goes with "
-                                                        "--canopen and --object-dictionary, one of "
-                                                        "registers with all others"});
+    return hal::Fail(hal::ErrorKind::kUsage, map_file +
+                                                 ": a map of CANopen objects goes with "
+                                                 "--canopen and --object-dictionary, one of "
+                                                 "registers with all others");
   }
   if (*node_interface) {
     const auto dictionary = config::LoadObjectDictionary(eds_file);
-    if (!dictionary) return Complain(dictionary.error());
-    if (auto bound = config::BindObjects(*map, *dictionary); !bound) return Complain(bound.error());
+    if (!dictionary) return hal::Fail(dictionary.error());
+    if (auto bound = config::BindObjects(*map, *dictionary); !bound)
+      return hal::Fail(bound.error());
     node.vendor_id = dictionary->vendor_number;
     node.product_code = dictionary->product_number;
     options.canopen = node;
   }
   options.map = std::move(*map);
   auto program = ReadProgram(program_file);
-  if (!program) return Complain(program.error());
+  if (!program) return hal::Fail(program.error());
   options.program.program = std::move(*program);
 
   auto bender = SimulatedBender::Start(std::move(options));
-  if (!bender) return Complain(bender.error());
+  if (!bender) return hal::Fail(bender.error());
   for (const std::string& fault : faults) {
-    if (auto done = (*bender)->Misbehave(fault); !done) return Complain(done.error());
+    if (auto done = (*bender)->Misbehave(fault); !done) return hal::Fail(done.error());
   }
   if ((*bender)->device().empty()) {
     std::cout << "listening " << (*bender)->port() << std::endl;
@@ -208,18 +200,12 @@ int Run(int argc, char** argv) {
   std::string line;
   while (std::getline(std::cin, line) && Obey(**bender, line)) {
   }
-  return 0;
+  return {};
 }
 
 }  // namespace
 }  // namespace bendloop::host
 
 int main(int argc, char** argv) {
-  std::signal(SIGPIPE, SIG_IGN);
-  try {
-    return bendloop::host::Run(argc, argv);
-  } catch (const std::exception& e) {
-    std::cerr << "bendloop-simbender: " << e.what() << '\n';
-    return bendloop::hal::ExitCode(bendloop::hal::ErrorKind::kInternal);
-  }
+  return bendloop::host::SimulatorMain("bendloop-simbender", bendloop::host::Run, argc, argv);
 }

@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <csignal>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -14,6 +13,8 @@
 
 #include "drivers/simulated_scanner/simulate_session.h"
 #include "drivers/simulated_scanner/simulated_scanner.h"
+#include "firmware-host/simulators/scan_options.h"
+#include "firmware-host/simulators/simulator_main.h"
 #include "firmware-host/simulators/tray_file.h"
 
 namespace bendloop::host {
@@ -86,11 +87,9 @@ class Operator {
   void Misbehave(std::istringstream& words) {
     std::string fault;
     std::getline(words, fault);
-    const auto parsed = drivers::ParseMisbehaviour(fault);
+    const auto parsed = drivers::ParseScannerFault(fault, false);
     if (!parsed) {
-      std::cout << "error misbehave: expected gap N, repeat, garbage BYTES, corrupt, bad-pose, "
-                   "stall MS, mute MS, flood N, cut or fault; then perhaps after N"
-                << std::endl;
+      std::cout << "error " << parsed.error().message << std::endl;
       return;
     }
     scanner_.Misbehave(*parsed);
@@ -113,19 +112,14 @@ class Operator {
   std::size_t abandoned_ = 0;
 };
 
-int Complain(const hal::Error& error) {
-  std::cerr << "bendloop-simscanner: " << error.message << '\n';
-  return hal::ExitCode(error.kind);
-}
-
 // Serves the host and obeys standard input until it ends or says quit.
-int Serve(SimulatedScanner& scanner, Operator& person) {
+Result<void> Serve(SimulatedScanner& scanner, Operator& person) {
   scanner.WakeOn(STDIN_FILENO);
   std::string input;
   std::array<char, 4096> block{};
   while (true) {
     if (auto served = scanner.Poll(std::chrono::seconds(1)); !served) {
-      return Complain(served.error());
+      return Fail(served.error());
     }
     person.Report();
     pollfd waiting{STDIN_FILENO, POLLIN, 0};
@@ -133,14 +127,14 @@ int Serve(SimulatedScanner& scanner, Operator& person) {
     const ssize_t got = read(STDIN_FILENO, block.data(), block.size());
     if (got > 0) input.append(block.data(), static_cast<std::size_t>(got));
     for (std::size_t end = input.find('\n'); end != std::string::npos; end = input.find('\n')) {
-      if (!person.Obey(input.substr(0, end))) return 0;
+      if (!person.Obey(input.substr(0, end))) return {};
       input.erase(0, end + 1);
     }
-    if (got == 0 || input.size() > kMaxLineBytes) return 0;
+    if (got == 0 || input.size() > kMaxLineBytes) return {};
   }
 }
 
-int Run(int argc, char** argv) {
+Result<void> Run(CLI::App& app, int argc, char** argv) {
   VirtualScanOptions options;
   drivers::WireIdentity identity{"bendloop simulated arm scanner", "SIM-0001", "1.0", "none", 0};
   std::uint16_t port = 0;
@@ -151,7 +145,7 @@ int Run(int argc, char** argv) {
   std::vector<std::string> clutter;
   int clamps = 2;
 
-  CLI::App app{
+  app.description(
       "An arm scanner that is not there: serves the scanner's wire protocol on a TCP port and\n"
       "scans the tubes that it is given. Prints \"listening PORT\", then obeys one command a line\n"
       "on standard input:\n"
@@ -160,66 +154,36 @@ int Run(int argc, char** argv) {
       "                       and at its end \"scanned NAME\", or \"abandoned NAME\" if the host\n"
       "                       went away\n"
       "  misbehave FAULT [after N]  before the next profile, or N later; once (below)\n"
-      "  quit                 or the end of input: switch off"};
-  app.name("bendloop-simscanner");
+      "  quit                 or the end of input: switch off");
   app.footer(
-      "Faults:\n"
-      "  gap N                leave out N profiles\n"
-      "  repeat               send a profile twice\n"
-      "  garbage BYTES        random bytes between messages\n"
-      "  corrupt              a wrong byte in a message\n"
-      "  bad-pose             a whole message with a pose that is none\n"
-      "  stall MS             no profiles for a while\n"
-      "  mute MS              nothing at all for a while, not even replies\n"
-      "  flood N              the next profile N times at once\n"
-      "  cut                  half a message, then hang up\n"
-      "  fault                a fault event\n"
+      "Faults:\n" + drivers::ScannerFaultHelp(false) +
       "Example:\n"
       "  (echo scan tray/part-0001.json; cat) | bendloop-simscanner --views 2 --clutter table");
   app.add_option("--port", port, "TCP port on 127.0.0.1; 0 picks a free one")
       ->capture_default_str();
-  app.add_option("--seed", options.seed, "of pose, noise and fliers")->capture_default_str();
-  app.add_option("--noise", options.noise_mm, "1 sigma along the ray [mm]")->capture_default_str();
-  app.add_option("--noise-growth", options.noise_growth,
-                 "at grazing incidence: noise / cos(incidence)^this, 0 to 4")
-      ->capture_default_str();
-  app.add_option("--outliers", options.outlier_fraction, "share of fliers, 0 to 1")
-      ->capture_default_str();
-  app.add_option("--pose-noise", options.pose_noise_mm, "1 sigma of the arm's position [mm]")
-      ->capture_default_str();
-  app.add_option("--jitter", options.path.jitter_mm, "of an unsteady hand, 1 sigma [mm]")
-      ->capture_default_str();
-  app.add_option("--views", views, "passes along the tube")
+  app.add_option("--seed", options.seed, "Of pose, noise and fliers")->capture_default_str();
+  AddScanOptions(app, options);
+  app.add_option("--views", views, "Passes along the tube")
       ->check(CLI::Range(1, 36))
       ->capture_default_str();
-  app.add_flag("--all-around", all_around, "spread the views over the whole turn, not the upside");
-  app.add_option("--spacing", options.path.profile_spacing_mm, "between profiles [mm]")
-      ->capture_default_str();
-  app.add_option("--rays", options.rays, "of one profile")->capture_default_str();
-  app.add_option("--rate", options.profiles_per_second, "profiles per second")
+  app.add_flag("--all-around", all_around, "Spread the views over the whole turn, not the upside");
+  app.add_option("--rate", options.profiles_per_second, "Profiles per second")
+      ->check(Within(drivers::kProfilesPerSecond))
       ->capture_default_str();
   app.add_option("--pace", pace, "real: at the rate; max: as fast as the host takes them")
       ->check(CLI::IsMember({"real", "max"}))
       ->capture_default_str();
-  app.add_option("--clutter", clutter, "in view: table, clamps, second-tube (with commas)")
+  app.add_option("--clutter", clutter, "In view: table, clamps, second-tube (with commas)")
       ->delimiter(',')
       ->check(CLI::IsMember({"table", "clamps", "second-tube"}));
-  app.add_option("--table-gap", options.clutter.table_gap_mm,
-                 "the tube lies on posts, so far above the table [mm]")
-      ->check(CLI::Range(0.0, 1000.0).description("0 to 1000"))
-      ->capture_default_str();
-  app.add_option("--clamps", clamps, "how many, if they are in view")
+  app.add_option("--clamps", clamps, "How many, if they are in view")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
   app.add_option("--pose", pose, "table: a seeded pose on the table; origin: begins at the origin")
       ->check(CLI::IsMember({"table", "origin"}))
       ->capture_default_str();
-  app.add_flag("--reverse", options.path.reverse, "begin at the tube's end");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : hal::ExitCode(ErrorKind::kUsage);
-  }
+  app.add_flag("--reverse", options.path.reverse, "Begin at the tube's end");
+  app.parse(argc, argv);
   options.path.views_deg = drivers::SpreadViewsDeg(views, all_around);
   const auto has = [&](const char* name) {
     return std::find(clutter.begin(), clutter.end(), name) != clutter.end();
@@ -227,15 +191,10 @@ int Run(int argc, char** argv) {
   options.clutter.table = has("table");
   options.clutter.clamps = has("clamps") ? clamps : 0;
   options.clutter.second_tube = has("second-tube");
-  const hal::Tube any_tube{1, {{{1, 0, 0, std::nullopt}}}, {}};
-  if (auto checked = drivers::CheckScan(any_tube, options); !checked) {
-    return Complain(checked.error());
-  }
-
   identity.max_points = static_cast<std::uint32_t>(options.rays);
   hal::SteadyClock clock;
   auto scanner = SimulatedScanner::Listen(port, identity, clock);
-  if (!scanner) return Complain(scanner.error());
+  if (!scanner) return Fail(scanner.error());
   std::cout << "listening " << (*scanner)->port() << std::endl;
   Operator person(**scanner, options, pace == "max" ? ScanPace::kMax : ScanPace::kRealTime,
                   pose == "table");
@@ -246,11 +205,5 @@ int Run(int argc, char** argv) {
 }  // namespace bendloop::host
 
 int main(int argc, char** argv) {
-  std::signal(SIGPIPE, SIG_IGN);
-  try {
-    return bendloop::host::Run(argc, argv);
-  } catch (const std::exception& e) {
-    std::cerr << "bendloop-simscanner: " << e.what() << '\n';
-    return bendloop::hal::ExitCode(bendloop::hal::ErrorKind::kInternal);
-  }
+  return bendloop::host::SimulatorMain("bendloop-simscanner", bendloop::host::Run, argc, argv);
 }

@@ -17,6 +17,7 @@
 
 #include "drivers/session/session_source.h"
 #include "firmware-host/simulators/gadget_service.h"
+#include "firmware-host/simulators/simulator_main.h"
 
 namespace bendloop::host {
 namespace {
@@ -132,12 +133,8 @@ class Operator {
   Result<void> Misbehave(std::istringstream& words) {
     std::string fault;
     std::getline(words, fault);
-    const auto parsed = drivers::ParseMisbehaviour(fault);
-    if (!parsed) {
-      return Fail(ErrorKind::kUsage,
-                  "misbehave: expected gap N, repeat, garbage BYTES, corrupt, bad-pose, stall MS, "
-                  "fault, flood N, mute MS, cut, halt or unplug MS; then perhaps after N");
-    }
+    const auto parsed = drivers::ParseScannerFault(fault, true);
+    if (!parsed) return Fail(parsed.error());
     service_.WithDevice([&](ScannerDevice& device) { device.Misbehave(*parsed); });
     return {};
   }
@@ -149,11 +146,6 @@ class Operator {
   std::size_t finished_ = 0;
   std::size_t abandoned_ = 0;
 };
-
-int Complain(const hal::Error& error) {
-  std::cerr << "bendloop-usbscanner: " << error.message << '\n';
-  return hal::ExitCode(error.kind);
-}
 
 // Obeys standard input until it ends or says quit, or a signal comes.
 void Serve(Operator& person, int signals, bool forever) {
@@ -177,11 +169,11 @@ void Serve(Operator& person, int signals, bool forever) {
   }
 }
 
-int Run(int argc, char** argv) {
+Result<void> Run(CLI::App& app, int argc, char** argv) {
   Options options;
   std::string id = "1209:0001";
   std::string pace = "real";
-  CLI::App app{
+  app.description(
       "A laser scanner that is really on USB: makes this machine's USB device port (a Raspberry "
       "Pi's,\n"
       "any board's, or dummy_hcd's) a scanner that speaks the scanner's wire protocol and plays\n"
@@ -194,25 +186,11 @@ int Run(int argc, char** argv) {
       "  misbehave FAULT [after N]  before the next profile, or N later; once (below)\n"
       "  drift PPM            its clock runs fast by so much\n"
       "  unplug, plug         the cable\n"
-      "  quit                 or the end of input: unplug and remove the device"};
-  app.name("bendloop-usbscanner");
-  app.footer(
-      "Faults:\n"
-      "  gap N                leave out N profiles\n"
-      "  repeat               send a profile twice\n"
-      "  garbage BYTES        random bytes between messages\n"
-      "  corrupt              a wrong byte in a message\n"
-      "  bad-pose             a whole message with a pose that is none\n"
-      "  stall MS             no profiles for a while\n"
-      "  mute MS              nothing at all for a while, not even replies\n"
-      "  flood N              the next profile N times at once\n"
-      "  fault                a fault event\n"
-      "  halt                 the IN pipe stalls until the host clears it\n"
-      "  cut                  half a message, then the cable out and in\n"
-      "  unplug MS            the cable is out for a while\n"
-      "Examples:\n"
-      "  bendloop-usbscanner --session part.session --forever </dev/null\n"
-      "  (echo scan part.session; cat) | bendloop-usbscanner --serial CELL3 --pace max");
+      "  quit                 or the end of input: unplug and remove the device");
+  app.footer("Faults:\n" + drivers::ScannerFaultHelp(true) +
+             "Examples:\n"
+             "  bendloop-usbscanner --session part.session --forever </dev/null\n"
+             "  (echo scan part.session; cat) | bendloop-usbscanner --serial CELL3 --pace max");
   app.add_option("--session", options.sessions, "sessions to play at once, one after the other")
       ->type_name("FILE");
   app.add_flag("--forever", options.forever,
@@ -234,17 +212,13 @@ int Run(int argc, char** argv) {
       ->type_name("FILE");
   app.add_option("--udc", options.gadget.udc,
                  "device port, of /sys/class/udc (default: the first)");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : hal::ExitCode(ErrorKind::kUsage);
-  }
+  app.parse(argc, argv);
   unsigned vendor = 0;
   unsigned product = 0;
   char more = 0;
   if (std::sscanf(id.c_str(), "%4x:%4x%c", &vendor, &product, &more) != 2) {
-    return Complain(
-        {ErrorKind::kUsage, "--usb-id: found '" + id + "', expected VVVV:PPPP, e.g. 1209:0001"});
+    return Fail(ErrorKind::kUsage,
+                "--usb-id: found '" + id + "', expected VVVV:PPPP, e.g. 1209:0001");
   }
   options.gadget.vendor = static_cast<std::uint16_t>(vendor);
   options.gadget.product = static_cast<std::uint16_t>(product);
@@ -258,32 +232,26 @@ int Run(int argc, char** argv) {
   const int signals = signalfd(-1, &ends, SFD_CLOEXEC | SFD_NONBLOCK);
 
   auto gadget = drivers::UsbGadget::Create(options.gadget);
-  if (!gadget) return Complain(gadget.error());
+  if (!gadget) return Fail(gadget.error());
   hal::SteadyClock clock;
   ScannerDevice device({options.gadget.model, options.gadget.serial, options.firmware,
                         options.calibration, options.max_points},
                        clock);
   device.set_clock_drift_ppm(options.drift_ppm);
   GadgetService service(**gadget, device, options.capture);
-  if (auto plugged = service.Plug(); !plugged) return Complain(plugged.error());
+  if (auto plugged = service.Plug(); !plugged) return Fail(plugged.error());
   std::cout << "listening " << options.gadget.serial << std::endl;
   Operator person(service, options, clock);
   for (const std::string& file : options.sessions) {
-    if (auto begun = person.Scan(file); !begun) return Complain(begun.error());
+    if (auto begun = person.Scan(file); !begun) return Fail(begun.error());
   }
   Serve(person, signals, options.forever);
-  return 0;
+  return {};
 }
 
 }  // namespace
 }  // namespace bendloop::host
 
 int main(int argc, char** argv) {
-  std::signal(SIGPIPE, SIG_IGN);
-  try {
-    return bendloop::host::Run(argc, argv);
-  } catch (const std::exception& e) {
-    std::cerr << "bendloop-usbscanner: " << e.what() << '\n';
-    return bendloop::hal::ExitCode(bendloop::hal::ErrorKind::kInternal);
-  }
+  return bendloop::host::SimulatorMain("bendloop-usbscanner", bendloop::host::Run, argc, argv);
 }

@@ -29,11 +29,26 @@ TEST(Usage, AWrongCommandLineIsTwoAndOneLine) {
   const Scratch scratch;
   for (const char* arguments :
        {"", "frobnicate", "reconstruct", "replay x.session", "reconstruct a.ply --units parsecs",
-        "reconstruct a.ply --pipe-radius -3", "demo --parts zero", "simulate --out x.session"}) {
+        "reconstruct a.ply --pipe-radius -3", "demo --parts zero", "simulate --out x.session",
+        "convert --to parsecs"}) {
     const Ran ran = scratch.Bendloop(arguments);
     EXPECT_EQ(ran.code, 2) << arguments << "\n" << ran.err;
     EXPECT_THAT(ran.err, StartsWith("bendloop: ")) << arguments;
     EXPECT_EQ(ran.out, "") << arguments;
+  }
+}
+
+TEST(Usage, ANumberOutOfItsLimitsIsNamedAsItWasTyped) {
+  const Scratch scratch;
+  for (const char* number :
+       {"--noise 500", "--noise nan", "--noise-growth -1", "--outliers 2", "--dropouts -0.1",
+        "--pose-noise 101", "--jitter -1", "--spacing 0", "--rays 0", "--table-gap 1001"}) {
+    const Ran ran = scratch.Bendloop(std::string("simulate --part x --out y ") + number);
+    EXPECT_EQ(ran.code, 2) << number;
+    const std::string words(number);
+    const auto space = words.find(' ');
+    EXPECT_THAT(ran.err, StartsWith("bendloop: " + words.substr(0, space) + ": found" +
+                                    words.substr(space) + ", expected "));
   }
 }
 
@@ -45,7 +60,8 @@ TEST(Usage, BadInputIsThreeAndNamesTheFile) {
   std::ofstream(cell) << "schema = \"bendloop.cell/1\"\nnaem = \"x\"\n";
   for (const std::string& arguments :
        {"reconstruct " + text, std::string("reconstruct /does/not/exist.ply"), "check " + cell,
-        "replay " + text + " --config " + cell, "simulate --part " + cell + " --out /dev/null"}) {
+        "replay " + text + " --config " + cell, "simulate --part " + cell + " --out /dev/null",
+        "convert --to lra " + text}) {
     const Ran ran = scratch.Bendloop(arguments);
     EXPECT_EQ(ran.code, 3) << arguments << "\n" << ran.err;
     EXPECT_THAT(ran.err, StartsWith("bendloop: ")) << arguments;

@@ -18,7 +18,7 @@ using hal::ScanEventKind;
 using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 using std::chrono::seconds;
-using Kind = Misbehaviour::Kind;
+using Kind = ScannerFault::Kind;
 
 // The simulated scanner in a thread of its own.
 class StreamScannerTest : public ::testing::Test {
@@ -51,7 +51,7 @@ class StreamScannerTest : public ::testing::Test {
     wanted_ = false;
     action(*device_);
   }
-  void Trigger(std::initializer_list<Misbehaviour> misbehaviours = {}) {
+  void Trigger(std::initializer_list<ScannerFault> misbehaviours = {}) {
     Device([&](SimulatedScanner& device) {
       for (const auto& misbehaviour : misbehaviours) device.Misbehave(misbehaviour);
       device.Trigger(scan_, ScanPace::kMax);

@@ -16,7 +16,7 @@ using test::ReferenceItems;
 using test::ReferenceScan;
 using ::testing::HasSubstr;
 using Fault = FakeBus::Fault;
-using Kind = Misbehaviour::Kind;
+using Kind = ScannerFault::Kind;
 using std::chrono::milliseconds;
 
 class UsbScannerTest : public ::testing::Test {
@@ -34,7 +34,7 @@ class UsbScannerTest : public ::testing::Test {
     EXPECT_TRUE(started) << started.error().message;
     return *scanner_;
   }
-  void Scan(std::initializer_list<Misbehaviour> misbehaviours = {}) {
+  void Scan(std::initializer_list<ScannerFault> misbehaviours = {}) {
     auto session =
         std::make_unique<SessionSource>(ReferenceScan::Get().session, ReplayPace::kMax, clock_);
     ASSERT_TRUE(session->Open());

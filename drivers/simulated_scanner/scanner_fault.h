@@ -2,13 +2,14 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
+
+#include "hal/result.h"
 
 namespace bendloop::drivers {
 
 // What a scanner should not do, done once before the next profile.
-struct Misbehaviour {
+struct ScannerFault {
   enum class Kind : std::uint8_t {
     kGap,      // leaves out `amount` profiles
     kRepeat,   // sends the next profile twice
@@ -21,18 +22,18 @@ struct Misbehaviour {
     kMute,     // says nothing at all for `amount` milliseconds, not even replies
     kCut,      // half a message, then the connection is closed or the cable pulled
     kHalt,     // USB: the IN pipe stalls
-    kUnplug,   // the cable is out for `amount` milliseconds
+    kUnplug,   // USB: the cable is out for `amount` milliseconds
   };
   Kind kind = Kind::kGap;
   std::uint32_t amount = 1;
   std::uint32_t after = 0;  // so many more profiles
 };
 
-// "gap", "repeat", "garbage", "corrupt", "bad-pose", "stall", "fault", "flood", "mute", "cut",
-// "halt", "unplug".
-std::optional<Misbehaviour::Kind> MisbehaviourFromName(const std::string& name);
+// One line a fault, for help texts; with `usb` those of a cable, too.
+std::string ScannerFaultHelp(bool usb);
 
-// "unplug 200 after 50": name, amount (1 if not given) and after (0).
-std::optional<Misbehaviour> ParseMisbehaviour(const std::string& words);
+// "stall 200 after 50": name, amount (1 if not given) and after (0). kUsage, naming all faults, for
+// anything else.
+hal::Result<ScannerFault> ParseScannerFault(const std::string& words, bool usb);
 
 }  // namespace bendloop::drivers
