@@ -60,6 +60,25 @@ PartEnd EndOf(CommitOutcome outcome) {
   return PartEnd::kLinkDown;
 }
 
+// What stands in the result where nothing was sent, with the reason.
+CommitReport NothingSent(const BenderReading& now, const std::vector<std::string>& refusals) {
+  CommitReport report;
+  if (!now.facts) {
+    report.outcome = CommitOutcome::kFailed;
+    report.reason = now.problem +
+                    "; nothing was sent: check that the controller runs, the cable, and [bender] "
+                    "in the cell file";
+    return report;
+  }
+  report.outcome = CommitOutcome::kRefused;
+  report.reason = "nothing was sent: " + refusals.front();
+  if (refusals.size() > 1) {
+    report.reason += " (and " + std::to_string(refusals.size() - 1) + " more)";
+  }
+  report.active = now.facts->active;
+  return report;
+}
+
 }  // namespace
 
 bool PartOutcome::out_of_tolerance() const {
@@ -107,16 +126,24 @@ PartOutcome DecidePart(const PartPlan& plan, const ScanIdentity& identity, const
   result.interlocks = pipeline::CheckInterlocks(input, plan.interlocks);
 
   if (!result.interlocks->passed()) {
-    outcome.end = sends && !now.facts ? PartEnd::kLinkDown : PartEnd::kRefused;
+    outcome.end = PartEnd::kRefused;
     outcome.reasons = result.interlocks->refusals();
-    if (!now.problem.empty()) outcome.reasons.push_back(now.problem);
+    if (sends) {
+      result.bender = NothingSent(now, outcome.reasons);
+      outcome.end = EndOf(result.bender->outcome);
+    }
+    // A lost link comes first: most of the interlocks only say what is not known without it.
+    if (outcome.end == PartEnd::kLinkDown) {
+      outcome.reasons.insert(outcome.reasons.begin(), result.bender->reason);
+    }
     outcome.next.reset();
   } else if (sends && result.correction && result.correction->changes_anything) {
     result.bender = desk.Commit({identity.session, *base.bent_with, result.correction->corrected});
     outcome.end = EndOf(result.bender->outcome);
     if (outcome.end != PartEnd::kCorrected) outcome.reasons.push_back(result.bender->reason);
   }
-  if (outcome.out_of_tolerance()) {
+  // Of a part that is undecided, too: its exit code is 0, so that somebody must say it.
+  if (result.inspection->verdict != pipeline::Verdict::kPass) {
     outcome.reasons.insert(outcome.reasons.end(), result.inspection->reasons.begin(),
                            result.inspection->reasons.end());
   }

@@ -44,11 +44,11 @@ struct PartLatency {
 struct PartOutcome {
   PartEnd end = PartEnd::kUnchanged;
   RunResult result;
-  std::vector<std::string> reasons;        // why it was refused, or is out of tolerance
+  std::vector<std::string> reasons;        // why it was refused, or is not in tolerance for certain
   std::optional<pipeline::LotState> next;  // to be kept when the part counts
   PartLatency latency;                     // 0 for a replay
 
-  bool out_of_tolerance() const;
+  bool out_of_tolerance() const;  // for certain
   // Of a command that ran this one part.
   int exit_code() const;
 };

@@ -35,7 +35,9 @@ starts a simulated bender that holds the program that bent the part; with a real
 that one, under the same interlocks as a live scan, and the program it holds must be the one that
 bent the part. The same session and cell file give the same result, timing_ms aside.
 
-Exit code 1 when the part is refused or out of tolerance; the reasons are printed.)";
+Exit code 1 when the part is refused or out of tolerance; the reasons are printed. A part that is
+undecided (too near a tolerance for what the samples tell) is told so, with exit code 0: who takes
+parts for good by a script asks for inspection.verdict == "pass" in the JSON.)";
 
 int ReplayOne(const ReplayArguments& arguments) {
   const auto cell = config::LoadCell(arguments.config);

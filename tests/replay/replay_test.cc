@@ -11,6 +11,7 @@ namespace bendloop::testing {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 // A cell with the shipped demo part and a simulated bender.
 std::string WriteCell(const Scratch& scratch, const std::string& more = "") {
@@ -37,11 +38,12 @@ std::string WithoutTiming(const std::string& json) {
   return json.substr(0, at);
 }
 
-std::string Simulate(const Scratch& scratch, const std::string& options) {
+std::string Simulate(const Scratch& scratch, const std::string& options,
+                     const char* spacing_mm = "0.5") {
   const std::string session = (scratch / "scan.session").string();
   const Ran ran =
       scratch.Bendloop("simulate --part " BENDLOOP_SOURCE_DIR "/config/parts/demo.toml --out " +
-                       session + " --spacing 0.5 --rays 320 --views 2 " + options);
+                       session + " --spacing " + spacing_mm + " --rays 320 --views 2 " + options);
   EXPECT_EQ(ran.code, 0) << ran.err;
   return session;
 }
@@ -75,7 +77,21 @@ TEST(Replay, ARefusedPartIsOneWithItsReasonAndNothingIsSent) {
   EXPECT_THAT(ran.err, HasSubstr("bendloop: "));
   const std::string text = Slurp(json);
   EXPECT_TRUE(Has(text, "\"interlocks\""));
-  EXPECT_FALSE(Has(text, "\"committed\""));
+  const auto result = host::ReadResultJson(text, json);
+  ASSERT_TRUE(result && result->bender);  // the reader of the JSON sees why nothing was sent
+  EXPECT_EQ(result->bender->outcome, host::CommitOutcome::kRefused);
+  EXPECT_THAT(result->bender->reason, HasSubstr("nothing was sent: "));
+  EXPECT_TRUE(result->bender->active);
+}
+
+TEST(Replay, WhatIsUndecidedIsSaidThoughItIsNoFailure) {
+  const Scratch scratch;
+  // So far apart that the first straight is known to a third of its tolerance.
+  const Ran ran =
+      scratch.Bendloop("replay " + Simulate(scratch, "", "1") + " --config " + WriteCell(scratch));
+  EXPECT_THAT(ran.out, HasSubstr("UNDECIDED"));
+  EXPECT_EQ(ran.code, 0);
+  EXPECT_THAT(ran.err, HasSubstr("too close to the tolerance to decide"));
 }
 
 TEST(Replay, AJsonOnStandardOutputIsAlone) {
@@ -106,7 +122,13 @@ TEST(Replay, ABenderThatIsNotThereIsFour) {
   const Ran ran =
       scratch.Bendloop("replay " + Simulate(scratch, "") + " --config " + cell + " --json " + json);
   EXPECT_EQ(ran.code, 4) << ran.err;
-  EXPECT_TRUE(Has(Slurp(json), "\"tube\""));  // the measurement is kept all the same
+  // What failed, where and the mend come first.
+  EXPECT_THAT(ran.err, StartsWith("bendloop: bender 127.0.0.1:1 unit 1: cannot connect"));
+  EXPECT_THAT(ran.err.substr(0, ran.err.find('\n')), HasSubstr("check that the controller runs"));
+  const auto result = host::ReadResultJson(Slurp(json), json);  // measured all the same
+  ASSERT_TRUE(result && result->bender);
+  EXPECT_EQ(result->bender->outcome, host::CommitOutcome::kFailed);
+  EXPECT_THAT(result->bender->reason, HasSubstr("cannot connect"));
 }
 
 }  // namespace
