@@ -6,6 +6,7 @@
 
 #include "firmware-host/report/html.h"
 #include "firmware-host/result/words.h"
+#include "firmware-host/text/result_text.h"
 #include "firmware-host/text/table.h"
 
 namespace bendloop::host {
@@ -13,6 +14,7 @@ namespace {
 
 using pipeline::AxisCorrection;
 using pipeline::Deviation;
+using pipeline::RowValueKind;
 
 std::string Number(double value, int decimals = 3) {
   return "<td class=\"n\">" + Fixed(value, decimals) + "</td>";
@@ -27,25 +29,28 @@ std::string StateCell(pipeline::ToleranceState state) {
          mark.mark + "</span> " + mark.word + "</td>";
 }
 
-std::string FlagText(std::uint32_t flags) {
-  std::string text;
-  for (const auto& [flag, word] : Words<pipeline::CorrectionFlag>::kTable) {
-    if (!(flags & flag) || flag == pipeline::kFlagNotCorrected) continue;
-    text += (text.empty() ? "" : ", ") + std::string(word);
-  }
-  std::replace(text.begin(), text.end(), '_', ' ');
-  return text;
+// Value and sigma as on the terminal; `unknown` grows true at the first that is not known.
+std::string WithSigma(RowValueKind kind, double value, double sigma, bool& unknown) {
+  const ShownValue shown = ShowValue(kind, value, sigma);
+  unknown = unknown || !shown.is_known;
+  return "<td class=\"n\">" + shown.text + "</td><td class=\"n\">" + ShowSigma(sigma) + "</td>";
 }
 
-std::string AxisRow(const std::string& head, const char* name, const char* unit, const Deviation& d,
-                    bool corrected, const AxisCorrection* correction) {
-  const int decimals = SigmaDecimals(d.sigma, 3);
-  std::string html = "<tr class=\"" + std::string(MarkOf(d.state).css) + "\">" + head +
-                     "<th scope=\"row\">" + name + " <small>" + unit + "</small></th>" +
-                     Number(d.nominal) + Number(d.measured, decimals) + Number(d.sigma, decimals) +
-                     Change(d.deviation, decimals) + "<td class=\"n\">" +
-                     (d.tolerance ? "&#177;" + Fixed(*d.tolerance, 2) : "") + "</td>" +
-                     StateCell(d.state);
+std::string Legend(bool unknown) {
+  return unknown ? "<p><small>" + Escape(kUnknownLegend) + "</small></p>" : "";
+}
+
+std::string AxisRow(const std::string& head, RowValueKind kind, const Deviation& d, bool corrected,
+                    const AxisCorrection* correction, bool& unknown) {
+  static constexpr const char* kNames[] = {"length", "rotation", "angle", "CLR"};
+  static constexpr const char* kUnits[] = {"mm", "deg", "deg", "mm"};
+  const auto axis = static_cast<std::size_t>(kind);
+  std::string html =
+      "<tr class=\"" + std::string(MarkOf(d.state).css) + "\">" + head + "<th scope=\"row\">" +
+      kNames[axis] + " <small>" + kUnits[axis] + "</small></th>" + Number(d.nominal) +
+      WithSigma(kind, d.measured, d.sigma, unknown) +
+      Change(d.deviation, SigmaDecimals(d.sigma, 3)) + "<td class=\"n\">" +
+      (d.tolerance ? "&#177;" + Fixed(*d.tolerance, 2) : "") + "</td>" + StateCell(d.state);
   if (corrected && correction) {
     html += Number(correction->commanded) + Number(correction->corrected) +
             Change(correction->applied) + "<td class=\"flag\">" + FlagText(correction->flags) +
@@ -61,29 +66,31 @@ std::string MeasuredOnly(const pipeline::Measurement& m) {
       "<table><thead><tr><th>row</th><th class=\"n\">length <small>mm</small></th>"
       "<th class=\"n\">&#177;</th><th class=\"n\">rotation <small>deg</small></th>"
       "<th class=\"n\">&#177;</th><th class=\"n\">angle <small>deg</small></th>"
-      "<th class=\"n\">&#177;</th><th class=\"n\">CLR <small>mm</small></th></tr></thead><tbody>\n";
+      "<th class=\"n\">&#177;</th><th class=\"n\">CLR <small>mm</small></th>"
+      "<th class=\"n\">&#177;</th></tr></thead><tbody>\n";
+  bool unknown = false;
   const auto& rows = m.tube.program.rows;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const bool last = i + 1 == rows.size(), known = i < m.sigma.rows.size();
     const hal::BendRow sigma =
         known ? m.sigma.rows[i] : hal::BendRow{std::nan(""), std::nan(""), std::nan(""), {}};
-    const auto with_sigma = [](double value, double one_sigma) {
-      const int decimals = SigmaDecimals(one_sigma, 3);
-      return Number(value, decimals) + Number(one_sigma, decimals);
+    const auto with_sigma = [&unknown](RowValueKind kind, double value, double one_sigma) {
+      return WithSigma(kind, value, one_sigma, unknown);
     };
     html += "<tr><th scope=\"row\">" + std::to_string(i + 1) + "</th>" +
-            with_sigma(rows[i].length_mm, sigma.length_mm);
+            with_sigma(RowValueKind::kLength, rows[i].length_mm, sigma.length_mm);
     if (!last) {
       // The first rotation is 0 by convention and not measured.
-      html +=
-          (i == 0 ? "<td></td><td></td>" : with_sigma(rows[i].rotation_deg, sigma.rotation_deg)) +
-          with_sigma(rows[i].angle_deg, sigma.angle_deg) +
-          Number(rows[i].bend_radius_mm.value_or(std::nan("")),
-                 SigmaDecimals(sigma.bend_radius_mm.value_or(std::nan("")), 3));
+      html += i == 0
+                  ? "<td></td><td></td>"
+                  : with_sigma(RowValueKind::kRotation, rows[i].rotation_deg, sigma.rotation_deg);
+      html += with_sigma(RowValueKind::kAngle, rows[i].angle_deg, sigma.angle_deg) +
+              with_sigma(RowValueKind::kBendRadius, rows[i].bend_radius_mm.value_or(std::nan("")),
+                         sigma.bend_radius_mm.value_or(std::nan("")));
     }
     html += "</tr>\n";
   }
-  return html + "</tbody></table>";
+  return html + "</tbody></table>" + Legend(unknown);
 }
 
 std::string List(const std::vector<std::string>& sentences, const char* css) {
@@ -182,7 +189,7 @@ std::string FitBody(const RunResult& run) {
   const double coverage = std::clamp(std::isfinite(m.coverage) ? m.coverage : 0.0, 0.0, 1.0);
   html += "<p class=\"meter\">Coverage of the spine " + Fixed(100 * m.coverage, 1) +
           " %<span><i style=\"width:" + Fixed(100 * coverage, 1) + "%\"></i></span></p>";
-  return html + List(m.warnings, "notes");
+  return html + List(TogetherLines(run), "notes") + List(m.warnings, "notes");
 }
 
 std::string TimingBody(const RunResult& run) {
@@ -235,6 +242,7 @@ std::string RowsHtml(const RunResult& run) {
         "<th class=\"n\">change</th><th></th>";
   }
   html += "</tr></thead>\n";
+  bool unknown = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const pipeline::RowCorrection* c = corrected ? &run.correction->rows[i] : nullptr;
     const bool last = i + 1 == rows.size();
@@ -243,22 +251,21 @@ std::string RowsHtml(const RunResult& run) {
     std::string head = "<th scope=\"rowgroup\" class=\"row\" rowspan=\"" + std::to_string(lines) +
                        "\">" + std::to_string(i + 1) + "</th>";
     html += "<tbody>";
-    html +=
-        AxisRow(head, "length", "mm", rows[i].length_mm, corrected, c ? &c->length_mm : nullptr);
+    const auto add = [&](RowValueKind kind, const Deviation& d, const AxisCorrection* correction) {
+      html += AxisRow(kind == RowValueKind::kLength ? head : "", kind, d, corrected, correction,
+                      unknown);
+    };
+    add(RowValueKind::kLength, rows[i].length_mm, c ? &c->length_mm : nullptr);
     if (!last && i > 0) {
-      html += AxisRow("", "rotation", "deg", rows[i].rotation_deg, corrected,
-                      c ? &c->rotation_deg : nullptr);
+      add(RowValueKind::kRotation, rows[i].rotation_deg, c ? &c->rotation_deg : nullptr);
     }
     if (!last) {
-      html +=
-          AxisRow("", "angle", "deg", rows[i].angle_deg, corrected, c ? &c->angle_deg : nullptr);
-      if (rows[i].bend_radius_mm) {
-        html += AxisRow("", "CLR", "mm", *rows[i].bend_radius_mm, corrected, nullptr);
-      }
+      add(RowValueKind::kAngle, rows[i].angle_deg, c ? &c->angle_deg : nullptr);
+      if (rows[i].bend_radius_mm) add(RowValueKind::kBendRadius, *rows[i].bend_radius_mm, nullptr);
     }
     html += "</tbody>\n";
   }
-  return html + "</table>";
+  return html + "</table>" + Legend(unknown);
 }
 
 std::string CardsHtml(const RunResult& run) {

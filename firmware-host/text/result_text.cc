@@ -52,17 +52,6 @@ double SigmaOf(const hal::BendProgram& sigma, std::size_t i, double hal::BendRow
   return i < sigma.rows.size() ? sigma.rows[i].*value : std::nan("");
 }
 
-std::string FlagText(std::uint32_t flags) {
-  std::string text;
-  for (const auto& [flag, word] : Words<pipeline::CorrectionFlag>::kTable) {
-    // The first rotation and the last angle do not exist: nobody needs to be told.
-    if (!(flags & flag) || flag == pipeline::kFlagNotCorrected) continue;
-    text += (text.empty() ? "" : ", ") + std::string(word);
-  }
-  for (char& c : text) c = c == '_' ? ' ' : c;
-  return text;
-}
-
 bool IsUnknown(RowValueKind kind, double value, double sigma) {
   const bool beyond = sigma > std::abs(value);
   switch (kind) {
@@ -78,19 +67,12 @@ bool IsUnknown(RowValueKind kind, double value, double sigma) {
   return false;
 }
 
-// A value to the digits that its sigma supports.
-Cell ValueCell(RowValueKind kind, double value, double sigma) {
-  const std::string text = Fixed(value, SigmaDecimals(sigma, kDecimals));
-  return IsUnknown(kind, value, sigma) ? Cell("~" + text, Style::kWarning) : Cell(text);
+Cell ValueCell(const ShownValue& shown) {
+  return {shown.text, shown.is_known ? Style::kPlain : Style::kWarning};
 }
 
-std::string SigmaText(double sigma) { return Fixed(sigma, SigmaDecimals(sigma, kDecimals)); }
-
-constexpr const char* kUnknownLegend =
-    "  ~ not known: 1 sigma is more than the value, or more than 5 degrees\n";
-
 void AddAxis(Table& table, std::string row, RowValueKind kind, const pipeline::Deviation& d,
-             const pipeline::AxisCorrection* correction) {
+             const ShownValue& measured, const pipeline::AxisCorrection* correction) {
   static constexpr const char* kNames[] = {"length", "rotation", "angle", "CLR"};
   static constexpr const char* kUnits[] = {"mm", "deg", "deg", "mm"};
   const auto axis = static_cast<std::size_t>(kind);
@@ -99,8 +81,8 @@ void AddAxis(Table& table, std::string row, RowValueKind kind, const pipeline::D
                              kNames[axis],
                              kUnits[axis],
                              Fixed(d.nominal, kDecimals),
-                             ValueCell(kind, d.measured, d.sigma),
-                             SigmaText(d.sigma),
+                             ValueCell(measured),
+                             ShowSigma(d.sigma),
                              {Signed(d.deviation, SigmaDecimals(d.sigma, kDecimals)), mark.style},
                              d.tolerance ? Fixed(*d.tolerance, kDecimals) : "-",
                              {mark.text, mark.style}};
@@ -118,9 +100,27 @@ std::string ShortName(const pipeline::RowValue& value) {
   return kLetters[static_cast<std::size_t>(value.kind)] + std::to_string(value.row + 1);
 }
 
-// One line for each run of bends whose values are hardly told apart though it is known how the tube
-// goes on behind them.
-std::string TogetherText(const pipeline::JointUncertainty& joint, std::size_t bends) {
+std::string TogetherText(const std::vector<std::string>& lines) {
+  std::string out;
+  for (const std::string& line : lines) out += "  " + line + "\n";
+  return out;
+}
+
+bool Refused(const pipeline::InterlockReport& report) {
+  return !std::all_of(report.checks.begin(), report.checks.end(),
+                      [](const pipeline::Interlock& check) { return check.passed; });
+}
+
+}  // namespace
+
+ShownValue ShowValue(RowValueKind kind, double value, double sigma) {
+  const bool is_known = !IsUnknown(kind, value, sigma);
+  return {(is_known ? "" : "~") + Fixed(value, SigmaDecimals(sigma, kDecimals)), is_known};
+}
+
+std::string ShowSigma(double sigma) { return Fixed(sigma, SigmaDecimals(sigma, kDecimals)); }
+
+std::vector<std::string> TogetherLines(const pipeline::JointUncertainty& joint, std::size_t bends) {
   std::vector<std::string> lines;
   for (const pipeline::KnownTogether& run : joint.known_together) {
     const auto bend = [](std::size_t b) { return "bend " + std::to_string(b + 1); };
@@ -132,7 +132,7 @@ std::string TogetherText(const pipeline::JointUncertainty& joint, std::size_t be
     }
     const auto add = [&known](const std::string& what, double sigma, const char* unit) {
       if (!std::isfinite(sigma)) return;
-      known += (known.empty() ? "; but " : ", ") + what + " +- " + SigmaText(sigma) + unit;
+      known += (known.empty() ? "; but " : ", ") + what + " +- " + ShowSigma(sigma) + unit;
     };
     add("direction behind " + bend(run.last_bend), run.direction_sigma_deg, " deg");
     add("plane of " + to + " against " + from, run.plane_sigma_deg, " deg");
@@ -140,24 +140,36 @@ std::string TogetherText(const pipeline::JointUncertainty& joint, std::size_t be
             Fixed(run.length_mm, SigmaDecimals(run.length_sigma_mm, kDecimals)),
         run.length_sigma_mm, " mm");
     if (known.empty()) continue;
-    lines.push_back((run.values.size() == 1 ? "  vague: " : "  hardly told apart: ") + values +
-                    known + "\n");
+    lines.push_back((run.values.size() == 1 ? "vague: " : "hardly told apart: ") + values + known);
   }
-  std::string out;
-  for (std::size_t i = 0; i < std::min(lines.size(), kMostTogether); ++i) out += lines[i];
   if (lines.size() > kMostTogether) {
-    out += "  and " + Plural(lines.size() - kMostTogether, "more place") +
-           " like these: \"known_together\" in the JSON\n";
+    const std::size_t more = lines.size() - kMostTogether;
+    lines.resize(kMostTogether);
+    lines.push_back("and " + Plural(more, "more place") +
+                    " like these: \"known_together\" in the JSON");
   }
-  return out;
+  return lines;
 }
 
-bool Refused(const pipeline::InterlockReport& report) {
-  return !std::all_of(report.checks.begin(), report.checks.end(),
-                      [](const pipeline::Interlock& check) { return check.passed; });
+std::vector<std::string> TogetherLines(const RunResult& result) {
+  const std::size_t bends = result.measurement.tube.program.bend_count();
+  const pipeline::JointUncertainty& joint = result.measurement.joint;
+  if (!result.inspection || result.inspection->rows.empty()) return TogetherLines(joint, bends);
+  if (bends + 1 != result.inspection->rows.size()) return {};
+  const bool reverse = result.inspection->direction.state == pipeline::DirectionState::kReverse;
+  return TogetherLines(reverse ? Reversed(joint, bends) : joint, bends);
 }
 
-}  // namespace
+std::string FlagText(std::uint32_t flags) {
+  std::string text;
+  for (const auto& [flag, word] : Words<pipeline::CorrectionFlag>::kTable) {
+    // The first rotation and the last angle do not exist: nobody needs to be told.
+    if (!(flags & flag) || flag == pipeline::kFlagNotCorrected) continue;
+    text += (text.empty() ? "" : ", ") + std::string(word);
+  }
+  for (char& c : text) c = c == '_' ? ' ' : c;
+  return text;
+}
 
 std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
   Table table({{"row", Align::kRight},
@@ -175,9 +187,10 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
     const bool last = i + 1 == rows.size();
     std::vector<Cell> cells = {std::to_string(i + 1)};
     const auto add = [&](RowValueKind kind, double value, double sigma) {
-      unknown = unknown || IsUnknown(kind, value, sigma);
-      cells.push_back(ValueCell(kind, value, sigma));
-      cells.emplace_back(SigmaText(sigma));
+      const ShownValue shown = ShowValue(kind, value, sigma);
+      unknown = unknown || !shown.is_known;
+      cells.push_back(ValueCell(shown));
+      cells.emplace_back(ShowSigma(sigma));
     };
     add(RowValueKind::kLength, rows[i].length_mm, SigmaOf(m.sigma, i, &hal::BendRow::length_mm));
     if (!last) {
@@ -195,12 +208,13 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
     table.Add(std::move(cells));
   }
   std::string out = rows.empty() ? "  no rows: see the spine\n" : table.Render(colour);
-  if (unknown) out += kUnknownLegend;
-  out += TogetherText(m.joint, m.tube.program.bend_count());
+  if (unknown) out += std::string("  ") + kUnknownLegend + "\n";
+  out += TogetherText(TogetherLines(m.joint, m.tube.program.bend_count()));
   out += "\n  pipe radius " +
          Fixed(m.tube.pipe_radius_mm, SigmaDecimals(m.pipe_radius_sigma_mm, kDecimals)) + " +- " +
-         SigmaText(m.pipe_radius_sigma_mm) + " mm; " + Plural(m.tube.program.bend_count(), "bend") +
-         "; +- is 1 sigma\n";
+         ShowSigma(m.pipe_radius_sigma_mm) + " mm; " +
+         (rows.empty() ? "" : Plural(m.tube.program.bend_count(), "bend") + "; ") +
+         "+- is 1 sigma\n";
   out += "  fit: " + Plural(m.fit.samples, "sample") + ", " + Plural(m.fit.outliers, "outlier") +
          "; distance median " + Fixed(m.fit.median_abs_distance_mm, kDecimals) + ", rms " +
          Fixed(m.fit.rms_distance_mm, kDecimals) + ", 95 % below " +
@@ -246,9 +260,10 @@ std::string ComparisonText(const RunResult& result, bool colour) {
     if (i > 0) table.AddGap();
     const auto add = [&](RowValueKind kind, const pipeline::Deviation& d,
                          const pipeline::AxisCorrection* correction) {
-      unknown = unknown || IsUnknown(kind, d.measured, d.sigma);
+      const ShownValue measured = ShowValue(kind, d.measured, d.sigma);
+      unknown = unknown || !measured.is_known;
       const bool first = kind == RowValueKind::kLength;
-      AddAxis(table, first ? std::to_string(i + 1) : "", kind, d, correction);
+      AddAxis(table, first ? std::to_string(i + 1) : "", kind, d, measured, correction);
     };
     add(RowValueKind::kLength, rows[i].length_mm, c ? &c->length_mm : nullptr);
     if (i + 1 == rows.size()) break;
@@ -261,12 +276,8 @@ std::string ComparisonText(const RunResult& result, bool colour) {
     }
   }
   std::string out = table.Render(colour);
-  if (unknown) out += kUnknownLegend;
-  const std::size_t bends = result.measurement.tube.program.bend_count();
-  if (bends + 1 != rows.size()) return out;
-  const bool reverse = result.inspection->direction.state == pipeline::DirectionState::kReverse;
-  const pipeline::JointUncertainty& joint = result.measurement.joint;
-  return out + TogetherText(reverse ? Reversed(joint, bends) : joint, bends);
+  if (unknown) out += std::string("  ") + kUnknownLegend + "\n";
+  return out + TogetherText(TogetherLines(result));
 }
 
 std::string VerdictLine(const RunResult& result, bool colour) {

@@ -91,6 +91,27 @@ TEST(ReportHtml, ShowsTheNumbersAndMarksThemNotByColourAlone) {
   EXPECT_GT(Count(html, "<title>part 1, bend 2: +1.500 +- 0.015 deg</title>"), 0u);
 }
 
+// Digits and "~" as on the terminal.
+TEST(ReportHtml, ShowsOnlyTheDigitsThatAreKnown) {
+  RunResult run = SampleRun(1, 1.5);
+  EXPECT_EQ(Count(Markup(ReportHtml(std::span(&run, 1))), ">~"), 0u);
+  run.inspection->rows[1].length_mm.measured = 60.12345;
+  run.inspection->rows[1].length_mm.sigma = 75.0;
+  std::string html = Markup(ReportHtml(std::span(&run, 1)));
+  EXPECT_EQ(Count(html, "<td class=\"n\">~60</td><td class=\"n\">75</td>"), 1u);
+  EXPECT_EQ(Count(html, "<small>~ not known: 1 sigma"), 1u);
+  run.inspection->rows.clear();  // measured only
+  run.measurement.sigma.rows.at(1).rotation_deg = 12.3;
+  html = Markup(ReportHtml(std::span(&run, 1)));
+  EXPECT_EQ(Count(html, "<td class=\"n\">~"), 1u);
+  EXPECT_EQ(Count(html, "<td class=\"n\">12</td>"), 1u);
+  run.measurement.joint.known_together = {{.first_bend = 0,
+                                           .last_bend = 0,
+                                           .values = {{1, pipeline::RowValueKind::kRotation}},
+                                           .direction_sigma_deg = 0.03}};
+  EXPECT_EQ(Count(Markup(ReportHtml(std::span(&run, 1))), "vague: R2; but direction behind"), 1u);
+}
+
 TEST(ReportHtml, HoldsForAnythingThatIsMissing) {
   EXPECT_GT(Count(ReportHtml({}), "</html>"), 0u);
   RunResult run;
