@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "hal/spine.h"
@@ -229,6 +230,9 @@ Measurement DescribeCanal(const CanalScan& scan, bool freeform, const hal::Clock
   StageTimer timer(clock);
   Measurement measurement;
   measurement.spine = scan.spine;
+  measurement.joint.is_known = false;
+  measurement.structure_margin = measurement.halves_differ_sigma =
+      std::numeric_limits<double>::quiet_NaN();
   measurement.noise_mm = scan.fit.sigma_mm;
   const double design_effect = DesignEffect(scan);
   measurement.pipe_radius_sigma_mm = scan.fit.pipe_radius_sigma_mm * std::sqrt(design_effect);

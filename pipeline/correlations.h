@@ -45,6 +45,7 @@ struct KnownTogether {
 
 // What the sigmas of single values do not say.
 struct JointUncertainty {
+  bool is_known = true;                       // false: nobody looked, as for canals
   std::vector<Correlation> correlations;      // strong ones; by row
   std::vector<KnownTogether> known_together;  // by bend
 };

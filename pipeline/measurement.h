@@ -50,16 +50,17 @@ struct Measurement {
   hal::Tube tube;          // in the world frame
   hal::BendProgram sigma;  // 1 sigma of every value of tube.program, row by row
   double pipe_radius_sigma_mm = 0;
-  JointUncertainty joint;     // which of these values are hardly told apart; none of a canal
+  JointUncertainty joint;     // which of these values are hardly told apart
   double noise_mm = 0;        // 1 sigma of a sample along the surface normal, from the residuals
   double coverage = 0;        // part of the spine's length that has samples, 0..1
   double longest_gap_mm = 0;  // of the spine without samples
   FitQuality fit;
   std::vector<BendShape> bend_shapes;  // of every bend; none: nothing says that they are not round
   // By how much the tube is better than the next best one with another number of bends: twice the
-  // natural logarithm of the odds. Below 10 it was a close call.
+  // natural logarithm of the odds. Below 10 it was a close call; NaN: not known, as of canals.
   double structure_margin = 0;
-  // The greatest difference between a row's value in two halves of the samples, in its own sigmas.
+  // The greatest difference between a row's value in two halves of the samples, in its own sigmas;
+  // NaN: not known, as of canals.
   double halves_differ_sigma = 0;
   std::vector<SpineSample> spine;      // along the tube, evenly spaced
   std::vector<SurfaceSample> surface;  // evenly thinned samples, for deviations and pictures

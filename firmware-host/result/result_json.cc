@@ -61,10 +61,11 @@ Json UncertaintyJson(const pipeline::Measurement& m) {
                               {"length_mm", Number(run.length_mm)},
                               {"length_sigma_mm", Number(run.length_sigma_mm)}});
   }
+  const bool is_known = m.joint.is_known;
   return {{"pipe_radius_mm", Number(m.pipe_radius_sigma_mm)},
           {"rows", SigmaRowsJson(m.sigma, m.tube.program)},
-          {"correlations", std::move(correlations)},
-          {"known_together", std::move(known_together)}};
+          {"correlations", is_known ? std::move(correlations) : Json()},
+          {"known_together", is_known ? std::move(known_together) : Json()}};
 }
 
 Json SpineJson(const std::vector<pipeline::SpineSample>& spine) {

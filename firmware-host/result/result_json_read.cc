@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
 #include "firmware-host/result/json_reader.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/result/result_json.h"
@@ -18,8 +20,8 @@ void ReadFit(const JsonReader& json, pipeline::Measurement& m) {
   m.noise_mm = json.NumberOr("noise_mm", 0);
   m.coverage = json.NumberOr("coverage", 0);
   m.longest_gap_mm = json.NumberOr("longest_gap_mm", 0);
-  m.structure_margin = json.NumberOr("structure_margin", 0);
-  m.halves_differ_sigma = json.NumberOr("halves_differ_sigma", 0);
+  m.structure_margin = json.NumberOr("structure_margin", std::nan(""));
+  m.halves_differ_sigma = json.NumberOr("halves_differ_sigma", std::nan(""));
 }
 
 // Rows and bends are checked against the program, since a text names them.
@@ -36,7 +38,8 @@ pipeline::RowValue ReadRowValue(const JsonReader& json, std::size_t rows) {
 
 void ReadJointUncertainty(const JsonReader& json, std::size_t rows,
                           pipeline::JointUncertainty& joint) {
-  if (json.Has("correlations")) {
+  joint.is_known = json.Has("correlations");
+  if (joint.is_known) {
     const JsonReader list = json.At("correlations");
     for (std::size_t i = 0, n = list.Size(pipeline::kMostCorrelations); i < n; ++i) {
       const JsonReader item = list.Item(i);

@@ -63,6 +63,21 @@ std::vector<std::string> Keys(const Json& json) {
   return keys;
 }
 
+TEST(ResultJson, WhatNobodyLookedForIsNullAndNotNone) {
+  RunResult canal = Sample();
+  canal.measurement.joint.is_known = false;
+  canal.measurement.structure_margin = canal.measurement.halves_differ_sigma = kNan;
+  const std::string text = WriteResultJson(canal);
+  const Json json = Json::parse(text);
+  EXPECT_TRUE(json["uncertainty_1sigma"]["correlations"].is_null());
+  EXPECT_TRUE(json["uncertainty_1sigma"]["known_together"].is_null());
+  EXPECT_TRUE(json["fit"]["structure_margin"].is_null());
+  EXPECT_TRUE(json["fit"]["halves_differ_sigma"].is_null());
+  const auto read = ReadResultJson(text, "canal");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(WriteResultJson(*read), text);
+}
+
 TEST(ResultJson, HasTheKeysOfTheSchemaInOrder) {
   const Json json = ResultJson(Sample(), {.spine = true});
   EXPECT_THAT(Keys(json), ElementsAre("schema", "part", "session", "time", "software", "tube",
