@@ -7,8 +7,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <string>
-#include <unordered_set>
 
 #include "hal/spine.h"
 #include "pipeline/coverage.h"
@@ -46,6 +46,8 @@ constexpr double kMaxPlaceMm = 1e7;    // no scanner sees further than ten kilom
 constexpr double kCloseCall = 10.0;    // structure_margin
 constexpr double kMostMargin = 1e6;    // there may be nothing to compare with
 constexpr double kHalvesDiffer = 5.0;  // sigma
+constexpr const char* kCloserLines =
+    "; if the laser lines are farther apart than half the pipe radius, scan with closer ones";
 
 bool IsPlace(const Eigen::Vector3d& point) {
   return (point.array().abs() < kMaxPlaceMm).all();  // NaN is none
@@ -75,6 +77,20 @@ void SayHowSure(const SurfaceFit& structure, const SurfaceFit& fit, const Halves
     measurement.warnings.push_back("two halves of the samples disagree on the " + halves.what +
                                    " (" + Fixed(halves.sigmas, 1) + " sigma): scan again");
   }
+}
+
+// Once for all that was left out, however many steps it took to see that it is not this tube.
+void SayLeftOut(const std::vector<double>& lengths_mm, std::vector<std::string>& warnings) {
+  if (lengths_mm.empty()) return;
+  const std::string all_mm = Mm(std::accumulate(lengths_mm.begin(), lengths_mm.end(), 0.0));
+  warnings.push_back(
+      lengths_mm.size() == 1
+          ? "another piece of tube in view, " + all_mm +
+                " long, is left out: where it belongs to this one, scan the gap between them again"
+          : std::to_string(lengths_mm.size()) + " other pieces of tube in view, together " +
+                all_mm +
+                " long, are left out: where they belong to this one, scan the gaps between them "
+                "again");
 }
 
 // An end that no sample shows is where the nodes stop: how far its straight goes on nobody knows.
@@ -188,8 +204,9 @@ class Reconstruction::Impl {
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
   std::vector<SpineNode> FinalNodes(Workers& workers);
+  // `left_out_mm`: grows by the length of a piece that is worth a word.
   hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons,
-                                       std::vector<std::string>& warnings) const;
+                                       std::vector<double>& left_out_mm) const;
 
   ReconstructionOptions options_;
   const hal::Clock& clock_;
@@ -235,12 +252,12 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
   return result;
 }
 
-hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(
-    std::vector<SpinePolygon> polygons, std::vector<std::string>& warnings) const {
+hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(std::vector<SpinePolygon> polygons,
+                                                           std::vector<double>& left_out_mm) const {
   if (polygons.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "no tube of pipe radius " + Mm(radius_mm_) +
-                         " in the points: expected a surface curved like that");
+                         " in the points: expected a surface curved like that" + kCloserLines);
   }
   if (options_.nominal) {
     // With a nominal the tube is the piece of its length; others are neighbours in view.
@@ -259,11 +276,7 @@ hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(
                            " long), or one with a gap that is too long to bridge: scan one tube "
                            "at a time, and the gap again");
     }
-    if (second_mm > kPiece * first_mm) {
-      warnings.push_back("another piece of tube in view, " + Mm(second_mm) +
-                         " long, is left out: where it belongs to this one, scan the gap between "
-                         "them again");
-    }
+    if (second_mm > kPiece * first_mm) left_out_mm.push_back(second_mm);
   }
   return polygons.front();
 }
@@ -315,7 +328,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
     if (more.empty()) more = waiting_;
     if (const auto shape = CheckShape(more); !shape) return hal::Fail(shape.error());
     const auto radius = EstimatePipeRadius(more, &workers);
-    if (!radius) return hal::Fail(radius.error());
+    if (!radius) return hal::Fail(radius.error().kind, radius.error().message + kCloserLines);
     if (const auto units = CheckUnits(radius->radius_mm); !units) return hal::Fail(units.error());
     timer.Done("pipe_radius");
     StartWith(radius->radius_mm);
@@ -336,7 +349,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   const std::vector<SpineNode> nodes = FinalNodes(workers);
   timer.Done("projection");
 
-  auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_), measurement.warnings);
+  std::vector<double> left_out_mm;
+  auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_), left_out_mm);
   if (!polygon) return hal::Fail(polygon.error());
   timer.Done("curve");
 
@@ -349,11 +363,12 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   for (int i = 0; i < kMaxParted; ++i) {
     auto pieces = PiecesBetweenJoints(structure, *polygon, i == 0);
     if (pieces.size() == 1 && pieces.front().size() == polygon->size()) break;
-    polygon = ChooseTube(std::move(pieces), measurement.warnings);
+    polygon = ChooseTube(std::move(pieces), left_out_mm);
     if (!polygon) return hal::Fail(polygon.error());
     blocks = BlocksNear(*polygon, true);
     structure = find_structure();
   }
+  SayLeftOut(left_out_mm, measurement.warnings);
   timer.Done("structure");
 
   const SurfaceFitOptions options{.reach_mm = kFinalReach * structure.tube.pipe_radius_mm,

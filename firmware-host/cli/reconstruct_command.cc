@@ -97,13 +97,15 @@ std::vector<std::string> Doubts(const pipeline::Measurement& measurement,
                                 std::optional<double> given_radius_mm) {
   std::vector<std::string> doubts;
   const pipeline::FitQuality& fit = measurement.fit;
+  const double radius_mm = measurement.tube.pipe_radius_mm;
   if (fit.outliers > fit.samples) {
     doubts.push_back("only " + std::to_string(fit.samples) + " of " +
                      std::to_string(fit.samples + fit.outliers) +
-                     " points lie on the measured tube: is the rest a table or a fixture, or were "
-                     "the laser lines too far apart to follow the tube?");
+                     " points lie on the measured tube: unless the rest is a table or a fixture, "
+                     "this is a scrap of the tube and not to be trusted; scan with laser lines "
+                     "closer than " +
+                     Fixed(0.5 * radius_mm, 1) + " mm (half the pipe radius)");
   }
-  const double radius_mm = measurement.tube.pipe_radius_mm;
   if (given_radius_mm && std::abs(radius_mm - *given_radius_mm) > kRadiusDoubt * *given_radius_mm) {
     doubts.push_back("--pipe-radius says " + Fixed(*given_radius_mm, 3) + " mm, the points show " +
                      Fixed(radius_mm, 3) + " mm");

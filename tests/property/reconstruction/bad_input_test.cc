@@ -83,6 +83,30 @@ TEST(BadInput, TwoTubes) {
   ExpectRefused(points, AllOf(HasSubstr("two tubes"), HasSubstr("one tube at a time")));
 }
 
+// However many steps it takes to see what is not the tube.
+TEST(Neighbours, WhatIsLeftOutIsSaidOnce) {
+  Random random(7);
+  // One joined to the tube by a bend that no machine makes, one far off.
+  const hal::Tube joined{4, {{{150, 0, 90, 4.1}, {60, 0, 0, std::nullopt}}}, {}};
+  hal::Tube far_off{4, {{{60, 0, 0, std::nullopt}}}, {}};
+  far_off.X_WT.position_mm = {0, 300, 0};
+  Points points = SyntheticCloud(joined, {.points = 6000}, random);
+  const auto count = [](const hal::Result<pipeline::Measurement>& found, const char* words) {
+    EXPECT_TRUE(found) << found.error().message;
+    return std::count_if(found->warnings.begin(), found->warnings.end(), [&](const auto& warning) {
+      return warning.find(words) != std::string::npos;
+    });
+  };
+  EXPECT_EQ(count(Measure(points), "another piece of tube in view, "), 1);
+  for (const Eigen::Vector3d& p : SyntheticCloud(far_off, {.points = 2000}, random)) {
+    points.push_back(p);
+  }
+  const auto found = Measure(points);
+  EXPECT_EQ(count(found, "left out"), 1);
+  EXPECT_EQ(count(found, "2 other pieces of tube in view, together "), 1);
+  EXPECT_EQ(found->tube.program.bend_count(), 0u);
+}
+
 TEST(BadInput, WrongUnitsAreNamed) {
   Random random(4);
   const hal::Tube tube = SomeTube(4, random);
