@@ -83,6 +83,27 @@ TEST(BadInput, TwoTubes) {
   ExpectRefused(points, AllOf(HasSubstr("two tubes"), HasSubstr("one tube at a time")));
 }
 
+// Rings farther apart than the pipe radius: from one to the next the points curve as on a much
+// wider pipe, which the whole tube may seem to be.
+TEST(BadInput, LaserLinesTooFarApart) {
+  for (int seed = 0; seed < 4 * kSeeds; ++seed) {
+    Random random(static_cast<std::uint64_t>(seed));
+    const hal::Tube tube = RandomTube({.pipe_radius_mm = 5,
+                                       .bends = 4,
+                                       .min_bend_radius = 1.6,
+                                       .max_bend_radius = 1.6,
+                                       .min_straight = 4,
+                                       .max_straight = 16},
+                                      random);
+    const auto found = Measure(SyntheticCloud(tube, {.points = 1200, .stripes_mm = 6}, random));
+    if (found) {
+      EXPECT_NEAR(found->tube.pipe_radius_mm, 5, 0.5) << seed;
+    } else {
+      EXPECT_THAT(found.error().message, HasSubstr("laser lines")) << seed;
+    }
+  }
+}
+
 // However many steps it takes to see what is not the tube.
 TEST(Neighbours, WhatIsLeftOutIsSaidOnce) {
   Random random(7);
