@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <string>
 
@@ -38,24 +39,26 @@ class Scatter {
 }  // namespace
 
 hal::Result<void> CheckBendingPhysics(const BendingPhysics& physics) {
+  // Named as on the command lines that set them.
   struct Limit {
-    const char* name;
+    const char* option;
     double value, low, high;
   };
-  const Limit limits[] = {{"springback at 20 degrees", physics.springback_20_deg, -20, 20},
-                          {"springback at 120 degrees", physics.springback_120_deg, -60, 60},
-                          {"elongation percent", physics.elongation_percent, -50, 50},
-                          {"twist degrees", physics.twist_deg, -90, 90},
-                          {"radius spring-out", physics.radius_spring_out, -0.5, 0.5},
-                          {"angle scatter", physics.sigma_angle_deg, 0, 10},
-                          {"rotation scatter", physics.sigma_rotation_deg, 0, 10},
-                          {"length scatter", physics.sigma_length_mm, 0, 50},
-                          {"bend radius", physics.default_bend_radius_mm, 0, 1e5}};
+  const Limit limits[] = {{"--springback-20", physics.springback_20_deg, -20, 20},
+                          {"--springback-120", physics.springback_120_deg, -60, 60},
+                          {"--elongation", physics.elongation_percent, -50, 50},
+                          {"--twist", physics.twist_deg, -90, 90},
+                          {"--spring-out", physics.radius_spring_out, -0.5, 0.5},
+                          {"--scatter-angle", physics.sigma_angle_deg, 0, 10},
+                          {"--scatter-rotation", physics.sigma_rotation_deg, 0, 10},
+                          {"--scatter-length", physics.sigma_length_mm, 0, 50},
+                          {"--bend-radius", physics.default_bend_radius_mm, 0, 1e5}};
   for (const Limit& limit : limits) {
     if (limit.value >= limit.low && limit.value <= limit.high) continue;
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     std::string(limit.name) + ": " + std::to_string(limit.value) + ", expected " +
-                         std::to_string(limit.low) + " to " + std::to_string(limit.high));
+    char found[96];
+    std::snprintf(found, sizeof found, ": found %.10g, expected %.10g to %.10g", limit.value,
+                  limit.low, limit.high);
+    return hal::Fail(hal::ErrorKind::kBadInput, std::string(limit.option) + found);
   }
   return {};
 }

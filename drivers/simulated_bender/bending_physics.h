@@ -24,7 +24,7 @@ struct BendingPhysics {
   std::uint64_t seed = 1;
 };
 
-// kBadInput names the value that no bender has.
+// kBadInput: the option, as the command lines name it, whose value no bender has.
 hal::Result<void> CheckBendingPhysics(const BendingPhysics& physics);
 
 // The tube that `program` gives as part `serial` (1, 2, ...): depends on nothing else.

@@ -115,7 +115,9 @@ TEST(BendingPhysics, ImpossibleSettingsAreRefused) {
   BendingPhysics physics;
   EXPECT_TRUE(CheckBendingPhysics(physics));
   physics.sigma_angle_deg = -1;
-  EXPECT_FALSE(CheckBendingPhysics(physics));
+  const auto checked = CheckBendingPhysics(physics);
+  ASSERT_FALSE(checked);
+  EXPECT_EQ(checked.error().message, "--scatter-angle: found -1, expected 0 to 10");
   physics.sigma_angle_deg = std::nan("");
   EXPECT_FALSE(CheckBendingPhysics(physics));
 }
