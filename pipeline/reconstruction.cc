@@ -47,6 +47,7 @@ constexpr double kCloseCall = 10.0;    // structure_margin
 constexpr double kMostMargin = 1e6;    // there may be nothing to compare with
 constexpr double kHalvesDiffer = 5.0;  // sigma
 constexpr double kVagueRadius = 0.02;  // 1 sigma of r_P over r_P; tubes have less than 0.005
+constexpr double kRough = 0.04;        // sigma over r_P; beyond it only noisy wires are
 constexpr const char* kCloserLines =
     "; if the laser lines are farther apart than half the pipe radius, scan with closer ones";
 
@@ -382,10 +383,12 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   const SurfaceFit fit = FitSurface(structure.tube, blocks, options);
   const double noise_mm = weights.certainties.empty() ? fit.sigma_mm : weights.noise_mm;
   timer.Done("fit");
-  if (!(fit.pipe_radius_sigma_mm < kVagueRadius * fit.tube.pipe_radius_mm)) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     "no tube: the points tell its pipe radius, " + Mm(fit.tube.pipe_radius_mm) +
-                         ", only to " + Mm(fit.pipe_radius_sigma_mm) + " (1 sigma)" + kCloserLines);
+  const double r_mm = fit.tube.pipe_radius_mm;
+  if (!(fit.pipe_radius_sigma_mm < kVagueRadius * r_mm) && !(fit.sigma_mm < kRough * r_mm)) {
+    return hal::Fail(hal::ErrorKind::kBadInput, "no tube: the points lie " + Mm(fit.sigma_mm) +
+                                                    " (1 sigma) off one of " + "pipe radius " +
+                                                    Mm(r_mm) + " and tell that only to " +
+                                                    Mm(fit.pipe_radius_sigma_mm) + kCloserLines);
   }
   const bool as_nominal =
       options_.nominal && options_.nominal->bend_count() == structure.tube.program.bend_count();
