@@ -50,7 +50,7 @@ struct Piece {
   SegmentPoints points;
 };
 
-double AlongOf(const SegmentPoints& points, std::size_t i, const hal::SpineSegment& segment) {
+double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment) {
   if (!segment.is_arc()) return points.x[i];
   const double middle = 0.5 * segment.angle_rad();
   const double phi = std::atan2(points.x[i], -points.y[i]);
@@ -69,13 +69,35 @@ std::vector<Piece> Pieces(const std::vector<hal::SpineSegment>& segments,
     for (int i = 0; i < count; ++i) {
       pieces.push_back({k, length_mm * i / count, {}});
     }
-    for (std::size_t i = 0; i < points.size; ++i) {
+    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
       const double part = length_mm > 0 ? AlongOf(points, i, segments[k]) / length_mm : 0.0;
       const double place = std::clamp(std::floor(part * count), 0.0, count - 1.0);
       pieces[first + static_cast<std::size_t>(place)].points.Add(points, i);
     }
   }
   return pieces;
+}
+
+// What a tube may do at a place: a line may turn across itself; an arc also about itself (another
+// plane from here on), and a straight may stand in it.
+constexpr int kArcModes = 4;
+using Modes = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kArcModes>;
+using ModeMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kArcModes, kArcModes>;
+using ModeVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kArcModes, 1>;
+
+Modes ModesAt(const hal::SpineSegment& segment, double along_mm, const Eigen::Vector3d& origin) {
+  const Eigen::Vector3d at = segment.PointAt(along_mm);
+  const Eigen::Vector3d tangent = segment.TangentAt(along_mm);
+  const bool arc = segment.is_arc() && along_mm > 0;
+  Modes modes = Modes::Zero(6, arc ? kArcModes : 2);
+  modes.col(0).tail<3>() = segment.normal;
+  modes.col(1).tail<3>() = segment.normal.cross(tangent);
+  if (arc) modes.col(2).tail<3>() = tangent;
+  for (Eigen::Index m = 0; m < (arc ? 3 : 2); ++m) {
+    modes.col(m).head<3>() = -modes.col(m).tail<3>().cross(at - origin);
+  }
+  if (arc) modes.col(3) << tangent, Eigen::Vector3d::Zero();
+  return modes;
 }
 
 }  // namespace
@@ -153,40 +175,45 @@ std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const
   };
   const Eigen::VectorXd at_rest = solve(slope);
 
+  // What may stand at each place, and what the parameters, which would give way, make of it.
+  struct Place {
+    std::size_t piece;
+    Modes modes;
+    Eigen::Index column;  // the first of its columns
+  };
   const double total_mm = segments.back().from_start_mm + segments.back().length_mm;
   const double margin_mm = kEnd * fit.tube.pipe_radius_mm;
-  std::vector<MissingBend> all;
+  std::vector<Place> places;
+  Eigen::Index columns = 0;
   for (std::size_t p = 1; p < pieces.size(); ++p) {
     const auto& segment = segments[pieces[p].segment];
     const double place_mm = segment.from_start_mm + pieces[p].begin_mm;
     if (place_mm < margin_mm || place_mm > total_mm - margin_mm) continue;
-    const Eigen::Vector3d at = segment.PointAt(pieces[p].begin_mm);
-    const Eigen::Vector3d tangent = segment.TangentAt(pieces[p].begin_mm);
-    // A line may turn across itself; an arc also about itself (another plane from here on), and a
-    // straight may stand in it.
-    const bool arc = segment.is_arc() && pieces[p].begin_mm > 0;
-    Eigen::Matrix<double, 6, Eigen::Dynamic> modes(6, arc ? 4 : 2);
-    const Eigen::Vector3d side = segment.normal.cross(tangent);
-    modes.col(0).tail<3>() = segment.normal;
-    modes.col(1).tail<3>() = side;
-    if (arc) modes.col(2).tail<3>() = tangent;
-    for (Eigen::Index m = 0; m < (arc ? 3 : 2); ++m) {
-      modes.col(m).head<3>() = -modes.col(m).tail<3>().cross(at - origin);
-    }
-    if (arc) modes.col(3) << tangent, Eigen::Vector3d::Zero();
-    const Eigen::MatrixXd cross = modes.transpose() * suffix[p].with_parameters;
-    const Eigen::MatrixXd free =
-        modes.transpose() * suffix[p].information * modes - cross * solve(cross.transpose());
-    const Eigen::VectorXd pull = modes.transpose() * suffix[p].slope - cross * at_rest;
-    const Eigen::VectorXd size = free.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(size.asDiagonal() * free *
-                                                               size.asDiagonal());
-    const Eigen::VectorXd inverse =
+    places.push_back({p, ModesAt(segment, pieces[p].begin_mm, origin), columns});
+    columns += places.back().modes.cols();
+  }
+  Eigen::MatrixXd cross(n, columns);
+  for (const Place& place : places) {
+    cross.middleCols(place.column, place.modes.cols()).noalias() =
+        suffix[place.piece].with_parameters.transpose() * place.modes;
+  }
+  const Eigen::MatrixXd answers = solve(cross);  // all at once: there may be hundreds
+  std::vector<MissingBend> all;
+  for (const auto& [p, modes, column] : places) {
+    const auto of_place = cross.middleCols(column, modes.cols());
+    const ModeMatrix free = modes.transpose() * suffix[p].information * modes -
+                            of_place.transpose() * answers.middleCols(column, modes.cols());
+    const ModeVector pull = modes.transpose() * suffix[p].slope - of_place.transpose() * at_rest;
+    const ModeVector size = free.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+    const Eigen::SelfAdjointEigenSolver<ModeMatrix> eigen(size.asDiagonal() * free *
+                                                          size.asDiagonal());
+    const ModeVector inverse =
         (eigen.eigenvalues().array() > 1e-3)
             .select(eigen.eigenvalues().cwiseMax(kNegligible).cwiseInverse(), 0.0);
-    const Eigen::VectorXd step = -(size.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
-                                   eigen.eigenvectors().transpose() * size.asDiagonal() * pull);
+    const ModeVector step = -(size.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
+                              eigen.eigenvectors().transpose() * size.asDiagonal() * pull);
     MissingBend bend{pieces[p].segment, pieces[p].begin_mm, Eigen::Vector3d::Zero(), 0, 0};
+    const bool arc = modes.cols() == kArcModes;
     for (Eigen::Index m = 0; m < (arc ? 3 : 2); ++m)
       bend.turn_rad += step[m] * modes.col(m).tail<3>();
     if (arc) bend.stretch_mm = step[3];

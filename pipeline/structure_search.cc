@@ -101,11 +101,11 @@ std::vector<double> Excess(const SurfaceFit& fit, std::span<const PointBlock> bl
   std::vector<double> excess, mean_square;
   for (const SegmentPoints& points : assignment.segments) {
     double sum = 0;
-    for (std::size_t i = 0; i < points.size; ++i) {
-      const double d = std::min(std::abs(points.distance[i]), limit_mm) / fit.sigma_mm;
+    const auto n = static_cast<double>(points.size);
+    for (const double distance : points.distance.head(static_cast<Eigen::Index>(points.size))) {
+      const double d = std::min(std::abs(distance), limit_mm) / fit.sigma_mm;
       sum += d * d;
     }
-    const auto n = static_cast<double>(points.size);
     if (points.size > 0) mean_square.push_back(sum / n);
     excess.push_back(sum);
   }
@@ -172,7 +172,7 @@ StructureSearch::StructureSearch(const SpinePolygon& polygon, double pipe_radius
       options_(options),
       longest_mm_(kLongest * LengthOf(polygon)),
       polygon_(&polygon),
-      blocks_(Thinned(blocks, StrideTo(CountPoints(blocks), enough))),
+      blocks_(Gathered(blocks, StrideTo(CountPoints(blocks), enough))),
       criterion_(blocks_.point_count(), options.caution) {}
 
 SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(tube, kNoGoal); }
@@ -205,9 +205,13 @@ void StructureSearch::Refine(SurfaceFit& best) {
     bool added = false;
     for (std::size_t i = 0; i < kMaxAdded && Added(best); ++i) added = true;
     if (cycle > 0 && !added) break;
+    bool simplified = false;
     for (std::size_t arc = 0; arc < best.tube.program.bend_count();) {
-      arc = SimplifiedAt(best, arc) ? 0 : arc + 1;
+      const bool simpler = SimplifiedAt(best, arc);
+      simplified |= simpler;
+      arc = simpler ? 0 : arc + 1;
     }
+    if (!simplified) break;
   }
   best.margin = margin_;
   for (const auto& worse : simpler_) best.margin = std::min(best.margin, worse.value_or(kNoGoal));

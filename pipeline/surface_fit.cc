@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "pipeline/magnitude_histogram.h"
+#include "pipeline/normal_equations.h"
 #include "pipeline/surface_pass.h"
 #include "pipeline/surface_sums.h"
 #include "pipeline/tube_parameters.h"
@@ -17,11 +18,6 @@ namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kMadToSigma = 1.4826;
-constexpr double kMaxTurnBackRad = 0.5;  // a slight bend may turn over to the other side
-constexpr double kMaxStepRad = 1.0;      // where samples hardly feel an angle, linear means nothing
-constexpr double kWidestBend = 100.0;    // pipe radii
-constexpr double kTightest = 0.01;
-constexpr double kMaxFlattening = 0.4;
 // Steps that make chi square less by less than this, a tenth of a standard error long, are the
 // last.
 constexpr double kHardly = 0.03;
@@ -32,152 +28,17 @@ constexpr double kFurther = 8;          // times the last step's gain may still 
 constexpr int kMaxIdle = 2;             // steps without a gain
 constexpr double kLeastGrowth = 4;      // of the damping after a step that was in vain
 constexpr double kMostDamping = 1e6;
-// A step over all points leaves less than a thousandth of what it made chi square less by.
-constexpr double kLittle = 30;
+// A step over all points leaves less than a thousandth of what it made chi square less by. The
+// solution of one of ten of the points leaves 9 a parameter.
+constexpr double kLittle = 300;
+constexpr std::size_t kLead = 10;
+constexpr double kNoWorse = 30;
 constexpr int kFullPasses = 8;
 constexpr std::size_t kCoarsePoints = 10'000;
+constexpr std::size_t kLeadingPoints = 2500;
+constexpr std::size_t kLeadingStride = 4;  // at least; a start near the solution loses by it
+constexpr double kLeadingTolerance = 1e-4;
 constexpr std::size_t kFewPoints = 10;
-
-// The least squares around a tube. The rows of one segment depend on the parameters through the
-// segment's eight local coordinates only, so their sum of outer products (9 x 9) says all that is
-// needed of its points.
-struct NormalEquations {
-  NormalEquations(const TubeParameters& parameters, const std::vector<hal::SpineSegment>& segments,
-                  std::span<const CondensedSum> sums, const FitPriors& priors, double sigma_mm)
-      : at(parameters.Initial()),
-        matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
-        right(Eigen::VectorXd::Zero(parameters.size())) {
-    const auto derivatives = parameters.FrameDerivatives(segments);
-    for (std::size_t k = 0; k < segments.size(); ++k) {
-      const Eigen::Matrix<double, kLocalState, Eigen::Dynamic> weighted =
-          sums[k].topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
-      matrix.noalias() += derivatives[k].transpose() * weighted;
-      right.noalias() -= derivatives[k].transpose() * sums[k].col(kLocalState).head<kLocalState>();
-      squares_mm2 += sums[k](kLocalState, kLocalState);
-      weight += sums[k](kPipeRadiusState, kPipeRadiusState);
-    }
-    priors.Add(parameters, at, sigma_mm, matrix, right);
-    last_start = derivatives.back().row(0);
-    scale = matrix.diagonal().cwiseSqrt();
-    for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
-    scaled = scale.asDiagonal() * matrix * scale.asDiagonal();
-    for (Eigen::Index i = 0; i < scale.size(); ++i) {
-      if (scale[i] == 0) scaled(i, i) = 1.0;  // no point feels it: it stays
-    }
-  }
-
-  double Variance() const {  // of a point
-    return squares_mm2 / std::max(1.0, weight - static_cast<double>(right.size()));
-  }
-
-  Eigen::VectorXd at;
-  Eigen::MatrixXd matrix, scaled;  // with a diagonal of ones
-  Eigen::VectorXd right, scale;
-  Eigen::VectorXd last_start;  // derivative of where the last straight begins, along it
-  double squares_mm2 = 0;      // weighted
-  double weight = 0;
-};
-
-// The solution stays a tube: no negative straights, no angle of nothing, no bend tighter than the
-// pipe. (A bend that begins as a tighter one may stay so: making it wider would move all that comes
-// after it away from the points.)
-struct Bounds {
-  Bounds(const TubeParameters& parameters, double pipe_radius_mm, double max_length_mm)
-      : low(Eigen::VectorXd::Constant(parameters.size(), -1e9)),
-        high(Eigen::VectorXd::Constant(parameters.size(), 1e9)),
-        step(Eigen::VectorXd::Constant(parameters.size(), max_length_mm)) {
-    const auto bound = [&](int index, double from, double to) {
-      low[index] = from;
-      high[index] = to;
-    };
-    for (std::size_t i = 0; i < parameters.bends(); ++i) {
-      bound(parameters.length(i), 0.0, max_length_mm);
-      bound(parameters.angle(i), -kMaxTurnBackRad, 2.0 * std::numbers::pi);
-      step[parameters.angle(i)] = kMaxStepRad;
-      if (i > 0) step[parameters.rotation(i)] = kMaxStepRad;
-      const int radius = parameters.bend_radius(i);
-      bound(radius,
-            std::clamp(parameters.Initial()[radius], kTightest * pipe_radius_mm, pipe_radius_mm),
-            kWidestBend * pipe_radius_mm);
-    }
-    if (parameters.pipe_radius() >= 0) {
-      bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
-    }
-    for (int i = parameters.flattened() ? parameters.flattening(0) : parameters.size();
-         i < parameters.size(); ++i) {
-      bound(i, -kMaxFlattening, kMaxFlattening);
-    }
-  }
-  Eigen::VectorXd Inside(const Eigen::VectorXd& x) const { return x.cwiseMax(low).cwiseMin(high); }
-
-  double Lowest(Eigen::Index i, double at) const { return std::max(low[i], at - step[i]); }
-  double Highest(Eigen::Index i, double at) const { return std::min(high[i], at + step[i]); }
-
-  Eigen::VectorXd low, high;
-  Eigen::VectorXd step;  // the longest at a time
-};
-
-// The damped Gauss-Newton step within bounds: what would leave them goes as far as they are, and
-// the others are solved for again.
-Eigen::VectorXd BoundedStep(const NormalEquations& equations, const Bounds& bounds,
-                            double damping) {
-  const Eigen::Index size = equations.right.size();
-  Eigen::VectorXd step = Eigen::VectorXd::Zero(size);  // in units of `scale`
-  std::vector<bool> held(static_cast<std::size_t>(size), false);
-  const auto is_held = [&held](Eigen::Index i) { return held[static_cast<std::size_t>(i)]; };
-  Eigen::MatrixXd matrix;
-  Eigen::VectorXd right;
-  for (Eigen::Index round = 0; round < size; ++round) {
-    matrix = equations.scaled;
-    matrix.diagonal().array() += damping;
-    right = equations.scale.asDiagonal() * equations.right;
-    for (Eigen::Index i = 0; i < size; ++i) {
-      if (!is_held(i)) continue;
-      right -= step[i] * matrix.col(i);
-    }
-    for (Eigen::Index i = 0; i < size; ++i) {
-      if (!is_held(i)) continue;
-      matrix.row(i).setZero();
-      matrix.col(i).setZero();
-      matrix(i, i) = 1.0;
-      right[i] = step[i];
-    }
-    const Eigen::VectorXd solved = matrix.ldlt().solve(right);
-    if (!solved.allFinite()) return Eigen::VectorXd::Zero(size);
-    bool again = false;
-    for (Eigen::Index i = 0; i < size; ++i) {
-      if (is_held(i)) continue;
-      step[i] = solved[i];
-      if (equations.scale[i] <= 0) continue;
-      const double at = equations.at[i];
-      const double to = at + equations.scale[i] * step[i];
-      const double low = bounds.Lowest(i, at), high = bounds.Highest(i, at);
-      if (to >= low && to <= high) continue;
-      step[i] = (std::clamp(to, low, high) - at) / equations.scale[i];
-      held[static_cast<std::size_t>(i)] = true;
-      again = true;
-    }
-    if (!again) break;
-  }
-  return equations.scale.asDiagonal() * step;
-}
-
-// sigma^2 (J^T J)^-1. What the points do not tell (the radius of a bend that nobody sees) is as
-// vague as before they were looked at; what moves no point at all (a straight's roll) is left out.
-Eigen::MatrixXd Covariance(const NormalEquations& equations, const TubeParameters& parameters,
-                           const hal::Tube& tube, double design_effect) {
-  const Eigen::Index size = equations.right.size();
-  const double variance = design_effect * equations.Variance();
-  Eigen::VectorXd range = ExpectedRange(parameters, tube.pipe_radius_mm);
-  for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
-    double& of_radius = range[parameters.bend_radius(bend)];
-    of_radius = std::hypot(of_radius, equations.at[parameters.bend_radius(bend)]);
-  }
-  Eigen::MatrixXd matrix = equations.scaled;
-  matrix.diagonal() += variance * equations.scale.cwiseQuotient(range).cwiseAbs2();
-  const Eigen::MatrixXd inverse = matrix.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
-  return variance * equations.scale.asDiagonal() * inverse * equations.scale.asDiagonal();
-}
 
 // Where a fit stands: a tube and what the points say of it.
 struct State {
@@ -232,7 +93,7 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations, 
   const double variance_mm2 = equations.Variance() * fit.design_effect;
   fit.learnt = fit.priors.Learnt(parameters, fit.tube, equations.matrix, variance_mm2);
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
-  fit.covariance = Covariance(equations, parameters, fit.tube, fit.design_effect);
+  fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);
   const Eigen::MatrixXd& covariance = fit.covariance;
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];
@@ -271,17 +132,17 @@ void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> cou
 }
 
 // Levenberg-Marquardt on few points. Points are given to segments, and weights to points, again at
-// every step.
-SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
-                  const SurfaceFitOptions& options) {
+// every step. `flattening`: where it starts.
+SurfaceFit FitFew(const hal::Tube& start, std::vector<Flattening> flattening,
+                  std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
   SurfaceFit fit;
   fit.tube = start;
   fit.priors = options.priors;
   State state, next;
   state.tube = start;
-  if (options.flattened) state.flattening.resize(start.program.bend_count());
+  state.flattening = std::move(flattening);
   const TubeParameters first = state.Parameters(options);
-  const Bounds bounds(first, start.pipe_radius_mm, options.max_length_mm);
+  const FitBounds bounds(first, start.pipe_radius_mm, options.max_length_mm);
   state.MoveTo(first, bounds.Inside(first.Initial()), blocks, options);
   double damping = kFirstDamping;
   double growth = kLeastGrowth;
@@ -334,7 +195,7 @@ SurfaceFit FitFew(const hal::Tube& start, std::span<const PointBlock> blocks,
   fit.sigma_mm = state.sigma_mm;
   fit.cost_mm2 = state.ChiSquare(fit.sigma_mm, options) * fit.sigma_mm * fit.sigma_mm;
   DesignEffect design_effect;
-  design_effect.Add(state.assignment, state.Frames(), state.tube.pipe_radius_mm,
+  design_effect.Add(state.assignment.segments, state.Frames(), state.tube.pipe_radius_mm,
                     kNoWeight * state.sigma_mm);
   fit.design_effect = design_effect.Value();
   SetMeanSquares(state.assignment.segment_sum_mm2, state.assignment.segment_count, fit);
@@ -354,23 +215,29 @@ bool IsNoWorse(const TubeParameters& from, const Eigen::VectorXd& at, const Eige
   State before, after;
   before.MoveTo(from, at, part, options);
   after.MoveTo(from, to, part, options);
-  return after.ChiSquare(sigma_mm, options) < before.ChiSquare(sigma_mm, options) + kLittle;
+  return after.ChiSquare(sigma_mm, options) < before.ChiSquare(sigma_mm, options) + kNoWorse;
 }
 
-}  // namespace
+// The same; of very many points a part leads most of the way.
+SurfaceFit FitSome(const hal::Tube& start, std::span<const PointBlock> blocks,
+                   const SurfaceFitOptions& options) {
+  std::vector<Flattening> round(options.flattened ? start.program.bend_count() : 0);
+  const std::size_t stride = CountPoints(blocks) / kLeadingPoints;
+  if (stride < kLeadingStride) return FitFew(start, std::move(round), blocks, options);
+  SurfaceFitOptions to_lead = options;
+  to_lead.goal_mm2 = std::numeric_limits<double>::infinity();
+  to_lead.tolerance = std::max(options.tolerance, kLeadingTolerance);
+  SurfaceFit fit = FitFew(start, std::move(round), Gathered(blocks, stride), to_lead);
+  return FitFew(fit.tube, std::move(fit.flattening), blocks, options);
+}
 
-// A part of many points leads so near to the solution that all of them hardly need more than one
-// step.
-SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
-                      const SurfaceFitOptions& options) {
-  const std::size_t points = CountPoints(blocks);
-  if (points <= kPointsAtOnce) return FitFew(start, blocks, options);
-  const OwnedBlocks coarse = Thinned(blocks, points / kCoarsePoints);
-  SurfaceFit fit = FitFew(start, coarse, options);
-  fit.distances_mm.clear();
+// From a solution of a part of the points to that of all, by steps over all of them. `coarse`: the
+// part.
+void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coarse,
+             const SurfaceFitOptions& options, SurfaceFit& fit) {
   fit.converged = false;
-  const Bounds bounds(TubeParameters(fit.tube, options.free_pipe_radius, fit.flattening),
-                      start.pipe_radius_mm, options.max_length_mm);
+  const FitBounds bounds(TubeParameters(fit.tube, options.free_pipe_radius, fit.flattening),
+                         fit.tube.pipe_radius_mm, options.max_length_mm);
   hal::Tube tube = fit.tube;
   std::vector<Flattening> flattening = fit.flattening;
   std::optional<NormalEquations> equations;  // at the best tube so far
@@ -412,6 +279,23 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
       fit.flattening = flattening;
     }
   }
+}
+
+}  // namespace
+
+// A part of many points leads so near to the solution that all of them hardly need more than one
+// step.
+SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
+                      const SurfaceFitOptions& options) {
+  const std::size_t points = CountPoints(blocks);
+  if (points <= kPointsAtOnce) return FitSome(start, blocks, options);
+  const OwnedBlocks coarse = Thinned(blocks, points / kCoarsePoints);
+  SurfaceFit fit = FitSome(start, coarse, options);
+  fit.distances_mm.clear();
+  for (std::size_t part = kLead * kCoarsePoints; part < points; part *= kLead) {
+    FitMany(Thinned(blocks, points / part), coarse, options, fit);
+  }
+  FitMany(blocks, coarse, options, fit);
   return fit;
 }
 

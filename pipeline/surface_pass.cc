@@ -2,22 +2,16 @@
 #include "pipeline/surface_pass.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 
 #include "pipeline/nearest_lanes.h"
-#include "pipeline/turn_sector.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 constexpr std::size_t kChunk = 8192;  // points: what they need stays in the processor's cache
 constexpr std::size_t kMostRounds = 16;
-constexpr double kPatch = 2.0 / 3.0;  // of r_P, along the spine
-constexpr unsigned kPatchesAround = 8;
-constexpr double kMostRows = 1024;  // of patches, of a segment
 
 // Two loops, because this is one of those that take the time: where all points are alike, nothing
 // looks at `certainties`.
@@ -37,7 +31,7 @@ void AssignBatch(const NearestLanes& nearest, std::span<const std::int32_t> cand
     if (!(magnitude < reach_mm)) continue;
     result.distances_mm.push_back(d);
     SegmentPoints& points = result.segments[k];
-    if (kWeighted) points.weight[points.size] = certainty * certainty;
+    if (kWeighted) points.weight[static_cast<Eigen::Index>(points.size)] = certainty * certainty;
     points.Add(nearest.Local(c), i, d);
   }
 }
@@ -73,65 +67,6 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
       }
     }
   }
-}
-
-void DesignEffect::Add(const SurfaceAssignment& assignment, std::span<const SegmentFrame> frames,
-                       double pipe_radius_mm, double limit_mm) {
-  struct Patch {
-    double n = 0, sum = 0, sum2 = 0;
-  };
-  std::vector<Patch> all;
-  for (std::size_t k = 0; k < frames.size(); ++k) {
-    const SegmentPoints& points = assignment.segments[k];
-    if (points.size == 0) continue;
-    const double bend_mm = frames[k].bend_radius_mm;
-    const auto [low, high] =
-        std::minmax_element(points.x.begin(), points.x.begin() + static_cast<long>(points.size));
-    const double from_mm = *low;
-    const double long_mm = bend_mm > 0 ? 2.0 * std::numbers::pi * bend_mm : *high - *low;
-    const double rows = std::clamp(std::ceil(long_mm / (kPatch * pipe_radius_mm)), 1.0, kMostRows);
-    const double per_mm = long_mm > 0 ? rows / long_mm : 0.0;
-    all.assign(static_cast<std::size_t>(rows) * kPatchesAround, {});
-    for (std::size_t i = 0; i < points.size; ++i) {
-      const double d = points.distance[i];
-      if (std::abs(d) > limit_mm) continue;
-      const double x = points.x[i], y = points.y[i], z = points.z[i];
-      double row = 0;
-      unsigned around = 0;
-      if (bend_mm > 0) {
-        row = 0.25 * rows * QuarterTurns(x, y);
-        around = TurnSector<kPatchesAround>(std::sqrt(x * x + y * y) - bend_mm, z);
-      } else {
-        row = per_mm * (x - from_mm);
-        around = TurnSector<kPatchesAround>(y, z);
-      }
-      const auto at = static_cast<std::size_t>(row < rows ? row : rows - 1.0);
-      Patch& patch = all[at * kPatchesAround + around];
-      patch.n += 1;
-      patch.sum += d;
-      patch.sum2 += d * d;
-    }
-    for (const Patch& patch : all) {
-      if (patch.n < 2) continue;
-      const double of_mean = patch.sum * patch.sum / patch.n;
-      between += of_mean;
-      within += patch.sum2 - of_mean;
-      patches += 1;
-      freedom += patch.n - 1;
-    }
-  }
-}
-
-void DesignEffect::Add(const DesignEffect& other) {
-  between += other.between;
-  within += other.within;
-  patches += other.patches;
-  freedom += other.freedom;
-}
-
-double DesignEffect::Value() const {
-  if (freedom < 1 || within <= 0) return 1.0;
-  return std::max(1.0, (between / patches) / (within / freedom));
 }
 
 void SurfacePass::Add(const SurfacePass& other) {
@@ -170,7 +105,7 @@ SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_ra
         pass.segment_sum_mm2[k] += chunk.segment_sum_mm2[k];
       }
       for (const double d : chunk.distances_mm) pass.magnitudes.Add(d);
-      pass.design_effect.Add(chunk, frames, pipe_radius_mm, kNoWeight * sigma_mm);
+      pass.design_effect.Add(chunk.segments, frames, pipe_radius_mm, kNoWeight * sigma_mm);
       pass.total += chunk.total;
       begin = end;
     }

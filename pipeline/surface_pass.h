@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/design_effect.h"
 #include "pipeline/magnitude_histogram.h"
 #include "pipeline/parallel.h"
 #include "pipeline/surface_points.h"
@@ -24,19 +25,6 @@ struct SurfaceAssignment {
 // Looks at every point once. `frames`: of the tube's segments.
 void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
                   std::span<const PointBlock> blocks, double reach_mm, SurfaceAssignment& result);
-
-// How many times more the means of patches of the surface scatter than independent noise would have
-// it: the ratio of the mean squares between and within patches. Pose errors, ovality and dents move
-// neighbours together, and n such samples tell less than n independent ones. Patches and not
-// blocks, whose faces, where they lie along the surface, part the points by their noise.
-struct DesignEffect {
-  double between = 0, within = 0, patches = 0, freedom = 0;
-
-  void Add(const SurfaceAssignment& assignment, std::span<const SegmentFrame> frames,
-           double pipe_radius_mm, double limit_mm);
-  void Add(const DesignEffect& other);
-  double Value() const;  // at least 1
-};
 
 // What least squares needs of all points near a tube's surface.
 struct SurfacePass {

@@ -3,13 +3,16 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 namespace bendloop::pipeline {
 namespace {
 
+constexpr std::size_t kFewInBlock = 32;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
 double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, bool open_before,
@@ -91,6 +94,41 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
     next -= block.points.size();
   }
   return thinned;
+}
+
+OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride) {
+  const std::size_t count = CountPoints(blocks);
+  if (count >= blocks.size() * stride * kFewInBlock) return Thinned(blocks, stride);
+  const double half_mm = 2.0 * blocks.front().half_diagonal_mm;
+  const double edge_mm = 2.0 * half_mm / std::sqrt(3.0);
+  struct Placed {
+    std::array<double, 3> cube;
+    std::size_t block;
+    bool operator<(const Placed& other) const {
+      return std::tie(cube, block) < std::tie(other.cube, other.block);
+    }
+  };
+  std::vector<Placed> placed;
+  placed.reserve(blocks.size());
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const Eigen::Array3d cube = (blocks[i].center_mm / edge_mm).array().floor();
+    placed.push_back({{cube.x(), cube.y(), cube.z()}, i});
+  }
+  std::sort(placed.begin(), placed.end());
+  OwnedBlocks gathered(count / stride + 1, AreWeighted(blocks));
+  const Placed* last = nullptr;
+  std::size_t next = 0;
+  for (const Placed& place : placed) {
+    if (!last || place.cube != last->cube) {
+      const auto& [x, y, z] = place.cube;
+      gathered.Begin(edge_mm * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5), half_mm);
+    }
+    last = &place;
+    const PointBlock& block = blocks[place.block];
+    for (; next < block.points.size(); next += stride) gathered.Add(block, next);
+    next -= block.points.size();
+  }
+  return gathered;
 }
 
 OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough) {

@@ -59,6 +59,9 @@ inline std::size_t StrideTo(std::size_t count, std::size_t enough) {
 }
 // Every `stride`-th point, counted over all blocks, so that small ones do not weigh more.
 OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride);
+// The same in cubes of twice the edge, where few points are left in one: what is worked out once
+// for a cube is worth it for dozens only. `blocks`: cubes of a grid through the origin.
+OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride);
 // One of two halves of the points, drawn by lot (always the same), thinned to about `enough`.
 enum class Half { kFirst, kSecond };
 OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough);

@@ -229,8 +229,8 @@ CondensedSum SumThrough(const SegmentPoints& points,
     rest.y.fill(1.0);
     rest.z.fill(1.0);
     rest.distance.fill(std::numeric_limits<double>::max());
-    const auto copy = [first, left](const std::vector<double>& from, auto& to) {
-      std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(first), left, to.begin());
+    const auto copy = [first, left](const SegmentPoints::Lane& from, auto& to) {
+      std::copy_n(from.data() + first, left, to.begin());
     };
     copy(points.x, rest.x);
     copy(points.y, rest.y);
@@ -410,11 +410,12 @@ void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLa
 }
 
 void SegmentPoints::MakeRoom(std::size_t more) {
-  if (size + more > x.size()) {
-    const std::size_t room = std::max(2 * x.size(), size + more);
-    for (std::vector<double>* lane : {&x, &y, &z, &distance}) lane->resize(room);
+  const auto needed = static_cast<Eigen::Index>(size + more);
+  if (needed > x.size()) {
+    const Eigen::Index room = std::max(2 * x.size(), needed);
+    for (Lane* lane : {&x, &y, &z, &distance}) lane->conservativeResize(room);
   }
-  if (weighted && weight.size() < x.size()) weight.resize(x.size());
+  if (weighted && weight.size() < x.size()) weight.conservativeResize(x.size());
 }
 
 CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,

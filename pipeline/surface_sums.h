@@ -45,29 +45,36 @@ void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLa
 // Any number of points of one segment in its frame, with their distance from the surface times
 // their certainty.
 struct SegmentPoints {
+  // Grows without being filled: most fits are short, and zeros would cost as much as the points.
+  using Lane = Eigen::ArrayXd;
+
   std::size_t size = 0;
-  std::vector<double> x, y, z, distance;  // at least `size` long
+  Lane x, y, z, distance;  // at least `size` long
   bool weighted = false;
-  std::vector<double> weight;  // the certainties' squares; if not `weighted`, all are one
+  Lane weight;  // the certainties' squares; if not `weighted`, all are one
 
   void Clear(bool with_weights = false) {
     size = 0;
     weighted = with_weights;
   }
   void MakeRoom(std::size_t more);
-  void Add(const SegmentPoints& from, std::size_t i) {
-    if (size == x.size()) MakeRoom(kBatch);
-    x[size] = from.x[i];
-    y[size] = from.y[i];
-    z[size] = from.z[i];
-    if (weighted) weight[size] = from.weight[i];
-    distance[size++] = from.distance[i];
+  void Add(const SegmentPoints& from, Eigen::Index i) {
+    const auto at = static_cast<Eigen::Index>(size);
+    if (at == x.size()) MakeRoom(kBatch);
+    x[at] = from.x[i];
+    y[at] = from.y[i];
+    z[at] = from.z[i];
+    if (weighted) weight[at] = from.weight[i];
+    distance[at] = from.distance[i];
+    ++size;
   }
   void Add(const LocalLanes& from, std::size_t i, double from_surface_mm) {
-    x[size] = from.x[i];
-    y[size] = from.y[i];
-    z[size] = from.z[i];
-    distance[size++] = from_surface_mm;
+    const auto at = static_cast<Eigen::Index>(size);
+    x[at] = from.x[i];
+    y[at] = from.y[i];
+    z[at] = from.z[i];
+    distance[at] = from_surface_mm;
+    ++size;
   }
 };
 

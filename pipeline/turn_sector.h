@@ -3,12 +3,15 @@
 
 #include <cmath>
 
+#include "pipeline/wide.h"
+
 namespace bendloop::pipeline {
 
 // Where in the turn (x, y) points, 0..4: on the square around the circle, which is close enough to
-// equal parts and needs no arc tangent.
-inline double QuarterTurns(double x, double y) {
-  const double s = y / (std::abs(x) + std::abs(y));  // -1..1 over half a turn
+// equal parts and needs no arc tangent. (0, 0) points somewhere.
+BENDLOOP_LOOP double QuarterTurns(double x, double y) {
+  constexpr double kTiny = 1e-300;
+  const double s = y / (std::abs(x) + std::abs(y) + kTiny);  // -1..1 over half a turn
   return x >= 0 ? 1.0 + s : 3.0 - s;
 }
 
