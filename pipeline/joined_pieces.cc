@@ -12,7 +12,8 @@ namespace {
 
 constexpr double kLeastTurnDeg = 20.0;  // of a joint
 constexpr double kTight = 1.1;          // of r_P
-constexpr double kTightest = 1.001;     // of r_P: the fit is held there, its sigma says nothing
+constexpr double kTightest = 1.001;     // of r_P: the fit is held there, its sigma says little
+constexpr double kClearTurnDeg = 40.0;  // a lesser one may be held there by chance
 constexpr double kKnown = 0.2;          // of r_P, 1 sigma of the bend radius
 constexpr double kVagueDeg = 15.0;      // 1 sigma
 constexpr double kLong = 1.0;           // of r_P
@@ -30,7 +31,7 @@ std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
   for (std::size_t k = 1; k + 1 < segments.size(); k += 2) {
     const hal::BendRow& row = fit.tube.program.rows[k / 2];
     const double r = fit.tube.pipe_radius_mm;
-    const bool tight = *row.bend_radius_mm < kTightest * r ||
+    const bool tight = (*row.bend_radius_mm < kTightest * r && row.angle_deg > kClearTurnDeg) ||
                        (*row.bend_radius_mm < kTight * r &&
                         fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kKnown * r);
     const bool vague = fit.sigma.rows[k / 2].angle_deg > kVagueDeg &&

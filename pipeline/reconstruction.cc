@@ -7,7 +7,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <string>
 
 #include "hal/spine.h"
@@ -27,6 +26,7 @@
 #include "pipeline/structure.h"
 #include "pipeline/surface_fit.h"
 #include "pipeline/text.h"
+#include "pipeline/tube_choice.h"
 #include "pipeline/tube_ends.h"
 
 namespace bendloop::pipeline {
@@ -39,8 +39,6 @@ constexpr double kFinalReach = 0.2;    // of r_P: what the final fit looks at
 constexpr double kShrinkWidest = 1.5;  // a sample's curvature may be so far from the pipe's
 constexpr std::size_t kShrinkSamples = 30'000;
 constexpr int kMaxParted = 3;          // times that a neighbour is taken off
-constexpr double kPiece = 0.2;         // of the first tube's length: worth a word
-constexpr double kSecondTube = 0.6;    // of the first one's length: no scrap any more
 constexpr double kSettledDeg = 2.0;    // 1 sigma of an angle in the live view
 constexpr double kMaxPlaceMm = 1e7;    // no scanner sees further than ten kilometres
 constexpr double kCloseCall = 10.0;    // structure_margin
@@ -48,8 +46,6 @@ constexpr double kMostMargin = 1e6;    // there may be nothing to compare with
 constexpr double kHalvesDiffer = 5.0;  // sigma
 constexpr double kVagueRadius = 0.02;  // 1 sigma of r_P over r_P; tubes have less than 0.005
 constexpr double kRough = 0.04;        // sigma over r_P; beyond it only noisy wires are
-constexpr const char* kCloserLines =
-    "; if the laser lines are farther apart than half the pipe radius, scan with closer ones";
 
 bool IsPlace(const Eigen::Vector3d& point) {
   return (point.array().abs() < kMaxPlaceMm).all();  // NaN is none
@@ -79,20 +75,6 @@ void SayHowSure(const SurfaceFit& structure, const SurfaceFit& fit, const Halves
     measurement.warnings.push_back("two halves of the samples disagree on the " + halves.what +
                                    " (" + Fixed(halves.sigmas, 1) + " sigma): scan again");
   }
-}
-
-// Once for all that was left out, however many steps it took to see that it is not this tube.
-void SayLeftOut(const std::vector<double>& lengths_mm, std::vector<std::string>& warnings) {
-  if (lengths_mm.empty()) return;
-  const std::string all_mm = Mm(std::accumulate(lengths_mm.begin(), lengths_mm.end(), 0.0));
-  warnings.push_back(
-      lengths_mm.size() == 1
-          ? "another piece of tube in view, " + all_mm +
-                " long, is left out: where it belongs to this one, scan the gap between them again"
-          : std::to_string(lengths_mm.size()) + " other pieces of tube in view, together " +
-                all_mm +
-                " long, are left out: where they belong to this one, scan the gaps between them "
-                "again");
 }
 
 // An end that no sample shows is where the nodes stop: how far its straight goes on nobody knows.
@@ -206,9 +188,6 @@ class Reconstruction::Impl {
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
   std::vector<SpineNode> FinalNodes(Workers& workers);
-  // `left_out_mm`: grows by the length of a piece that is worth a word.
-  hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons,
-                                       std::vector<double>& left_out_mm) const;
 
   ReconstructionOptions options_;
   const hal::Clock& clock_;
@@ -252,35 +231,6 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
     if (all_points) out.to_sensor = block.to_sensor;
   }
   return result;
-}
-
-hal::Result<SpinePolygon> Reconstruction::Impl::ChooseTube(std::vector<SpinePolygon> polygons,
-                                                           std::vector<double>& left_out_mm) const {
-  if (polygons.empty()) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     "no tube of pipe radius " + Mm(radius_mm_) +
-                         " in the points: expected a surface curved like that" + kCloserLines);
-  }
-  if (options_.nominal) {
-    // With a nominal the tube is the piece of its length; others are neighbours in view.
-    const double nominal_mm = hal::SpineLength(*options_.nominal);
-    std::stable_sort(polygons.begin(), polygons.end(), [&](const auto& a, const auto& b) {
-      return std::abs(LengthOf(a) - nominal_mm) < std::abs(LengthOf(b) - nominal_mm);
-    });
-    return polygons.front();
-  }
-  if (polygons.size() > 1) {
-    const double first_mm = LengthOf(polygons[0]);
-    const double second_mm = LengthOf(polygons[1]);
-    if (second_mm > kSecondTube * first_mm) {
-      return hal::Fail(hal::ErrorKind::kBadInput,
-                       "two tubes in the points (" + Mm(first_mm) + " and " + Mm(second_mm) +
-                           " long), or one with a gap that is too long to bridge: scan one tube "
-                           "at a time, and the gap again");
-    }
-    if (second_mm > kPiece * first_mm) left_out_mm.push_back(second_mm);
-  }
-  return polygons.front();
 }
 
 std::vector<SpineNode> Reconstruction::Impl::FinalNodes(Workers& workers) {
@@ -352,7 +302,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   timer.Done("projection");
 
   std::vector<double> left_out_mm;
-  auto polygon = ChooseTube(SpinePolygons(nodes, radius_mm_), left_out_mm);
+  auto polygon =
+      ChooseTube(SpinePolygons(nodes, radius_mm_), radius_mm_, options_.nominal, left_out_mm);
   if (!polygon) return hal::Fail(polygon.error());
   timer.Done("curve");
 
@@ -365,7 +316,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(std::span<const Eigen::Vec
   for (int i = 0; i < kMaxParted; ++i) {
     auto pieces = PiecesBetweenJoints(structure, *polygon, i == 0);
     if (pieces.size() == 1 && pieces.front().size() == polygon->size()) break;
-    polygon = ChooseTube(std::move(pieces), left_out_mm);
+    polygon = ChooseTube(std::move(pieces), radius_mm_, options_.nominal, left_out_mm);
     if (!polygon) return hal::Fail(polygon.error());
     blocks = BlocksNear(*polygon, true);
     structure = find_structure();

@@ -9,6 +9,7 @@
 
 #include "pipeline/near_nodes.h"
 #include "pipeline/nn_crust.h"
+#include "pipeline/statistics.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -20,6 +21,9 @@ constexpr double kMaxGap = 8.0;   // a clamp hides up to 3, and the ends beside 
 constexpr double kMinLength = 2.0;
 constexpr double kMinEdgeCosine = 0.8;  // an edge runs along the tangents of its nodes
 constexpr double kMinGapCosine = 0.2;
+constexpr std::size_t kLeftOut = 1;  // nodes at an end, for a joint
+constexpr double kSmooth = 0.005;
+constexpr double kMuchRougher = 3.0;  // times
 // Neighbours agree when a bend as tight as this leads from one to the other, but for their noise.
 constexpr double kNear = 0.8;
 constexpr double kTightest = 1.5;
@@ -121,6 +125,15 @@ std::vector<SpinePolygon> Follow(std::span<const SpineNode> nodes, double max_ed
   return pieces;
 }
 
+// Natural logarithm of the nodes' median distance from their samples, in pipe radii; what is smooth
+// is all alike.
+double LogRoughness(const SpinePolygon& piece, double radius_mm) {
+  std::vector<double> rms_mm;
+  rms_mm.reserve(piece.size());
+  for (const SpineNode& node : piece) rms_mm.push_back(node.rms_mm);
+  return std::log(std::max(Median(std::move(rms_mm)) / radius_mm, kSmooth));
+}
+
 void PointTangentsForward(SpinePolygon& polygon) {
   for (std::size_t i = 0; i < polygon.size(); ++i) {
     const Eigen::Vector3d chord = polygon[std::min(i + 1, polygon.size() - 1)].position_mm -
@@ -134,55 +147,86 @@ void Reverse(SpinePolygon& polygon) {
   for (SpineNode& node : polygon) node.tangent = -node.tangent;
 }
 
-// How far the end `a` (tangent outward) and the end `b` (outward too) are from being joined by one
-// smooth piece: the gap, lengthened by the turn it would take; infinite when it cannot be.
-double JoinCost(const Eigen::Vector3d& a, const Eigen::Vector3d& out_a, const Eigen::Vector3d& b,
-                const Eigen::Vector3d& out_b, double radius_mm) {
-  const Eigen::Vector3d gap = b - a;
+// One end of a piece, or the node before it: the last may be disturbed by what ended the piece.
+struct PieceEnd {
+  std::size_t piece = 0;
+  bool front = false;
+  std::size_t left_out = 0;  // nodes
+
+  const SpineNode& Node(const SpinePolygon& polygon) const {
+    return front ? polygon[left_out] : polygon[polygon.size() - 1 - left_out];
+  }
+};
+
+// How far two ends are from being joined by one smooth piece: the gap, lengthened by the turn it
+// would take, and more where one of them is much rougher than the other, as a clamp's edge is;
+// infinite when it cannot be.
+double JoinCost(const SpineNode& a, bool a_front, const SpineNode& b, bool b_front,
+                double roughness, double radius_mm) {
+  const Eigen::Vector3d gap = b.position_mm - a.position_mm;
   const double length = gap.norm();
   if (length > kMaxGap * radius_mm) return std::numeric_limits<double>::infinity();
-  const double cos_a = gap.dot(out_a) / length;
-  const double cos_b = -gap.dot(out_b) / length;
-  if (cos_a < kMinGapCosine || cos_b < kMinGapCosine) {
+  const double cos_a = (a_front ? -1.0 : 1.0) * gap.dot(a.tangent) / length;
+  const double cos_b = (b_front ? 1.0 : -1.0) * gap.dot(b.tangent) / length;
+  if (!(cos_a >= kMinGapCosine && cos_b >= kMinGapCosine)) {
     return std::numeric_limits<double>::infinity();
   }
-  return length * (1.0 + 4.0 * (1.0 - cos_a) + 4.0 * (1.0 - cos_b));
+  return length * (1.0 + 4.0 * (1.0 - cos_a) + 4.0 * (1.0 - cos_b)) * (1.0 + roughness);
 }
 
 void JoinGaps(std::vector<SpinePolygon>& pieces, double radius_mm) {
+  std::vector<double> roughness;
+  for (const SpinePolygon& piece : pieces) roughness.push_back(LogRoughness(piece, radius_mm));
+  const auto ends_of = [&pieces](std::size_t i) {
+    std::vector<PieceEnd> ends;
+    for (const bool front : {false, true}) {
+      for (std::size_t left_out = 0; left_out < std::min(kLeftOut + 1, pieces[i].size() - 1);
+           ++left_out) {
+        ends.push_back({i, front, left_out});
+      }
+    }
+    return ends;
+  };
   for (;;) {
     double best = std::numeric_limits<double>::infinity();
-    std::size_t best_i = 0, best_j = 0;
-    bool best_i_front = false, best_j_front = false;
+    PieceEnd best_a, best_b;
     for (std::size_t i = 0; i < pieces.size(); ++i) {
       for (std::size_t j = i + 1; j < pieces.size(); ++j) {
-        for (const bool i_front : {false, true}) {
-          for (const bool j_front : {false, true}) {
-            const SpineNode& a = i_front ? pieces[i].front() : pieces[i].back();
-            const SpineNode& b = j_front ? pieces[j].front() : pieces[j].back();
-            const double cost = JoinCost(
-                a.position_mm, i_front ? Eigen::Vector3d(-a.tangent) : a.tangent, b.position_mm,
-                j_front ? Eigen::Vector3d(-b.tangent) : b.tangent, radius_mm);
+        const double differ = std::abs(roughness[i] - roughness[j]);
+        for (const PieceEnd& a : ends_of(i)) {
+          for (const PieceEnd& b : ends_of(j)) {
+            const double cost =
+                JoinCost(a.Node(pieces[i]), a.front, b.Node(pieces[j]), b.front, differ, radius_mm);
             if (cost < best) {
               best = cost;
-              best_i = i;
-              best_j = j;
-              best_i_front = i_front;
-              best_j_front = j_front;
+              best_a = a;
+              best_b = b;
             }
           }
         }
       }
     }
     if (!std::isfinite(best)) return;
-    if (best_i_front) Reverse(pieces[best_i]);
-    if (!best_j_front) Reverse(pieces[best_j]);
-    pieces[best_i].insert(pieces[best_i].end(), pieces[best_j].begin(), pieces[best_j].end());
-    pieces.erase(pieces.begin() + static_cast<std::ptrdiff_t>(best_j));
+    SpinePolygon& first = pieces[best_a.piece];
+    SpinePolygon& second = pieces[best_b.piece];
+    // The one that most nodes are of says how rough both are.
+    if (second.size() > first.size()) roughness[best_a.piece] = roughness[best_b.piece];
+    if (best_a.front) Reverse(first);
+    if (!best_b.front) Reverse(second);
+    first.erase(first.end() - static_cast<std::ptrdiff_t>(best_a.left_out), first.end());
+    first.insert(first.end(), second.begin() + static_cast<std::ptrdiff_t>(best_b.left_out),
+                 second.end());
+    pieces.erase(pieces.begin() + static_cast<std::ptrdiff_t>(best_b.piece));
+    roughness.erase(roughness.begin() + static_cast<std::ptrdiff_t>(best_b.piece));
   }
 }
 
 }  // namespace
+
+bool IsMuchRougher(const SpinePolygon& polygon, const SpinePolygon& than, double pipe_radius_mm) {
+  return LogRoughness(polygon, pipe_radius_mm) >
+         LogRoughness(than, pipe_radius_mm) + std::log(kMuchRougher);
+}
 
 double LengthOf(const SpinePolygon& polygon) {
   double length = 0;

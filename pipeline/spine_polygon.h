@@ -19,6 +19,10 @@ std::vector<SpinePolygon> SpinePolygons(std::span<const SpineNode> nodes, double
 // The last part of it: joins pieces over gaps, and leaves out scraps.
 std::vector<SpinePolygon> JoinedOverGaps(std::vector<SpinePolygon> pieces, double pipe_radius_mm);
 
+// Whether its nodes lie so much further from their samples that it is no pipe beside the other, as
+// the edges of a clamp, which a cylinder can be fitted to as well.
+bool IsMuchRougher(const SpinePolygon& polygon, const SpinePolygon& than, double pipe_radius_mm);
+
 // Length along the nodes [mm], gaps included.
 double LengthOf(const SpinePolygon& polygon);
 

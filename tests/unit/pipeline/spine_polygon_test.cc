@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "pipeline/tube_choice.h"
 #include "tests/unit/pipeline/shapes.h"
 
 namespace bendloop::pipeline {
@@ -140,6 +141,68 @@ TEST(SpinePolygons, ScrapsAreDropped) {
   const auto polygons = SpinePolygons(nodes, kRadius);
   ASSERT_EQ(polygons.size(), 1U);
   ExpectOrdered(polygons[0], tube);
+}
+
+// Nodes along a line from `start`, a third of a radius apart.
+SpinePolygon Line(const Eigen::Vector3d& start, const Eigen::Vector3d& direction, double length_mm,
+                  double rms_mm) {
+  SpinePolygon line;
+  for (double at = 0; at <= length_mm; at += kRadius / 3) {
+    line.push_back({start + at * direction.normalized(), direction.normalized(), rms_mm, 50});
+  }
+  return line;
+}
+
+TEST(JoinedOverGaps, PreferTheSmoothPieceBehindTheClampToItsEdge) {
+  for (const double gap : {4.0, 5.0, 6.0}) {  // radii
+    const SpinePolygon before = Line({0, 0, 0}, {1, 0, 0}, 60, 0.02);
+    const SpinePolygon after = Line({60 + gap * kRadius, 0, 0}, {1, 0, 0}, 60, 0.02);
+    // The edge begins nearer, and aside.
+    const SpinePolygon edge = Line({60 + 2 * kRadius, 1.3 * kRadius, 0}, {1, 1.5, 0}, 30, 0.2);
+    const auto pieces = JoinedOverGaps({before, edge, after}, kRadius);
+    ASSERT_EQ(pieces.size(), 2U) << gap;
+    EXPECT_NEAR(LengthOf(pieces[0]), 120 + gap * kRadius, kRadius) << gap;
+    for (const SpineNode& node : pieces[0]) EXPECT_NEAR(node.position_mm.y(), 0, 1e-9);
+  }
+}
+
+TEST(JoinedOverGaps, LeaveOutALastNodeThatIsDisturbed) {
+  SpinePolygon before = Line({0, 0, 0}, {1, 0, 0}, 40, 0.02);
+  SpinePolygon after = Line({44, 0, 0}, {1, 0, 0}, 40, 0.02);
+  // Aside of the other's end, so that no smooth piece leads from one to the other.
+  after.front().position_mm = {40.1, 0.5 * kRadius, 0};
+  const auto pieces = JoinedOverGaps({before, after}, kRadius);
+  ASSERT_EQ(pieces.size(), 1U);
+  EXPECT_EQ(pieces[0].size(), before.size() + after.size() - 1);
+}
+
+TEST(ChooseTube, AClampsEdgesAreNoSecondTube) {
+  const SpinePolygon tube = Line({0, 0, 0}, {1, 0, 0}, 100, 0.02);
+  for (const double length_mm : {70.0, 130.0}) {  // shorter, and even longer
+    const SpinePolygon edges = Line({0, 50, 0}, {1, 0, 0}, length_mm, 0.2);
+    const SpinePolygon second = Line({0, 50, 0}, {1, 0, 0}, length_mm, 0.03);
+    std::vector<double> left_out_mm;
+    const auto longest_first = [](SpinePolygon a, SpinePolygon b) {
+      return LengthOf(a) < LengthOf(b) ? std::vector{b, a} : std::vector{a, b};
+    };
+    const auto chosen = ChooseTube(longest_first(tube, edges), kRadius, {}, left_out_mm);
+    ASSERT_TRUE(chosen);
+    EXPECT_EQ(chosen->front().position_mm.y(), 0) << length_mm;
+    EXPECT_EQ(left_out_mm.size(), 1U);  // a person may want to look
+    EXPECT_FALSE(ChooseTube(longest_first(tube, second), kRadius, {}, left_out_mm));
+  }
+}
+
+TEST(ChooseTube, TellsOfASmoothPieceHoweverLongTheTube) {
+  const SpinePolygon tube = Line({0, 0, 0}, {1, 0, 0}, 2000, 0.02);
+  std::vector<double> left_out_mm;
+  const auto other = [](double radii, double rms_mm) {
+    return Line({0, 500, 0}, {1, 0, 0}, radii * kRadius, rms_mm);
+  };
+  ASSERT_TRUE(
+      ChooseTube({tube, other(7, 0.02), other(7, 0.2), other(3, 0.02)}, kRadius, {}, left_out_mm));
+  ASSERT_EQ(left_out_mm.size(), 1U);
+  EXPECT_NEAR(left_out_mm[0], 7 * kRadius, kRadius);
 }
 
 TEST(SpinePolygons, TakeNothing) {
