@@ -15,7 +15,7 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kOutlier = 5.0;  // sigma
-constexpr double kBeyond = 0.2;   // of r_P: how far beyond its ends the tube's points are
+constexpr double kMargin = 0.2;   // of r_P: how far beyond its ends the tube's points are
 constexpr std::size_t kMaxSurface = 20'000;  // samples kept for deviations and pictures
 constexpr double kBin = 0.5;                 // of r_P: resolution of coverage and spine
 constexpr double kMostBins = 1e5;
@@ -48,7 +48,7 @@ class Describer {
   Describer(const hal::Tube& tube, double sigma_mm, double bin_mm, std::size_t bins,
             std::size_t sparse, Description& description)
       : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
-        frames_(SegmentFrames(segments_)),
+        frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
         pipe_radius_mm_(tube.pipe_radius_mm),
         length_mm_(hal::SpineLength(tube.program)),
         reach_mm_(kOutlier * sigma_mm),
@@ -87,7 +87,7 @@ class Describer {
             ? along_mm_[c][i]
             : std::clamp(nearest_.Local(c).x[i], frames_[k].low_mm, frames_[k].high_mm);
     const double s = segments_[k].from_start_mm + along_mm;
-    const double margin_mm = kBeyond * pipe_radius_mm_;
+    const double margin_mm = kMargin * pipe_radius_mm_;
     if (!(std::abs(d) <= reach_mm_) || s < -margin_mm || s > length_mm_ + margin_mm) return;
     out_.magnitudes.Add(d);
     out_.sum2_mm2 += d * d;

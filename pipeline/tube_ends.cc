@@ -19,9 +19,15 @@ namespace {
 
 constexpr double kOnSurface = 4.0;  // sigma
 constexpr double kWindow = 3.0;     // of r_P: how far inward the local spacing is looked at
-constexpr double kCrowd = 0.15;     // of the points that usually stand together; less are fliers
-constexpr std::size_t kBegun = 20;  // one in so many points may lie before the tube's end
-constexpr double kEven = 0.3;       // scatter of the gaps between laser lines, of their mean
+// Points that stand together. How near, in gaps; what part of the usual number is no fliers: of
+// scattered points so many that two or three fliers are no crowd.
+struct Crowd {
+  double gaps, part;
+};
+constexpr Crowd kLineCrowd{1.0 / 3.0, 0.15}, kScatteredCrowd{10.0, 0.3};
+constexpr double kLeastCrowd = 10.0;  // usual number on a line
+constexpr std::size_t kBegun = 20;    // one in so many points may lie before the tube's end
+constexpr double kEven = 0.3;         // scatter of the gaps between laser lines, of their mean
 
 // A gap of scattered points over 1 sigma of their border: 2 if nothing else moved it.
 constexpr double kScattered = 1.4;
@@ -42,7 +48,8 @@ struct Spacing {
   // Length-weighted mean gap: the distance between laser lines however dense they are along
   // themselves, and twice the mean gap of scattered points.
   double gap_mm = 0;
-  double usual_crowd = 0;  // points within a third of a gap after a point, median
+  double crowd_mm = 0;     // a point's crowd stands so near behind it: about a laser line's width
+  double least_crowd = 0;  // points that are no fliers
   bool even = false;       // the gaps that matter are alike, as between laser lines
 };
 
@@ -63,20 +70,27 @@ Spacing SpacingWithin(std::span<const double> inward, std::size_t begin, std::si
   }
   if (sum <= 0) return spacing;
   spacing.gap_mm = sum2 / sum;
+  for (const auto& [gaps, part] : {kLineCrowd, kScatteredCrowd}) {
+    spacing.crowd_mm = gaps * spacing.gap_mm;
+    std::vector<double> crowds;
+    crowds.reserve(end - begin);
+    std::size_t last = begin;
+    for (std::size_t k = begin; k + 1 < end; ++k) {
+      crowds.push_back(CrowdAt(inward, k, spacing.crowd_mm, last));
+    }
+    const double usual = Median(std::move(crowds));
+    spacing.least_crowd = part * usual;
+    if (usual > kLeastCrowd) break;
+  }
   double count = 0;
   sum = sum2 = 0;
-  std::vector<double> crowds;
-  crowds.reserve(end - begin);
-  std::size_t last = begin;
   for (std::size_t k = begin; k + 1 < end; ++k) {
-    crowds.push_back(CrowdAt(inward, k, spacing.gap_mm / 3.0, last));
     const double gap = inward[k + 1] - inward[k];
     if (gap < 0.3 * spacing.gap_mm) continue;
     count += 1;
     sum += gap;
     sum2 += gap * gap;
   }
-  spacing.usual_crowd = Median(std::move(crowds));
   const double mean = sum / std::max(1.0, count);
   spacing.even = count > 0 && sum2 / count - mean * mean < kEven * kEven * mean * mean;
   return spacing;
@@ -110,7 +124,7 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
   std::size_t last = 0;
   for (std::size_t i = 0; i < end; ++i) {
     // Lone points beyond the tube are fliers; the border has as many neighbours as the rest.
-    if (CrowdAt(inward, i, spacing.gap_mm / 3.0, last) < kCrowd * spacing.usual_crowd) continue;
+    if (CrowdAt(inward, i, spacing.crowd_mm, last) < spacing.least_crowd) continue;
     if (i + 1 < inward.size() && inward[i + 1] - inward[i] > 4.0 * spacing.gap_mm) continue;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
     const double at_mm = inward[i] - 0.5 * spacing.gap_mm;
@@ -127,19 +141,19 @@ using Sectors = std::array<std::vector<double>, kSectors>;
 // The border that most of the circumference agrees on: a table that the tube lies on, or a clamp
 // beside its end, goes on along a part of the turn only and is left out.
 std::optional<Border> CommonBorder(Sectors& sectors, double pipe_radius_mm) {
-  std::vector<double> borders;
+  std::vector<double> borders, widths_mm;
   std::array<std::optional<Border>, kSectors> own;
-  double width_mm = 0;
   for (std::size_t i = 0; i < kSectors; ++i) {
     own[i] = FindBorder(sectors[i], pipe_radius_mm);
     if (!own[i]) continue;
     borders.push_back(own[i]->at_mm);
-    width_mm = std::max(width_mm, own[i]->sigma_mm);
+    widths_mm.push_back(own[i]->sigma_mm);
   }
   const double common = Median(borders);
+  const double width_mm = Quantile(widths_mm, 1.0), usual_width_mm = Median(widths_mm);
   const double disagree_mm = kDisagreement * pipe_radius_mm;
   const auto agrees = [&](const std::optional<Border>& border) {
-    return border && border->least_mm >= common - disagree_mm &&
+    return border && border->least_mm >= common - disagree_mm - kScattered * usual_width_mm &&
            border->at_mm <= common + disagree_mm + kScattered * width_mm;
   };
   std::vector<double> pooled;
@@ -160,7 +174,8 @@ class EndCollector {
  public:
   EndCollector(const hal::Tube& tube, double sigma_mm, EndPoints& points)
       : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
-        frames_(SegmentFrames(segments_)),
+        // The lines do not go on for ever: one may pass by the other end.
+        frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
         pipe_radius_mm_(tube.pipe_radius_mm),
         reach_mm_(kOnSurface * sigma_mm),
         points_(points) {}

@@ -189,5 +189,44 @@ TEST(TubeEnds, ATableGoesOnBeyondTheEnd) {
   }
 }
 
+// The first straight's line, gone on with, passes through the last end.
+TEST(TubeEnds, TheOtherEndsLineMayPassThroughThisEnd) {
+  Random random(10);
+  hal::Tube tube;
+  tube.pipe_radius_mm = kRadius;
+  tube.program.rows = {
+      {30, 0, 90, 10.0}, {20, 0, 90, 10.0}, {60, 0, 90, 10.0}, {30, 0, 0, std::nullopt}};
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const Eigen::Vector3d from =
+      segments.back().PointAt(segments.back().length_mm) - segments.front().start_mm;
+  ASSERT_LT(from.cross(segments.front().tangent).norm(), 1e-6);
+  ASSERT_LT(from.dot(segments.front().tangent), -3 * kRadius);
+  const Points cloud = tests::SyntheticCloud(tube, {.points = 12000, .noise_mm = kNoise}, random);
+  const TubeEnds ends = FindTubeEnds(tube, kNoise, tests::Blocks(cloud, kRadius));
+  EXPECT_NEAR(EndErrors(tube, ends).first, 0, 0.2);
+  EXPECT_NEAR(EndErrors(tube, ends).last, 0, 0.2);
+}
+
+// Of dense points two fliers are no crowd.
+TEST(TubeEnds, PairsOfFliersAreNoBorder) {
+  Random random(11);
+  for (int run = 0; run < 5; ++run) {
+    const hal::Tube tube = Truth(1, random);
+    Points cloud = tests::SyntheticCloud(tube, {.points = 40000, .noise_mm = kNoise}, random);
+    const auto last = hal::SpineSegments(tube.program, tube.X_WT).back();
+    const Eigen::Vector3d across = last.normal.cross(last.tangent);
+    for (int i = 0; i < 10; ++i) {
+      const double beyond_mm = Uniform(random, 0.2, 1.8) * kRadius;
+      for (const double after_mm : {0.0, 0.003}) {
+        const double phi = Uniform(random, 0, 2 * kPi);
+        cloud.push_back(last.PointAt(last.length_mm + beyond_mm + after_mm) +
+                        kRadius * (std::cos(phi) * across + std::sin(phi) * last.normal));
+      }
+    }
+    const TubeEnds ends = FindTubeEnds(tube, kNoise, tests::Blocks(cloud, kRadius));
+    EXPECT_NEAR(EndErrors(tube, ends).last, 0, 0.1) << run;
+  }
+}
+
 }  // namespace
 }  // namespace bendloop::pipeline
