@@ -40,17 +40,17 @@ hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons, double 
                      "no tube of pipe radius " + Mm(pipe_radius_mm) +
                          " in the points: expected a surface curved like that" + kCloserLines);
   }
-  const std::size_t pipes = PipesFirst(polygons, pipe_radius_mm);
   if (nominal) {
-    // With a nominal the tube is the piece of its length; others are neighbours in view.
+    // With a nominal the tube is the piece of its length; others are neighbours in view. Even a
+    // rough one may be it, where the pipe radius that was found is a neighbour's.
     const double nominal_mm = hal::SpineLength(*nominal);
     const auto off_mm = [nominal_mm](const SpinePolygon& piece) {
       return std::abs(LengthOf(piece) - nominal_mm);
     };
-    return *std::min_element(polygons.begin(),
-                             polygons.begin() + static_cast<std::ptrdiff_t>(pipes),
+    return *std::min_element(polygons.begin(), polygons.end(),
                              [&](const auto& a, const auto& b) { return off_mm(a) < off_mm(b); });
   }
+  const std::size_t pipes = PipesFirst(polygons, pipe_radius_mm);
   const double first_mm = LengthOf(polygons[0]);
   if (pipes > 1 && LengthOf(polygons[1]) > kSecondTube * first_mm) {
     return hal::Fail(hal::ErrorKind::kBadInput,

@@ -15,9 +15,9 @@ namespace bendloop::pipeline {
 inline constexpr const char* kCloserLines =
     "; if the laser lines are farther apart than half the pipe radius, scan with closer ones";
 
-// Which of the pieces in view is the tube: the longest, or with a nominal the one of its length.
-// What is much rougher than another is no pipe but a clamp's edges. An error when there is none, or
-// when two are about as long. `polygons`: longest first; `left_out_mm` grows by the lengths of
+// Which of the pieces in view is the tube: with a nominal the one of its length, else the longest;
+// then what is much rougher than another is no pipe but a clamp's edges, and two that are about as
+// long are an error, as is none. `polygons`: longest first; `left_out_mm` grows by the lengths of
 // other pieces that are worth a word.
 hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons, double pipe_radius_mm,
                                      const std::optional<hal::BendProgram>& nominal,

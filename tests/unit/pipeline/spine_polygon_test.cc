@@ -190,6 +190,11 @@ TEST(ChooseTube, AClampsEdgesAreNoSecondTube) {
     EXPECT_EQ(chosen->front().position_mm.y(), 0) << length_mm;
     EXPECT_EQ(left_out_mm.size(), 1U);  // a person may want to look
     EXPECT_FALSE(ChooseTube(longest_first(tube, second), kRadius, {}, left_out_mm));
+    // With a nominal its length decides: the pipe radius may be that of the smooth neighbour.
+    const hal::BendProgram nominal{{{length_mm, 0, 0, std::nullopt}}};
+    const auto rough = ChooseTube(longest_first(tube, edges), kRadius, nominal, left_out_mm);
+    ASSERT_TRUE(rough);
+    EXPECT_EQ(rough->front().position_mm.y(), 50) << length_mm;
   }
 }
 
