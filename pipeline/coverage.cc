@@ -52,7 +52,7 @@ class Describer {
         pipe_radius_mm_(tube.pipe_radius_mm),
         length_mm_(hal::SpineLength(tube.program)),
         reach_mm_(kOutlier * sigma_mm),
-        bin_mm_(bin_mm),
+        inverse_bin_(1.0 / bin_mm),
         sparse_(sparse),
         out_(description) {
     out_.count.assign(bins, 0);
@@ -64,6 +64,8 @@ class Describer {
     CandidateSegments(block, frames_, 1.5 * pipe_radius_mm_, candidates_);
     if (candidates_.empty()) return;
     along_mm_.resize(std::max(along_mm_.size(), candidates_.size()));
+    // Counted down: a division for each point would cost more than all the rest.
+    std::size_t until_kept = (sparse_ - index % sparse_) % sparse_;
     for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
       const std::size_t count = std::min(kBatch, block.points.size() - first);
       nearest_.Find(block.points.subspan(first, count), frames_, pipe_radius_mm_, candidates_);
@@ -72,7 +74,9 @@ class Describer {
         if (frame.bend_radius_mm > 0) AlongArc(frame, nearest_.Local(c), count, along_mm_[c]);
       }
       for (std::size_t i = 0; i < count; ++i) {
-        Add(block.points[first + i], i, (index + first + i) % sparse_ == 0);
+        const bool keep = until_kept == 0;
+        until_kept = keep ? sparse_ - 1 : until_kept - 1;
+        Add(block.points[first + i], i, keep);
       }
     }
   }
@@ -93,14 +97,14 @@ class Describer {
     out_.sum2_mm2 += d * d;
     ++out_.points;
     if (keep) out_.surface.push_back({point, d});
-    const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm_) / bin_mm_);
+    const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm_) * inverse_bin_);
     ++out_.count[bin];
     out_.sum_mm[bin] += d;
   }
 
   std::vector<hal::SpineSegment> segments_;
   std::vector<SegmentFrame> frames_;
-  double pipe_radius_mm_, length_mm_, reach_mm_, bin_mm_;
+  double pipe_radius_mm_, length_mm_, reach_mm_, inverse_bin_;
   std::size_t sparse_;
   Description& out_;
   std::vector<std::int32_t> candidates_;

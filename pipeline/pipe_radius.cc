@@ -8,7 +8,7 @@
 
 #include "pipeline/cylinder_fit.h"
 #include "pipeline/local_paraboloid.h"
-#include "pipeline/sample_grid.h"
+#include "pipeline/point_pyramid.h"
 #include "pipeline/statistics.h"
 
 namespace bendloop::pipeline {
@@ -25,21 +25,20 @@ constexpr double kLadderStep = 1.25;
 constexpr double kNearest = 0.11;  // of the trial: no other on the ladder is nearer
 constexpr std::size_t kMostAhead = 4;
 constexpr double kAgreement = 0.2;   // of the trial's curvature
-constexpr double kTolerance = 1e-4;  // of r_P: far less than what noise does
+constexpr double kTolerance = 1e-3;  // of r_P: less than what noise does
 constexpr double kMaxRms = 0.12;     // of the trial radius: noise of 0.12 mm on a 2 mm wire is half
+constexpr double kVoxels = 5.0;      // a neighbourhood holds so many along its radius, or more
 constexpr std::size_t kSeeds = 240;
-// Every so many seeds are asked first. When none of these agrees with the trial, hardly one in
-// twenty of all does, and the others are not asked; nor when so many agree that all is said.
-constexpr std::size_t kPilotStride = 3;
-constexpr std::size_t kEnoughVotes = 24;
+// Seeds are asked in an order in which any number of the first are spread over the scan.
+constexpr std::size_t kSeedStep = 389;  // a prime beyond kSeeds
+// So many are asked first: enough to know where it is worth asking all.
+constexpr std::size_t kPilot = 40;
 // So many of the votes are asked for cylinders: the median of their radii is good to a part in a
 // thousand.
 constexpr std::size_t kCylinders = 36;
-// Points are looked at in passes, twice as many in each. A pass that finds something new in fewer
-// than one of so many points is the last.
-constexpr std::size_t kFirstPass = 64;  // every so many-th point
-constexpr std::size_t kSaturated = 8;
+constexpr std::ptrdiff_t kLeastCylinders = 5;
 constexpr std::size_t kWorkingPoints = 20'000;
+constexpr std::size_t kBoxPoints = 2'000;
 constexpr double kMinSupport = 0.04;
 constexpr double kStray = 0.01;  // part of the points at either end that may lie anywhere
 
@@ -57,59 +56,59 @@ std::vector<Eigen::Vector3d> Pick(std::span<const Eigen::Vector3d> points, std::
   return picked;
 }
 
-// The votes for a trial radius, and how many seeds were asked.
-struct Votes {
+// What a trial radius comes to.
+struct Trial {
+  double radius_mm = 0;
+  double neighbourhood_mm = 0;
+  const PointPyramid::Level* level = nullptr;
+  std::size_t asked = 0;  // seeds
   std::vector<Vote> votes;
-  std::size_t asked = 0;
+  double score = 0;  // part of the seeds whose cylinders agree with it and with each other
+  std::vector<double> cylinder_radius_mm, cylinder_rms_mm;
+
+  double Support() const { return PartAsked(0); }  // of the seeds: no score is better
+  double Hope() const { return PartAsked(2); }     // few were asked: it may be a little more
+  double PartAsked(std::size_t more) const {
+    return static_cast<double>(votes.size() + more) / static_cast<double>(asked);
+  }
 };
 
-Votes VotesFor(double trial_mm, double neighbourhood_mm, std::span<const Eigen::Vector3d> seeds,
-               const SampleGrid& grid) {
-  Votes result;
-  std::vector<Vote>& votes = result.votes;
+// Asks seeds until so many have been asked in all.
+void AskSeeds(std::span<const Eigen::Vector3d> seeds, std::size_t until, Trial& trial) {
   std::vector<Eigen::Vector3d> ball;
-  const auto ask = [&](const Eigen::Vector3d& seed) {
-    ++result.asked;
-    grid.GatherBall(seed, neighbourhood_mm, ball);
-    const auto surface = FitLocalParaboloid(seed, ball, neighbourhood_mm);
-    if (!surface || surface->rms_mm > kMaxRms * trial_mm) return;
+  while (trial.asked < std::min(until, seeds.size())) {
+    const Eigen::Vector3d& seed = seeds[trial.asked++ * kSeedStep % seeds.size()];
+    trial.level->GatherBall(seed, trial.neighbourhood_mm, ball);
+    const auto surface = FitLocalParaboloid(seed, ball, trial.neighbourhood_mm);
+    if (!surface || surface->rms_mm > kMaxRms * trial.radius_mm) continue;
     for (std::size_t i = 0; i < 2; ++i) {
-      if (std::abs(std::abs(surface->curvature[i]) * trial_mm - 1.0) < kAgreement &&
-          std::abs(surface->curvature[1 - i]) * trial_mm < 0.75) {
-        votes.push_back({*surface, i});
+      if (std::abs(std::abs(surface->curvature[i]) * trial.radius_mm - 1.0) < kAgreement &&
+          std::abs(surface->curvature[1 - i]) * trial.radius_mm < 0.75) {
+        trial.votes.push_back({*surface, i});
         break;
       }
     }
-  };
-  for (std::size_t i = 0; i < seeds.size(); i += kPilotStride) ask(seeds[i]);
-  if (votes.empty() || votes.size() >= kEnoughVotes) return result;
-  for (std::size_t i = 0; i < seeds.size(); ++i) {
-    if (i % kPilotStride != 0) ask(seeds[i]);
   }
-  return result;
 }
 
-// Radii of free cylinder fits at the votes; keeps only those that agree with the trial.
-struct Cylinders {
-  std::size_t asked = 0;
-  std::vector<double> radius_mm;
-  std::vector<double> rms_mm;
-};
-
-Cylinders FitCylinders(double trial_mm, std::span<const Vote> votes, const SampleGrid& grid) {
-  Cylinders cylinders;
+// Asks the other seeds, unless nearly all agree, and free cylinders where they do; those that agree
+// with each other, too, count.
+void Judge(std::span<const Eigen::Vector3d> seeds, PointPyramid& points, Trial& trial) {
+  if (trial.Support() < kCertain) AskSeeds(seeds, seeds.size(), trial);
+  const double trial_mm = trial.radius_mm;
+  const double support_mm = kCylinderSupport * trial_mm;
+  const PointPyramid::Level& level = points.Thinned(support_mm / kVoxels);
   std::vector<Eigen::Vector3d> ball;
-  const std::size_t count = std::min(votes.size(), kCylinders);
+  const std::size_t count = std::min(trial.votes.size(), kCylinders);
   for (std::size_t i = 0; i < count; ++i) {
-    const Vote& vote = votes[i * votes.size() / count];
-    ++cylinders.asked;
+    const Vote& vote = trial.votes[i * trial.votes.size() / count];
     const double side = vote.surface.curvature[vote.curved] > 0 ? 1.0 : -1.0;
     const Eigen::Vector3d axis_point = vote.surface.foot_mm + side * trial_mm * vote.surface.normal;
-    grid.GatherBall(axis_point, (kCylinderSupport + 0.2) * trial_mm, ball);
+    level.GatherBall(axis_point, support_mm + 0.2 * trial_mm, ball);
     const auto cylinder = FitCylinder(axis_point, vote.surface.direction[1 - vote.curved], ball,
                                       {.radius_mm = trial_mm,
                                        .free_radius = true,
-                                       .support_mm = kCylinderSupport * trial_mm,
+                                       .support_mm = support_mm,
                                        .inlier_mm = 0.35 * trial_mm,
                                        .tolerance = kTolerance});
     if (!cylinder || cylinder->angular_coverage < 0.15 ||
@@ -118,85 +117,67 @@ Cylinders FitCylinders(double trial_mm, std::span<const Vote> votes, const Sampl
         cylinder->rms_mm > kMaxRms * trial_mm) {
       continue;
     }
-    cylinders.radius_mm.push_back(cylinder->radius_mm);
-    cylinders.rms_mm.push_back(cylinder->rms_mm);
+    trial.cylinder_radius_mm.push_back(cylinder->radius_mm);
+    trial.cylinder_rms_mm.push_back(cylinder->rms_mm);
   }
-  return cylinders;
-}
-
-// Points in cubes of the neighbourhood's size, as many as make a difference.
-SampleGrid GridOf(std::span<const Eigen::Vector3d> working, double block_mm) {
-  SampleGrid grid(block_mm, SampleGrid::kMaxPoints, SampleGrid::Links::kNone);
-  std::int32_t block = 0;
-  for (std::size_t i = 0; i < working.size(); i += kFirstPass) grid.Insert(working[i], block);
-  for (std::size_t stride = kFirstPass / 2; stride > 0; stride /= 2) {
-    const std::size_t before = grid.sample_count();
-    for (std::size_t i = stride; i < working.size(); i += 2 * stride)
-      grid.Insert(working[i], block);
-    if (kSaturated * (grid.sample_count() - before) < working.size() / (2 * stride)) break;
-  }
-  return grid;
-}
-
-// What a trial radius comes to.
-struct Trial {
-  bool too_sparse = false;  // and so will be all smaller ones
-  double score = 0;         // part of the seeds that agree with it and with each other
-  std::vector<double> radius_mm;
-  std::vector<double> rms_mm;
-};
-
-Trial Try(double trial_mm, double neighbourhood, std::span<const Eigen::Vector3d> working,
-          std::span<const Eigen::Vector3d> seeds) {
-  Trial trial;
-  const SampleGrid grid = GridOf(working, neighbourhood * trial_mm);
-  trial.too_sparse = grid.blocks().size() > working.size() / 2;
-  if (trial.too_sparse) return trial;
-  const auto [votes, asked] = VotesFor(trial_mm, neighbourhood * trial_mm, seeds, grid);
-  if (votes.size() < std::max<std::size_t>(5, seeds.size() / 50)) return trial;
-  Cylinders cylinders = FitCylinders(trial_mm, votes, grid);
-  // Agreement of the cylinders with each other counts, not only that they exist.
-  const double center = Median(cylinders.radius_mm);
-  std::size_t agree = 0;
-  for (const double r : cylinders.radius_mm) agree += std::abs(r / center - 1.0) < 0.1 ? 1 : 0;
-  if (agree < 5) return trial;
-  trial.score =
-      static_cast<double>(agree * votes.size()) / static_cast<double>(cylinders.asked * asked);
-  trial.radius_mm = std::move(cylinders.radius_mm);
-  trial.rms_mm = std::move(cylinders.rms_mm);
-  return trial;
+  const double center_mm = Median(trial.cylinder_radius_mm);
+  const auto agree = std::count_if(
+      trial.cylinder_radius_mm.begin(), trial.cylinder_radius_mm.end(),
+      [center_mm](double radius_mm) { return std::abs(radius_mm / center_mm - 1.0) < 0.1; });
+  if (agree < kLeastCylinders) return;
+  trial.score = trial.Support() * static_cast<double>(agree) / static_cast<double>(count);
 }
 
 // From pipes as thick as the cloud down to where neighbourhoods are too small to be fitted.
-Trial BestTrial(std::span<const Eigen::Vector3d> working, std::span<const Eigen::Vector3d> seeds,
-                double size_mm, double neighbourhood, Workers* workers) {
+Trial BestTrial(PointPyramid& points, std::span<const Eigen::Vector3d> seeds, double size_mm,
+                double neighbourhood, Workers* workers) {
   Trial best;
   int worse = 0;
+  // Judging is dear: trials that few agree with wait until it is known what else there is.
+  std::vector<Trial> waiting;
+  const auto judge = [&](Trial& trial) {
+    Judge(seeds, points, trial);
+    if (trial.score <= best.score) return false;
+    best = std::move(trial);
+    return true;
+  };
   // With workers the next few are tried at once, of which the last may be in vain.
   std::vector<Trial> ahead(workers ? std::min(workers->threads(), kMostAhead) : 1);
   std::size_t next = ahead.size();
   for (double trial_mm = size_mm / 3.0; trial_mm > size_mm / 5000.0; trial_mm /= kLadderStep) {
     if (next == ahead.size()) {
-      ParallelFor(workers, ahead.size(), [&](std::size_t i) {
-        double ahead_mm = trial_mm;
-        for (std::size_t step = 0; step < i; ++step) ahead_mm /= kLadderStep;
-        ahead[i] = Try(ahead_mm, neighbourhood, working, seeds);
-      });
+      double ahead_mm = trial_mm;
+      for (Trial& trial : ahead) {
+        trial = {};
+        trial.radius_mm = ahead_mm;
+        trial.neighbourhood_mm = neighbourhood * ahead_mm;
+        trial.level = &points.Thinned(trial.neighbourhood_mm / kVoxels);
+        ahead_mm /= kLadderStep;
+      }
+      ParallelFor(workers, ahead.size(), [&](std::size_t i) { AskSeeds(seeds, kPilot, ahead[i]); });
       next = 0;
     }
     Trial& trial = ahead[next++];
-    if (trial.too_sparse) break;
-    if (trial.score > best.score) {
-      best = std::move(trial);
+    if (trial.level->cell_count() > points.size() / 2) break;  // so sparse are all smaller ones
+    const bool high = trial.Support() >= kHighPeak;
+    if (high && judge(trial)) {
       worse = 0;
-      if (best.score > kCertain && std::abs(Median(best.radius_mm) / trial_mm - 1.0) < kNearest) {
+      if (best.score > kCertain &&
+          std::abs(Median(best.cylinder_radius_mm) / best.radius_mm - 1.0) < kNearest) {
         break;
       }
       continue;
     }
-    // Well past a high peak the smaller trials, the costly ones, need not be looked at. A whole
-    // bent tube may pass for a piece of a far thicker one, but never with so much support.
-    if (best.score > kHighPeak && trial.score < 0.3 * best.score && ++worse >= 2) break;
+    // Well past a high peak the smaller trials need not be looked at. A whole bent tube may pass
+    // for a piece of a far thicker one, but never with so much support.
+    if (best.score > kHighPeak && trial.Support() < 0.5 * best.score && ++worse >= 2) break;
+    if (!high) waiting.push_back(std::move(trial));
+  }
+  std::stable_sort(waiting.begin(), waiting.end(),
+                   [](const Trial& a, const Trial& b) { return a.Support() > b.Support(); });
+  for (Trial& trial : waiting) {
+    if (trial.Hope() <= best.score) break;
+    judge(trial);
   }
   return best;
 }
@@ -209,12 +190,13 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
     return hal::Fail(hal::ErrorKind::kBadInput, "no points; expected a scan of a tube");
   }
   std::vector<Eigen::Vector3d> working = Pick(points, kWorkingPoints);
+  const std::vector<Eigen::Vector3d> some = Pick(working, kBoxPoints);
   // The box of nearly all points: one reading from far away must not set the scale.
   Eigen::Vector3d low, high;
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     std::vector<double> along;
-    along.reserve(working.size());
-    for (const Eigen::Vector3d& p : working) along.push_back(p[axis]);
+    along.reserve(some.size());
+    for (const Eigen::Vector3d& p : some) along.push_back(p[axis]);
     low[axis] = Quantile(along, kStray);
     high[axis] = Quantile(std::move(along), 1.0 - kStray);
   }
@@ -228,10 +210,11 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
   }
   const double size_mm = (high - low).norm();
   const std::vector<Eigen::Vector3d> seeds = Pick(working, kSeeds);
+  PointPyramid pyramid(working);
 
   Trial best;
   for (const double neighbourhood : kParaboloidRadius) {
-    Trial found = BestTrial(working, seeds, size_mm, neighbourhood, workers);
+    Trial found = BestTrial(pyramid, seeds, size_mm, neighbourhood, workers);
     if (found.score > best.score) best = std::move(found);
     if (best.score > kConvincing) break;
   }
@@ -241,10 +224,10 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
                      "(expected a scan of a tube with at least a few hundred points on it)");
   }
   PipeRadius result;
-  result.radius_mm = Median(best.radius_mm);
-  result.noise_mm = Median(best.rms_mm);
-  result.sigma_mm =
-      1.2533 * RobustSigma(best.radius_mm) / std::sqrt(static_cast<double>(best.radius_mm.size()));
+  result.radius_mm = Median(best.cylinder_radius_mm);
+  result.noise_mm = Median(best.cylinder_rms_mm);
+  result.sigma_mm = 1.2533 * RobustSigma(best.cylinder_radius_mm) /
+                    std::sqrt(static_cast<double>(best.cylinder_radius_mm.size()));
   result.support = best.score;
   return result;
 }

@@ -8,7 +8,7 @@
 namespace bendloop::pipeline {
 namespace {
 
-// 21 bits an axis; points that are a million blocks away belong to no tube.
+// Points that are a million blocks away belong to no tube.
 constexpr double kMaxCell = 1'000'000;
 constexpr std::uint32_t kMaxStride = 1u << 30;
 constexpr std::size_t kUsualPoints = 8;  // of a block in a sparse scan
@@ -16,42 +16,9 @@ constexpr std::size_t kUsualPoints = 8;  // of a block in a sparse scan
 constexpr std::size_t kPart = 32'768;
 constexpr std::size_t kMostRounds = 64;
 
-std::uint64_t Key(const Eigen::Vector3i& cell) {
-  const auto part = [](int c) { return static_cast<std::uint64_t>(c + (1 << 20)); };
-  return (part(cell.x()) << 42) | (part(cell.y()) << 21) | part(cell.z());
-}
-
 int NeighbourSlot(int dx, int dy, int dz) { return (dx + 1) * 9 + (dy + 1) * 3 + (dz + 1); }
 
 }  // namespace
-
-std::size_t CellNumbers::SlotOf(std::uint64_t key) const {
-  std::size_t at = (key * 0x9e3779b97f4a7c15u) >> shift_;
-  while (slots_[at].number >= 0 && slots_[at].key != key) at = (at + 1) & (slots_.size() - 1);
-  return at;
-}
-
-void CellNumbers::Grow() {
-  const std::vector<Slot> old = std::exchange(slots_, std::vector<Slot>(2 * slots_.size()));
-  --shift_;
-  for (const Slot& slot : old) {
-    if (slot.number >= 0) slots_[SlotOf(slot.key)] = slot;
-  }
-}
-
-std::int32_t CellNumbers::Find(const Eigen::Vector3i& cell) const {
-  return slots_[SlotOf(Key(cell))].number;
-}
-
-std::int32_t CellNumbers::FindOrAdd(const Eigen::Vector3i& cell) {
-  const std::uint64_t key = Key(cell);
-  const std::size_t slot = SlotOf(key);
-  if (slots_[slot].number >= 0) return slots_[slot].number;
-  const auto number = static_cast<std::int32_t>(count_++);
-  slots_[slot] = {key, number};
-  if (2 * count_ > slots_.size()) Grow();
-  return number;
-}
 
 Eigen::Vector3i SampleGrid::CellOf(const Eigen::Vector3d& point) const {
   return (point * inverse_mm_).array().floor().cast<int>();
@@ -66,7 +33,6 @@ std::int32_t SampleGrid::FindOrCreate(const Eigen::Vector3i& cell) {
   Block& block = blocks_.emplace_back();
   block.cell = cell;
   block.points.reserve(kUsualPoints);
-  if (links_ == Links::kNone) return last_block_;
   for (int dx = -1; dx <= 1; ++dx) {
     for (int dy = -1; dy <= 1; ++dy) {
       for (int dz = -1; dz <= 1; ++dz) {

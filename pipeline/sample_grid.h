@@ -8,31 +8,11 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/cell_numbers.h"
 #include "pipeline/parallel.h"
 #include "pipeline/sensor_direction.h"
 
 namespace bendloop::pipeline {
-
-// Numbers cells in the order in which they are first met. Open addressing: most questions are about
-// cells that hold nothing, and must end at once.
-class CellNumbers {
- public:
-  std::int32_t Find(const Eigen::Vector3i& cell) const;  // -1: not met
-  std::int32_t FindOrAdd(const Eigen::Vector3i& cell);   // a new cell's number is count() before
-  std::size_t count() const { return count_; }
-
- private:
-  struct Slot {
-    std::uint64_t key = 0;
-    std::int32_t number = -1;  // -1: free
-  };
-  std::size_t SlotOf(std::uint64_t key) const;  // where the key is, or where it would go
-  void Grow();
-
-  std::vector<Slot> slots_ = std::vector<Slot>(64);  // a power of two, at most half full
-  int shift_ = 64 - 6;
-  std::size_t count_ = 0;
-};
 
 // The scanned points, sorted into cubes ("blocks") as they arrive. Each block is divided into
 // kSubdivisions^3 voxels; the first point of a voxel becomes a sample, and the local estimates look
@@ -62,12 +42,9 @@ class SampleGrid {
     std::span<const Eigen::Vector3d> samples() const { return {points.data(), sample_count}; }
   };
 
-  enum class Links { kNeighbours, kNone };
-  // `block_mm`: edge of a block, at least the radius of the local paraboloid. Without links blocks
-  // do not know their neighbours, which is enough for balls.
-  explicit SampleGrid(double block_mm, std::size_t max_points = kMaxPoints,
-                      Links links = Links::kNeighbours)
-      : block_mm_(block_mm), inverse_mm_(1.0 / block_mm), max_points_(max_points), links_(links) {}
+  // `block_mm`: edge of a block, at least the radius of the local paraboloid.
+  explicit SampleGrid(double block_mm, std::size_t max_points = kMaxPoints)
+      : block_mm_(block_mm), inverse_mm_(1.0 / block_mm), max_points_(max_points) {}
 
   enum class Insertion { kSample, kOther, kDropped };
   // Returns what became of the point; `block` receives its block's index unless it was dropped.
@@ -124,7 +101,6 @@ class SampleGrid {
 
   double block_mm_, inverse_mm_;
   std::size_t max_points_;
-  Links links_;
   std::size_t points_of_voxel_ = kMaxPointsOfVoxel;  // fewer when there are too many
   CellNumbers numbers_;                              // of the blocks
   std::vector<Block> blocks_;

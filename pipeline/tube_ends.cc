@@ -34,6 +34,8 @@ constexpr double kScattered = 1.4;
 
 constexpr double kBeyondNodes = 2.0;  // of r_P: the nodes reach this near to the tube's ends
 constexpr std::size_t kSectors = 16;
+// Of the whole tube: their border is known better than the points of a scan lie apart.
+constexpr std::size_t kEnoughPoints = 100'000;
 constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 16;  // of the walk
 constexpr double kDisagreement = 0.15;  // of r_P, beyond the borders' own width
 
@@ -229,13 +231,15 @@ Sectors Joined(std::span<const EndPoints> parts, Sectors EndPoints::*which) {
 
 }  // namespace
 
-TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> blocks,
+TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> all,
                       Workers* workers) {
   // An end that no sample shows is where the nodes stopped, give or take two pipe radii.
   const double unseen_mm = 2.0 * tube.pipe_radius_mm;
   TubeEnds ends{tube, unseen_mm, unseen_mm, false, false};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
+  const OwnedBlocks enough = Thinned(all, StrideTo(CountPoints(all), kEnoughPoints));
+  const std::span<const PointBlock> blocks = enough;
   const std::vector<BlockRange> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
   std::vector<EndPoints> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/sample_grid.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
+#include "pipeline/point_pyramid.h"
 #include "tests/unit/pipeline/shapes.h"
 
 namespace bendloop::pipeline {
@@ -218,6 +221,45 @@ TEST(SampleGrid, BlocksNearPlacesAscend) {
       }
     }
   }
+}
+
+TEST(PointPyramid, BallsHoldOnePointOfEachVoxel) {
+  Random random(11);
+  const Points points = Cube(4000, 10, random);
+  PointPyramid pyramid(points);
+  Points all, ball;
+  for (const double voxel : {0.1, 0.9, 2.0, 50.0}) {
+    const auto& level = pyramid.Thinned(voxel);
+    level.GatherBall({0, 0, 0}, 1e3, all);
+    // Voxels may be half as wide as asked for, and every point has its voxel's beside it.
+    const double most = std::pow(20.0 / (0.5 * voxel) + 1, 3);
+    EXPECT_LE(static_cast<double>(all.size()), std::max(most, 513.0)) << voxel;
+    EXPECT_GE(all.size(), std::min<std::size_t>(points.size(), 512) / 2) << voxel;
+    for (std::size_t i = 0; i < points.size(); i += 40) {
+      level.GatherBall(points[i], std::sqrt(3.0) * std::min(voxel, 2.6), ball);
+      EXPECT_FALSE(ball.empty()) << voxel;
+    }
+    for (const Eigen::Vector3d& center : Cube(20, 14, random)) {
+      for (const double radius : {0.3, 2.5, 9.0}) {
+        level.GatherBall(center, radius, ball);
+        Points expected;
+        for (const Eigen::Vector3d& p : all) {
+          if ((p - center).norm() < radius) expected.push_back(p);
+        }
+        EXPECT_EQ(Sorted(ball), Sorted(expected)) << voxel;
+      }
+    }
+  }
+}
+
+TEST(PointPyramid, TakesThePointThatCameFirst) {
+  const Points points = {{5, 5, 5}, {0, 0, 0}, {4.9, 4.9, 4.9}, {10, 10, 10}};
+  PointPyramid pyramid(points);
+  Points found;
+  pyramid.Thinned(1.0).GatherBall({5, 5, 5}, 1.0, found);
+  EXPECT_THAT(found, testing::Contains(points[0]));
+  PointPyramid({}).Thinned(1.0).GatherBall({0, 0, 0}, 1.0, found);
+  EXPECT_TRUE(found.empty());
 }
 
 }  // namespace
