@@ -32,7 +32,8 @@ constexpr double kMostDamping = 1e6;
 // solution of one of ten of the points leaves 9 a parameter.
 constexpr double kLittle = 300;
 constexpr std::size_t kLead = 10;
-constexpr double kNoWorse = 30;
+// What all points ask for makes chi square of a part worse by one a parameter, or a few.
+constexpr double kNoWorse = 4;
 constexpr int kFullPasses = 8;
 constexpr std::size_t kCoarsePoints = 10'000;
 constexpr std::size_t kLeadingPoints = 2500;
@@ -215,7 +216,8 @@ bool IsNoWorse(const TubeParameters& from, const Eigen::VectorXd& at, const Eige
   State before, after;
   before.MoveTo(from, at, part, options);
   after.MoveTo(from, to, part, options);
-  return after.ChiSquare(sigma_mm, options) < before.ChiSquare(sigma_mm, options) + kNoWorse;
+  return after.ChiSquare(sigma_mm, options) <
+         before.ChiSquare(sigma_mm, options) + kNoWorse * static_cast<double>(at.size());
 }
 
 // The same; of very many points a part leads most of the way.
