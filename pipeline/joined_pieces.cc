@@ -13,7 +13,7 @@ namespace {
 constexpr double kLeastTurnDeg = 20.0;  // of a joint
 constexpr double kTight = 1.1;          // of r_P
 constexpr double kTightest = 1.001;     // of r_P: the fit is held there, its sigma says little
-constexpr double kClearTurnDeg = 40.0;  // a lesser one may be held there by chance
+constexpr double kClearTurnDeg = 30.0;  // a lesser one may be held there by chance
 constexpr double kKnown = 0.2;          // of r_P, 1 sigma of the bend radius
 constexpr double kVagueDeg = 15.0;      // 1 sigma
 constexpr double kLong = 1.0;           // of r_P
@@ -34,7 +34,8 @@ std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
     const bool tight = (*row.bend_radius_mm < kTightest * r && row.angle_deg > kClearTurnDeg) ||
                        (*row.bend_radius_mm < kTight * r &&
                         fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kKnown * r);
-    const bool vague = fit.sigma.rows[k / 2].angle_deg > kVagueDeg &&
+    const hal::BendRow& sigma = fit.sigma.rows[k / 2];
+    const bool vague = std::max(sigma.angle_deg, sigma.rotation_deg) > kVagueDeg &&
                        (is_bare(k - 1) || is_bare(k) || is_bare(k + 1));
     if (row.angle_deg < kLeastTurnDeg || !(tight || vague)) continue;
     joints.push_back(segments[k].PointAt(0.5 * segments[k].length_mm));
