@@ -10,15 +10,10 @@
 #include "hal/clock.h"
 #include "hal/laser_profile.h"
 #include "hal/result.h"
-#include "pipeline/measurement.h"
+#include "pipeline/spine/spine_method.h"
+#include "pipeline/tube/measurement.h"
 
 namespace bendloop::pipeline {
-
-// How samples reach the spine.
-enum class SpineMethod {
-  kMls,        // onto the axes of local cylinders (Bauer & Polthier 2009, section 3)
-  kShrinking,  // along their normals until the set is thin (Lee & Kim 2004)
-};
 
 struct ReconstructionOptions {
   // Known pipe radius [mm]; estimated from the samples when empty.

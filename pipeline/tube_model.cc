@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "hal/spine.h"
-#include "pipeline/canal.h"
-#include "pipeline/input_checks.h"
-#include "pipeline/point_index.h"
-#include "pipeline/stage_timer.h"
-#include "pipeline/statistics.h"
-#include "pipeline/surface_points.h"
+#include "pipeline/canal/canal.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/math/quantiles.h"
+#include "pipeline/points/input_checks.h"
+#include "pipeline/points/point_index.h"
+#include "pipeline/tube/stage_timer.h"
 
 namespace bendloop::pipeline {
 namespace {

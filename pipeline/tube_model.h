@@ -6,8 +6,8 @@
 
 #include "hal/clock.h"
 #include "hal/result.h"
-#include "pipeline/measurement.h"
 #include "pipeline/reconstruction.h"
+#include "pipeline/tube/measurement.h"
 
 namespace bendloop::pipeline {
 

@@ -13,7 +13,7 @@
 #include "hal/bender_link.h"
 #include "hal/clock.h"
 #include "hal/result.h"
-#include "pipeline/interlocks.h"
+#include "pipeline/correction/interlocks.h"
 
 namespace bendloop::host {
 

@@ -5,7 +5,7 @@
 
 #include "config/digest.h"
 #include "hal/spine.h"
-#include "pipeline/representations.h"
+#include "pipeline/tube/representations.h"
 
 namespace bendloop::host {
 namespace {

@@ -8,9 +8,9 @@
 #include "firmware-host/commit/commit_protocol.h"
 #include "hal/bend_program.h"
 #include "hal/result.h"
-#include "pipeline/correction.h"
-#include "pipeline/inspection.h"
-#include "pipeline/interlocks.h"
+#include "pipeline/correction/correction.h"
+#include "pipeline/correction/interlocks.h"
+#include "pipeline/inspection/inspection.h"
 #include "pipeline/reconstruction.h"
 
 namespace bendloop::host {

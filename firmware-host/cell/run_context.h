@@ -8,7 +8,7 @@
 
 #include "hal/bend_program.h"
 #include "hal/result.h"
-#include "pipeline/correction.h"
+#include "pipeline/correction/correction.h"
 
 namespace bendloop::host {
 

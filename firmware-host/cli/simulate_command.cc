@@ -11,7 +11,7 @@
 #include "firmware-host/cli/command.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/simulators/scan_options.h"
-#include "pipeline/material.h"
+#include "pipeline/correction/material.h"
 
 namespace bendloop::host {
 namespace {

@@ -10,7 +10,7 @@
 #include "firmware-host/cloud/point_cloud.h"
 #include "hal/result.h"
 #include "hal/tube.h"
-#include "pipeline/representations.h"
+#include "pipeline/tube/representations.h"
 
 namespace bendloop::host {
 

@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "hal/result.h"
-#include "pipeline/correction.h"
+#include "pipeline/correction/correction.h"
 
 namespace bendloop::host {
 

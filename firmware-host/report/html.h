@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "pipeline/inspection.h"
+#include "pipeline/inspection/inspection.h"
 
 namespace bendloop::host {
 

@@ -6,10 +6,10 @@
 
 #include "firmware-host/commit/commit_protocol.h"
 #include "hal/bend_program.h"
-#include "pipeline/correction.h"
-#include "pipeline/inspection.h"
-#include "pipeline/interlocks.h"
-#include "pipeline/measurement.h"
+#include "pipeline/correction/correction.h"
+#include "pipeline/correction/interlocks.h"
+#include "pipeline/inspection/inspection.h"
+#include "pipeline/tube/measurement.h"
 
 namespace bendloop::host {
 

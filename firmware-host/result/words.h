@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "firmware-host/commit/commit_protocol.h"
-#include "pipeline/correction.h"
-#include "pipeline/correlations.h"
-#include "pipeline/direction.h"
-#include "pipeline/inspection.h"
-#include "pipeline/interlocks.h"
+#include "pipeline/correction/correction.h"
+#include "pipeline/correction/interlocks.h"
+#include "pipeline/fit/correlations.h"
+#include "pipeline/inspection/direction.h"
+#include "pipeline/inspection/inspection.h"
 
 namespace bendloop::host {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "firmware-host/result/run_result.h"
-#include "pipeline/correlations.h"
+#include "pipeline/fit/correlations.h"
 
 namespace bendloop::host {
 

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "hal/spine.h"
-#include "pipeline/mls_projection.h"
+#include "pipeline/spine/mls_projection.h"
 #include "tests/support/synthetic_cloud.h"
 
 namespace bendloop::bench {

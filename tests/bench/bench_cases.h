@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "hal/tube.h"
-#include "pipeline/sample_grid.h"
-#include "pipeline/surface_points.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/points/sample_grid.h"
 
 namespace bendloop::bench {
 

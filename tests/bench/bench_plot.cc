@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 
-#include "pipeline/statistics.h"
+#include "pipeline/math/quantiles.h"
 #include "tests/bench/plot.h"
 
 namespace bendloop::bench {

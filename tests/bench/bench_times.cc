@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <iostream>
 
+#include "pipeline/math/quantiles.h"
 #include "pipeline/reconstruction.h"
-#include "pipeline/statistics.h"
 #include "tests/bench/stopwatch.h"
 
 namespace bendloop::bench {

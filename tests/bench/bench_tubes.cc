@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/bench_tubes.h"
 
+#include "pipeline/math/quantiles.h"
 #include "pipeline/reconstruction.h"
-#include "pipeline/statistics.h"
 #include "tests/bench/cramer_rao.h"
 #include "tests/bench/stopwatch.h"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "pipeline/representations.h"
+#include "pipeline/tube/representations.h"
 
 namespace bendloop::bench {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "hal/bend_program.h"
 #include "hal/tube.h"
-#include "pipeline/measurement.h"
+#include "pipeline/tube/measurement.h"
 #include "tests/bench/cramer_rao.h"
 
 namespace bendloop::bench {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "hal/spine.h"
-#include "pipeline/surface_points.h"
-#include "pipeline/tube_parameters.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/tube_parameters.h"
 
 namespace bendloop::bench {
 namespace {

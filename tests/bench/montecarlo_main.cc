@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "hal/spine.h"
+#include "pipeline/fit/surface_fit.h"
 #include "pipeline/reconstruction.h"
-#include "pipeline/surface_fit.h"
 #include "tests/bench/bench_table.h"
 #include "tests/bench/comparison.h"
 #include "tests/bench/montecarlo_cases.h"

@@ -10,7 +10,7 @@
 
 #include "hal/spine.h"
 #include "hal/tube.h"
-#include "pipeline/measurement.h"
+#include "pipeline/tube/measurement.h"
 
 // Tubes that could come from a drawing, and measurements of them without a scanner.
 namespace bendloop::support {

@@ -10,7 +10,7 @@
 #include "firmware-host/cli/demo/shipped_texts.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/result/program_json.h"
-#include "pipeline/material.h"
+#include "pipeline/correction/material.h"
 
 namespace bendloop::host {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "pipeline/statistics.h"
+#include "pipeline/math/quantiles.h"
 #include "tests/bench/bench_table.h"
 #include "tests/bench/load/load_soak.h"
 #include "tests/bench/plot.h"

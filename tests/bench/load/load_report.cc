@@ -6,7 +6,7 @@
 #include <limits>
 #include <optional>
 
-#include "pipeline/statistics.h"
+#include "pipeline/math/quantiles.h"
 
 namespace bendloop::bench {
 namespace {

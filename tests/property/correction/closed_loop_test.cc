@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/correction.h"
+#include "pipeline/correction/correction.h"
 #include "tests/property/correction/test_bender.h"
 
 namespace bendloop::pipeline {

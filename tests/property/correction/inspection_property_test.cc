@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "pipeline/inspection.h"
-#include "pipeline/representations.h"
+#include "pipeline/inspection/inspection.h"
+#include "pipeline/tube/representations.h"
 #include "tests/property/correction/test_bender.h"
 
 namespace bendloop::pipeline {

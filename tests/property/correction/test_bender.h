@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "hal/bend_program.h"
-#include "pipeline/material.h"
+#include "pipeline/correction/material.h"
 #include "tests/support/synthetic_tube.h"
 
 namespace bendloop::support {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What must hold for every tube; random tubes with fixed seeds, the failing seed is printed.
-#include "pipeline/representations.h"
+#include "pipeline/tube/representations.h"
 
 #include <gtest/gtest.h>
 

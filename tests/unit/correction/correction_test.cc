@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/correction.h"
+#include "pipeline/correction/correction.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

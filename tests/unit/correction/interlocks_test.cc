@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/interlocks.h"
+#include "pipeline/correction/interlocks.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/material.h"
+#include "pipeline/correction/material.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/direction.h"
+#include "pipeline/inspection/direction.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "pipeline/representations.h"
+#include "pipeline/tube/representations.h"
 
 namespace bendloop::pipeline {
 namespace {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/inspection.h"
+#include "pipeline/inspection/inspection.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "pipeline/representations.h"
+#include "pipeline/tube/representations.h"
 #include "tests/support/synthetic_tube.h"
 
 namespace bendloop::pipeline {

@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pipes whose radius varies (tapered, end-formed) and spines without lines and arcs: Lee & Kim 2004
+// for the way in, then one least-squares fit of everything.
+#include "pipeline/canal/canal.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "pipeline/math/quantiles.h"
+#include "pipeline/points/input_checks.h"
+#include "pipeline/points/point_index.h"
+#include "pipeline/points/sample_grid.h"
+#include "pipeline/spine/oriented_samples.h"
+#include "pipeline/spine/pipe_radius.h"
+#include "pipeline/spine/shrinking.h"
+#include "pipeline/spine/spine_polygon.h"
+#include "pipeline/tube/stage_timer.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kMaxPlaceMm = 1e7;  // no scanner sees further; NaN does not either
+constexpr std::size_t kShrinkSamples = 20'000;
+constexpr std::size_t kFitPoints = 60'000;  // more add nothing that the scanner did not get wrong
+constexpr double kBlock = 2.0 / 3.0;        // of the radius
+constexpr double kWidest = 2.5;             // radii from 1/2.5 to 2.5 of the estimated one
+// Of the local radius. Paraboloids make radii a tenth too small, and 1.2 (Bauer & Polthier 2009,
+// section 3.2) of that hardly reaches the surface; but tight bends want the smaller one.
+constexpr std::array<double, 2> kSupports = {1.5, 1.2};
+constexpr double kSecondTube = 0.3;  // of the first one's length
+constexpr double kReach = 0.5;       // of the local radius
+constexpr double kBeyond = 1.5;      // of the radius: nodes end before the pipe does
+constexpr double kSpineStep = 0.5;   // of the radius
+constexpr double kCrowd = 0.2;       // of the inner density; less is a few fliers
+constexpr int kStepsOfSpan = 16;
+
+// Of the radius: a pipe has one spine, so a node beside a better one is a fit to part of the
+// circumference, which noise makes narrower or lays on from outside.
+constexpr double kBesideAlong = 0.7;
+constexpr double kBesideLeast = 0.2;
+constexpr double kBesideMost = 2.2;
+constexpr double kBetterSupport = 1.3;
+
+std::vector<SpineNode> WithoutSideNodes(const std::vector<SpineNode>& nodes) {
+  std::vector<Eigen::Vector3d> places;
+  double widest_mm = 0;
+  for (const SpineNode& node : nodes) {
+    places.push_back(node.position_mm);
+    widest_mm = std::max(widest_mm, node.radius_mm);
+  }
+  if (nodes.empty()) return {};
+  const PointIndex index(places, widest_mm);
+  std::vector<SpineNode> kept;
+  for (const SpineNode& node : nodes) {
+    bool beside = false;
+    index.Visit(node.position_mm, 2.4 * widest_mm, [&](std::size_t j) {
+      const SpineNode& other = nodes[j];
+      if (static_cast<double>(other.samples) < kBetterSupport * static_cast<double>(node.samples)) {
+        return;
+      }
+      const Eigen::Vector3d v = node.position_mm - other.position_mm;
+      const double along = v.dot(other.tangent);
+      const double across = (v - along * other.tangent).norm();
+      beside = beside ||
+               (std::abs(along) < kBesideAlong * other.radius_mm &&
+                across > kBesideLeast * other.radius_mm && across < kBesideMost * other.radius_mm);
+    });
+    if (!beside) kept.push_back(node);
+  }
+  return kept;
+}
+
+// Ends included: straight on from the first and last node.
+std::vector<Eigen::Vector4d> Extended(const SpinePolygon& polygon, double radius_mm) {
+  const auto node = [](const SpineNode& n) {
+    return Eigen::Vector4d(n.position_mm.x(), n.position_mm.y(), n.position_mm.z(), n.radius_mm);
+  };
+  std::vector<Eigen::Vector4d> spine;
+  const auto beyond = [&](const SpineNode& end, double sign) {
+    const Eigen::Vector4d at = node(end);
+    for (int i = 1; i <= 6; ++i) {
+      Eigen::Vector4d p = at;
+      p.head<3>() += sign * kBeyond * radius_mm * i / 6.0 * end.tangent;
+      spine.push_back(p);
+    }
+  };
+  beyond(polygon.front(), -1);
+  std::reverse(spine.begin(), spine.end());
+  for (const SpineNode& n : polygon) spine.push_back(node(n));
+  beyond(polygon.back(), 1);
+  return spine;
+}
+
+// Where the samples begin. `inward` grows into the pipe and is sorted: lone points before the crowd
+// are fliers, and the border is half the local spacing before the first point of the crowd.
+double Border(const std::vector<double>& inward, double window_mm) {
+  const auto within = [&inward](double low, double high) {
+    return static_cast<double>(std::lower_bound(inward.begin(), inward.end(), high) -
+                               std::lower_bound(inward.begin(), inward.end(), low));
+  };
+  for (std::size_t i = 0; i + 1 < inward.size(); ++i) {
+    const double at = inward[i];
+    const double here = within(at, at + window_mm);
+    if (here < 4 || here < kCrowd * within(at + window_mm, at + 2 * window_mm)) continue;
+    double sum = 0, sum2 = 0;
+    for (std::size_t k = i; k + 1 < inward.size() && inward[k + 1] < at + window_mm; ++k) {
+      const double gap = inward[k + 1] - inward[k];
+      sum += gap;
+      sum2 += gap * gap;
+    }
+    const double spacing = sum > 0 ? sum2 / sum : 0.0;
+    if (inward[i + 1] - at > 4 * spacing && spacing > 0) continue;
+    return at - 0.5 * spacing;
+  }
+  return inward.empty() ? 0.0 : inward.front();
+}
+
+// Parameter at an arc length, from the table of ArcLengths.
+double ParameterAt(const std::vector<double>& lengths, double along_mm, int spans) {
+  const auto upper = std::lower_bound(lengths.begin(), lengths.end(), along_mm);
+  if (upper == lengths.begin()) return 0;
+  if (upper == lengths.end()) return spans;
+  const auto i = static_cast<double>(upper - lengths.begin());
+  const double step = *upper - *(upper - 1);
+  const double part = step > 0 ? (along_mm - *(upper - 1)) / step : 0.0;
+  return (i - 1 + part) / static_cast<double>(lengths.size() - 1) * spans;
+}
+
+void PlaceEndsAndSpine(CanalScan& scan) {
+  const CanalSurface& surface = scan.fit.surface;
+  const std::vector<double> lengths = surface.ArcLengths(kStepsOfSpan * surface.spans());
+  const double cut_mm = 4 * scan.fit.sigma_mm;
+  std::vector<double> inward;
+  scan.along_mm.assign(scan.points.size(), 0.0);
+  for (std::size_t i = 0; i < scan.points.size(); ++i) {
+    const CanalFoot& foot = scan.feet[i];
+    if (foot.beyond) continue;
+    const double place = foot.t * kStepsOfSpan;
+    const auto k = std::min(static_cast<std::size_t>(place), lengths.size() - 2);
+    // The sphere of a tapered pipe touches it before or behind its centre.
+    const Eigen::Vector3d tangent = surface.DerivativeAt(foot.t).head<3>().normalized();
+    scan.along_mm[i] = lengths[k] +
+                       (place - static_cast<double>(k)) * (lengths[k + 1] - lengths[k]) +
+                       (scan.points[i] - surface.At(foot.t).head<3>()).dot(tangent);
+    if (std::abs(foot.distance_mm) < cut_mm) inward.push_back(scan.along_mm[i]);
+  }
+  std::sort(inward.begin(), inward.end());
+  scan.from_mm = std::max(0.0, Border(inward, scan.radius_mm));
+  for (double& s : inward) s = lengths.back() - s;
+  std::reverse(inward.begin(), inward.end());
+  scan.to_mm = std::min(lengths.back(), lengths.back() - Border(inward, scan.radius_mm));
+
+  const double length_mm = std::max(0.0, scan.to_mm - scan.from_mm);
+  const int steps =
+      std::max(1, static_cast<int>(std::ceil(length_mm / (kSpineStep * scan.radius_mm))));
+  for (int i = 0; i <= steps; ++i) {
+    const double t = ParameterAt(lengths, scan.from_mm + length_mm * i / steps, surface.spans());
+    const Eigen::Vector4d c = surface.At(t);
+    scan.spine.push_back({c.head<3>(), c[3]});
+    scan.tangents.push_back(surface.DerivativeAt(t).head<3>().normalized());
+  }
+}
+
+// Whether a piece of spine stands for points of its own. Noise lays cylinders on a pipe from
+// outside; their points lie on the pipe that was found.
+bool IsOfItsOwn(const SpinePolygon& polygon, const CanalFit& fit, const SampleGrid& grid,
+                double radius_mm) {
+  std::vector<Eigen::Vector3d> points;
+  std::vector<Eigen::Vector3d> ball;
+  for (const SpineNode& node : polygon) {
+    grid.GatherBall(node.position_mm, 1.3 * node.radius_mm, ball);
+    points.insert(points.end(), ball.begin(), ball.end());
+  }
+  const std::vector<CanalFoot> feet = FindFeet(fit.surface, points, radius_mm, kReach);
+  std::size_t strangers = 0;
+  for (const CanalFoot& foot : feet) {
+    strangers += foot.beyond || std::abs(foot.distance_mm) > 5 * fit.sigma_mm ? 1 : 0;
+  }
+  return 2 * strangers > points.size();
+}
+
+}  // namespace
+
+hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
+                                    const CanalOptions& options, const hal::Clock& clock) {
+  StageTimer timer(clock);
+  std::vector<Eigen::Vector3d> points;
+  points.reserve(std::min(all_points.size(), SampleGrid::kMaxPoints));
+  for (const Eigen::Vector3d& p : all_points) {
+    if (p.cwiseAbs().maxCoeff() < kMaxPlaceMm && points.size() < SampleGrid::kMaxPoints) {
+      points.push_back(p);
+    }
+  }
+  if (const auto shape = CheckShape(points); !shape) return hal::Fail(shape.error());
+  double radius_mm = options.pipe_radius_mm.value_or(0.0);
+  if (!options.pipe_radius_mm) {
+    const auto radius = EstimatePipeRadius(points);
+    if (!radius) return hal::Fail(radius.error());
+    radius_mm = radius->radius_mm;
+  }
+  if (const auto units = CheckUnits(radius_mm); !units) return hal::Fail(units.error());
+  timer.Done("pipe_radius");
+
+  SampleGrid grid(kBlock * radius_mm);
+  std::int32_t block = 0;
+  for (const Eigen::Vector3d& p : points) grid.Insert(p, block);
+  timer.Done("samples");
+
+  const std::vector<OrientedSample> samples =
+      OrientSamples(grid, radius_mm, kWidest, kShrinkSamples);
+  std::vector<SpinePolygon> polygons;
+  if (options.spine_method == SpineMethod::kShrinking) {
+    polygons = SpinePolygons(
+        WithoutSideNodes(
+            ShrinkCanal(samples, {.radius_mm = radius_mm, .most = 1.1 * kWidest}).nodes),
+        radius_mm);
+  } else {
+    for (const double support : kSupports) {
+      std::vector<SpinePolygon> found = SpinePolygons(
+          WithoutSideNodes(ProjectWithFreeRadius(grid, samples, radius_mm, support)), radius_mm);
+      if (found.empty()) continue;
+      if (polygons.empty() || LengthOf(found.front()) > 1.05 * LengthOf(polygons.front())) {
+        polygons = std::move(found);
+      }
+    }
+  }
+  timer.Done("projection");
+
+  if (polygons.empty()) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "no pipe of about " + Mm(radius_mm) +
+                         " radius in the points: expected a surface curved like that");
+  }
+  const std::vector<Eigen::Vector4d> spine = Extended(polygons.front(), radius_mm);
+  timer.Done("curve");
+
+  CanalScan scan;
+  scan.radius_mm = radius_mm;
+  scan.all_points = all_points.size();
+  std::vector<Eigen::Vector3d> places;
+  double widest_mm = radius_mm;
+  for (const Eigen::Vector4d& c : spine) {
+    places.emplace_back(c.head<3>());
+    widest_mm = std::max(widest_mm, c[3]);
+  }
+  for (const std::int32_t near : grid.BlocksNear(places, 1.5 * widest_mm)) {
+    const SampleGrid::Block& found = grid.blocks()[static_cast<std::size_t>(near)];
+    scan.points.insert(scan.points.end(), found.points.begin(), found.points.end());
+  }
+  std::vector<Eigen::Vector3d> fitted;
+  const std::size_t stride = scan.points.size() / kFitPoints + 1;
+  for (std::size_t i = 0; i < scan.points.size(); i += stride) fitted.push_back(scan.points[i]);
+  scan.fit = FitCanal(spine, fitted, {.varying_radius = true, .radius_mm = radius_mm});
+  if (options.freeform) {
+    CanalFit constant = FitCanal(spine, fitted, {.varying_radius = false, .radius_mm = radius_mm});
+    if (constant.criterion <= scan.fit.criterion) {
+      scan.fit = std::move(constant);
+      scan.varying_radius = false;
+    }
+  }
+  const double first_mm = LengthOf(polygons.front());
+  for (std::size_t i = 1; i < polygons.size(); ++i) {
+    const double other_mm = LengthOf(polygons[i]);
+    if (other_mm <= kSecondTube * first_mm) break;  // they are sorted
+    if (!IsOfItsOwn(polygons[i], scan.fit, grid, radius_mm)) continue;
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "two tubes in the points (" + Mm(first_mm) + " and " + Mm(other_mm) +
+                         " long), or one with a gap that is too long to bridge: scan one tube "
+                         "at a time, and the gap again");
+  }
+  timer.Done("fit");
+  scan.feet = FindFeet(scan.fit.surface, scan.points, radius_mm, kReach);
+  PlaceEndsAndSpine(scan);
+  timer.Done("ends");
+  double least_mm = std::numeric_limits<double>::infinity();
+  for (const SpineSample& sample : scan.spine) least_mm = std::min(least_mm, sample.pipe_radius_mm);
+  if (!(scan.to_mm - scan.from_mm > radius_mm) || !(least_mm > 0)) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "no pipe found in the points: the surface next to them shrinks to nothing");
+  }
+  scan.timing = std::move(timer.times);
+  return scan;
+}
+
+}  // namespace bendloop::pipeline

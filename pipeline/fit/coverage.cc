@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/coverage.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "pipeline/fit/nearest_lanes.h"
+#include "pipeline/math/magnitude_histogram.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kOutlier = 5.0;  // sigma
+constexpr double kMargin = 0.2;   // of r_P: how far beyond its ends the tube's points are
+constexpr std::size_t kMaxSurface = 20'000;  // samples kept for deviations and pictures
+constexpr double kBin = 0.5;                 // of r_P: resolution of coverage and spine
+constexpr double kMostBins = 1e5;
+constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 8;  // of the walk
+
+// What points say of the tube that they lie on.
+struct Description {
+  std::vector<std::uint32_t> count;  // by place along the spine
+  std::vector<double> sum_mm;        // of their distances
+  MagnitudeHistogram magnitudes;
+  double sum2_mm2 = 0;
+  std::size_t points = 0;
+  std::vector<SurfaceSample> surface;
+
+  void Add(const Description& other) {
+    for (std::size_t bin = 0; bin < count.size(); ++bin) {
+      count[bin] += other.count[bin];
+      sum_mm[bin] += other.sum_mm[bin];
+    }
+    magnitudes.Add(other.magnitudes);
+    sum2_mm2 += other.sum2_mm2;
+    points += other.points;
+    surface.insert(surface.end(), other.surface.begin(), other.surface.end());
+  }
+};
+
+class Describer {
+ public:
+  // Every `sparse`-th point is kept for the surface.
+  Describer(const hal::Tube& tube, double sigma_mm, double bin_mm, std::size_t bins,
+            std::size_t sparse, Description& description)
+      : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
+        frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
+        pipe_radius_mm_(tube.pipe_radius_mm),
+        length_mm_(hal::SpineLength(tube.program)),
+        reach_mm_(kOutlier * sigma_mm),
+        inverse_bin_(1.0 / bin_mm),
+        sparse_(sparse),
+        out_(description) {
+    out_.count.assign(bins, 0);
+    out_.sum_mm.assign(bins, 0.0);
+  }
+
+  // `index`: of the block's first point among all.
+  void Add(const PointBlock& block, std::size_t index) {
+    CandidateSegments(block, frames_, 1.5 * pipe_radius_mm_, candidates_);
+    if (candidates_.empty()) return;
+    along_mm_.resize(std::max(along_mm_.size(), candidates_.size()));
+    // Counted down: a division for each point would cost more than all the rest.
+    std::size_t until_kept = (sparse_ - index % sparse_) % sparse_;
+    for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, block.points.size() - first);
+      nearest_.Find(block.points.subspan(first, count), frames_, pipe_radius_mm_, candidates_);
+      for (std::size_t c = 0; c < candidates_.size(); ++c) {
+        const SegmentFrame& frame = frames_[static_cast<std::size_t>(candidates_[c])];
+        if (frame.bend_radius_mm > 0) AlongArc(frame, nearest_.Local(c), count, along_mm_[c]);
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const bool keep = until_kept == 0;
+        until_kept = keep ? sparse_ - 1 : until_kept - 1;
+        Add(block.points[first + i], i, keep);
+      }
+    }
+  }
+
+ private:
+  void Add(const Eigen::Vector3d& point, std::size_t i, bool keep) {
+    const std::size_t c = nearest_.Candidate(i);
+    const auto k = static_cast<std::size_t>(candidates_[c]);
+    const double d = nearest_.Local(c).distance[i] - pipe_radius_mm_;
+    const double along_mm =
+        frames_[k].bend_radius_mm > 0
+            ? along_mm_[c][i]
+            : std::clamp(nearest_.Local(c).x[i], frames_[k].low_mm, frames_[k].high_mm);
+    const double s = segments_[k].from_start_mm + along_mm;
+    const double margin_mm = kMargin * pipe_radius_mm_;
+    if (!(std::abs(d) <= reach_mm_) || s < -margin_mm || s > length_mm_ + margin_mm) return;
+    out_.magnitudes.Add(d);
+    out_.sum2_mm2 += d * d;
+    ++out_.points;
+    if (keep) out_.surface.push_back({point, d});
+    const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm_) * inverse_bin_);
+    ++out_.count[bin];
+    out_.sum_mm[bin] += d;
+  }
+
+  std::vector<hal::SpineSegment> segments_;
+  std::vector<SegmentFrame> frames_;
+  double pipe_radius_mm_, length_mm_, reach_mm_, inverse_bin_;
+  std::size_t sparse_;
+  Description& out_;
+  std::vector<std::int32_t> candidates_;
+  NearestLanes nearest_;
+  std::vector<std::array<double, kBatch>> along_mm_;
+};
+
+}  // namespace
+
+void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples, double sigma_mm,
+                     Measurement& measurement, Workers* workers) {
+  const hal::Tube& tube = measurement.tube;
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const double length_mm = hal::SpineLength(tube.program);
+  const double bin_mm = std::max(kBin * tube.pipe_radius_mm, length_mm / kMostBins);
+  const auto bins = static_cast<std::size_t>(std::ceil(length_mm / bin_mm)) + 1;
+  const std::size_t sparse = CountPoints(blocks) / kMaxSurface + 1;
+  std::vector<std::size_t> first_index;
+  std::size_t index = 0;
+  for (const PointBlock& block : blocks) {
+    first_index.push_back(index);
+    index += block.points.size();
+  }
+  const std::vector<BlockRange> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  std::vector<Description> parts(rounds.size());
+  ParallelFor(workers, rounds.size(), [&](std::size_t round) {
+    Describer describer(tube, sigma_mm, bin_mm, bins, sparse, parts[round]);
+    for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
+      describer.Add(blocks[i], first_index[i]);
+    }
+  });
+  Description& all = parts.front();
+  for (std::size_t round = 1; round < parts.size(); ++round) all.Add(parts[round]);
+  const std::vector<std::uint32_t>& count = all.count;
+
+  FitQuality& fit = measurement.fit;
+  fit.samples = all.points;
+  fit.outliers = all_samples - std::min(all_samples, all.points);
+  fit.rms_distance_mm =
+      all.points == 0 ? 0.0 : std::sqrt(all.sum2_mm2 / static_cast<double>(all.points));
+  fit.p95_abs_distance_mm = all.magnitudes.Quantile(0.95);
+  fit.median_abs_distance_mm = all.magnitudes.Quantile(0.5);
+  measurement.surface = std::move(all.surface);
+
+  // A place is covered when samples lie within a pipe radius along the spine: laser lines further
+  // apart than that leave gaps that a bend could hide in.
+  double uncovered = 0;
+  double gap = 0;
+  const auto covered = [&](std::size_t bin) {
+    const std::size_t low = bin == 0 ? 0 : bin - 1;
+    const std::size_t high = std::min(bin + 1, bins - 1);
+    return count[low] + count[bin] + count[high] > 0;
+  };
+  measurement.longest_gap_mm = 0;
+  for (std::size_t bin = 0; bin + 1 < bins; ++bin) {
+    if (covered(bin)) {
+      gap = 0;
+      continue;
+    }
+    uncovered += bin_mm;
+    gap += bin_mm;
+    measurement.longest_gap_mm = std::max(measurement.longest_gap_mm, gap);
+  }
+  measurement.coverage = length_mm > 0 ? std::clamp(1.0 - uncovered / length_mm, 0.0, 1.0) : 0.0;
+
+  measurement.spine.clear();
+  std::size_t segment = 0;
+  for (std::size_t bin = 0; bin < bins; ++bin) {
+    const double s = std::min(static_cast<double>(bin) * bin_mm, length_mm);
+    while (segment + 1 < segments.size() &&
+           s > segments[segment].from_start_mm + segments[segment].length_mm) {
+      ++segment;
+    }
+    const double mean = count[bin] > 0 ? all.sum_mm[bin] / count[bin] : 0.0;
+    measurement.spine.push_back({segments[segment].PointAt(s - segments[segment].from_start_mm),
+                                 tube.pipe_radius_mm + mean});
+  }
+}
+
+}  // namespace bendloop::pipeline

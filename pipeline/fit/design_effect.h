@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/surface_sums.h"
+
+namespace bendloop::pipeline {
+
+// How many times more the means of patches of the surface scatter than independent noise would have
+// it: the ratio of the mean squares between and within patches. Pose errors, ovality and dents move
+// neighbours together, and n such samples tell less than n independent ones. Patches and not
+// blocks, whose faces, where they lie along the surface, part the points by their noise.
+struct DesignEffect {
+  double between = 0, within = 0, patches = 0, freedom = 0;
+
+  // `points`: by segment; those further than `limit_mm` from the surface are left out.
+  void Add(std::span<const SegmentPoints> points, std::span<const SegmentFrame> frames,
+           double pipe_radius_mm, double limit_mm);
+  void Add(const DesignEffect& other);
+  double Value() const;  // at least 1
+};
+
+}  // namespace bendloop::pipeline

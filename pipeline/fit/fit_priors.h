@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <span>
+
+#include "pipeline/fit/tube_parameters.h"
+
+namespace bendloop::pipeline {
+
+// Bends come from one die, as a rule. One that is not as the others costs no more than an outlier.
+struct UsualBendRadius {
+  double mean_mm = 0;
+  double sigma_mm = 0;
+};
+
+// What one expects of any tube: 1 sigma of every parameter (mm, rad); infinite for flattening,
+// which has a prior of its own.
+Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radius_mm);
+
+// What is known of a tube before its points are looked at. In a fit each item counts like one more
+// point, with the same weights that fade out.
+struct FitPriors {
+  std::optional<UsualBendRadius> bend_radius;
+
+  // Adds them to the normal equations, whose points have the noise `sigma_mm`.
+  void Add(const TubeParameters& parameters, const Eigen::VectorXd& at, double sigma_mm,
+           Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const;
+  // What they cost at a tube, in variances.
+  double ChiSquare(const hal::BendProgram& program, std::span<const Flattening> flattening) const;
+
+  // How much more the points know than was expected of any tube before: twice the logarithm of the
+  // ratio of the two volumes of parameters. `matrix`: of least squares, with Add(); `variance_mm2`
+  // of a point. It is what parameters cost where structures are compared (the Occam factor of
+  // MacKay, Bayesian interpolation, 1992).
+  double Learnt(const TubeParameters& parameters, const hal::Tube& tube,
+                const Eigen::MatrixXd& matrix, double variance_mm2) const;
+};
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/nearest_lanes.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/math/simd.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+// Arc tangent of a quotient of 0 to 1: minimax polynomial, error below 1e-5.
+BENDLOOP_LOOP double ArcTangent(double q) {
+  const double s = q * q;
+  return q * (0.999977 +
+              s * (-0.332623 + s * (0.193541 + s * (-0.116429 + s * (0.052647 - 0.011719 * s)))));
+}
+
+BENDLOOP_LOOP void TurnsBody(const LocalLanes& local, std::size_t count, double opposite,
+                             double angle, double bend_radius_mm, double* along_mm) {
+  for (std::size_t i = 0; i < count; ++i) {
+    // From the centre the arc begins at -y and turns towards x.
+    const double x = local.x[i], y = -local.y[i];
+    const double ax = std::abs(x), ay = std::abs(y);
+    const double most = ax > ay ? ax : ay, least = ax > ay ? ay : ax;
+    double turn = ArcTangent(least / (most > 0 ? most : 1.0));
+    turn = ax > ay ? 0.5 * kPi - turn : turn;
+    turn = y < 0 ? kPi - turn : turn;
+    turn = x < 0 ? -turn : turn;
+    turn = turn < opposite ? turn + 2.0 * kPi : turn;
+    turn = turn > 0 ? turn : 0.0;
+    along_mm[i] = bend_radius_mm * (turn < angle ? turn : angle);
+  }
+}
+BENDLOOP_WIDE(void, Turns,
+              (const LocalLanes& local, std::size_t count, double opposite, double angle,
+               double bend_radius_mm, double* along_mm),
+              (local, count, opposite, angle, bend_radius_mm, along_mm))
+
+}  // namespace
+
+void NearestLanes::Find(std::span<const Eigen::Vector3d> points,
+                        std::span<const SegmentFrame> frames, double pipe_radius_mm,
+                        std::span<const std::int32_t> candidates) {
+  const std::size_t count = points.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    lanes_.x[i] = points[i].x();
+    lanes_.y[i] = points[i].y();
+    lanes_.z[i] = points[i].z();
+  }
+  if (locals_.size() < candidates.size()) locals_.resize(candidates.size());
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    ToSegment(frames[static_cast<std::size_t>(candidates[c])], lanes_, count, locals_[c]);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    std::size_t best = 0;
+    for (std::size_t c = 1; c < candidates.size(); ++c) {
+      if (locals_[c].distance[i] < locals_[best].distance[i]) best = c;
+    }
+    nearest_[i] = best;
+  }
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    const SegmentFrame& frame = frames[static_cast<std::size_t>(candidates[c])];
+    if (!frame.flattening) continue;
+    FlattenedBy(frame, pipe_radius_mm, locals_[c], inside_mm_);
+    for (std::size_t i = 0; i < count; ++i) locals_[c].distance[i] += inside_mm_[i];
+  }
+}
+
+void AlongArc(const SegmentFrame& frame, const LocalLanes& local, std::size_t count,
+              std::array<double, kBatch>& along_mm) {
+  double angle = std::atan2(frame.sine, frame.cosine);
+  if (angle < 0) angle += 2.0 * kPi;
+  // Outside the arc the nearer of its two ends is meant: cut the turn opposite to its middle.
+  Turns(local, count, 0.5 * angle - kPi, angle, frame.bend_radius_mm, along_mm.data());
+}
+
+}  // namespace bendloop::pipeline

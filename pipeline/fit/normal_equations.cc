@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/normal_equations.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kMaxTurnBackRad = 0.5;  // a slight bend may turn over to the other side
+constexpr double kMaxStepRad = 1.0;      // where samples hardly feel an angle, linear means nothing
+constexpr double kWidestBend = 100.0;    // pipe radii
+constexpr double kTightest = 0.01;
+constexpr double kMaxFlattening = 0.4;
+
+}  // namespace
+
+NormalEquations::NormalEquations(const TubeParameters& parameters,
+                                 const std::vector<hal::SpineSegment>& segments,
+                                 std::span<const CondensedSum> sums, const FitPriors& priors,
+                                 double sigma_mm)
+    : at(parameters.Initial()),
+      matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
+      right(Eigen::VectorXd::Zero(parameters.size())) {
+  const auto derivatives = parameters.FrameDerivatives(segments);
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const Eigen::Matrix<double, kLocalState, Eigen::Dynamic> weighted =
+        sums[k].topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
+    matrix.noalias() += derivatives[k].transpose() * weighted;
+    right.noalias() -= derivatives[k].transpose() * sums[k].col(kLocalState).head<kLocalState>();
+    squares_mm2 += sums[k](kLocalState, kLocalState);
+    weight += sums[k](kPipeRadiusState, kPipeRadiusState);
+  }
+  priors.Add(parameters, at, sigma_mm, matrix, right);
+  last_start = derivatives.back().row(0);
+  scale = matrix.diagonal().cwiseSqrt();
+  for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
+  scaled = scale.asDiagonal() * matrix * scale.asDiagonal();
+  for (Eigen::Index i = 0; i < scale.size(); ++i) {
+    if (scale[i] == 0) scaled(i, i) = 1.0;  // no point feels it: it stays
+  }
+}
+
+double NormalEquations::Variance() const {
+  return squares_mm2 / std::max(1.0, weight - static_cast<double>(right.size()));
+}
+
+Eigen::MatrixXd NormalEquations::Covariance(const TubeParameters& parameters, const hal::Tube& tube,
+                                            double design_effect) const {
+  const Eigen::Index size = right.size();
+  const double variance = design_effect * Variance();
+  Eigen::VectorXd range = ExpectedRange(parameters, tube.pipe_radius_mm);
+  for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
+    double& of_radius = range[parameters.bend_radius(bend)];
+    of_radius = std::hypot(of_radius, at[parameters.bend_radius(bend)]);
+  }
+  Eigen::MatrixXd informed = scaled;
+  informed.diagonal() += variance * scale.cwiseQuotient(range).cwiseAbs2();
+  const Eigen::MatrixXd inverse = informed.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  return variance * scale.asDiagonal() * inverse * scale.asDiagonal();
+}
+
+FitBounds::FitBounds(const TubeParameters& parameters, double pipe_radius_mm, double max_length_mm)
+    : low(Eigen::VectorXd::Constant(parameters.size(), -1e9)),
+      high(Eigen::VectorXd::Constant(parameters.size(), 1e9)),
+      step(Eigen::VectorXd::Constant(parameters.size(), max_length_mm)) {
+  const auto bound = [&](int index, double from, double to) {
+    low[index] = from;
+    high[index] = to;
+  };
+  for (std::size_t i = 0; i < parameters.bends(); ++i) {
+    bound(parameters.length(i), 0.0, max_length_mm);
+    bound(parameters.angle(i), -kMaxTurnBackRad, 2.0 * std::numbers::pi);
+    step[parameters.angle(i)] = kMaxStepRad;
+    if (i > 0) step[parameters.rotation(i)] = kMaxStepRad;
+    const int radius = parameters.bend_radius(i);
+    bound(radius,
+          std::clamp(parameters.Initial()[radius], kTightest * pipe_radius_mm, pipe_radius_mm),
+          kWidestBend * pipe_radius_mm);
+  }
+  if (parameters.pipe_radius() >= 0) {
+    bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
+  }
+  for (int i = parameters.flattened() ? parameters.flattening(0) : parameters.size();
+       i < parameters.size(); ++i) {
+    bound(i, -kMaxFlattening, kMaxFlattening);
+  }
+}
+
+Eigen::VectorXd BoundedStep(const NormalEquations& equations, const FitBounds& bounds,
+                            double damping) {
+  const Eigen::Index size = equations.right.size();
+  Eigen::VectorXd step = Eigen::VectorXd::Zero(size);  // in units of `scale`
+  std::vector<bool> held(static_cast<std::size_t>(size), false);
+  const auto is_held = [&held](Eigen::Index i) { return held[static_cast<std::size_t>(i)]; };
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd right;
+  for (Eigen::Index round = 0; round < size; ++round) {
+    matrix = equations.scaled;
+    matrix.diagonal().array() += damping;
+    right = equations.scale.asDiagonal() * equations.right;
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (!is_held(i)) continue;
+      right -= step[i] * matrix.col(i);
+    }
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (!is_held(i)) continue;
+      matrix.row(i).setZero();
+      matrix.col(i).setZero();
+      matrix(i, i) = 1.0;
+      right[i] = step[i];
+    }
+    const Eigen::VectorXd solved = matrix.ldlt().solve(right);
+    if (!solved.allFinite()) return Eigen::VectorXd::Zero(size);
+    bool again = false;
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (is_held(i)) continue;
+      step[i] = solved[i];
+      if (equations.scale[i] <= 0) continue;
+      const double at = equations.at[i];
+      const double to = at + equations.scale[i] * step[i];
+      const double low = bounds.Lowest(i, at), high = bounds.Highest(i, at);
+      if (to >= low && to <= high) continue;
+      step[i] = (std::clamp(to, low, high) - at) / equations.scale[i];
+      held[static_cast<std::size_t>(i)] = true;
+      again = true;
+    }
+    if (!again) break;
+  }
+  return equations.scale.asDiagonal() * step;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "hal/tube.h"
+#include "pipeline/fit/fit_priors.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/math/workers.h"
+
+namespace bendloop::pipeline {
+
+// So many points are fitted at once; of more the fit keeps no distances.
+constexpr std::size_t kPointsAtOnce = 40'000;
+
+struct SurfaceFitOptions {
+  // Points further than this from the surface are never looked at [mm].
+  double reach_mm = 0;
+  // The least standard deviation that is believed [mm]: keeps noise-free data from rejecting all.
+  double min_sigma_mm = 1e-4;
+  bool free_pipe_radius = true;
+  double max_length_mm = 1e6;  // of a straight
+  bool flattened = false;      // the bends need not be round
+  FitPriors priors = {};
+  int max_steps = 40;  // of Levenberg-Marquardt
+  // A step that makes chi square less by no more than this part is the last.
+  double tolerance = 0;
+  // A fit of few points that will not come down to this `cost_mm2` at its present pace is given up.
+  double goal_mm2 = std::numeric_limits<double>::infinity();
+  Workers* workers = nullptr;  // for very many points
+};
+
+struct SurfaceFit {
+  hal::Tube tube;
+  hal::BendProgram sigma;  // 1 sigma, from the covariance; first and last length: fit part only
+  double pipe_radius_sigma_mm = 0;
+  Eigen::MatrixXd covariance;          // of all TubeParameters (mm, rad), `design_effect` included
+  Eigen::VectorXd last_start;          // derivative of where the last straight begins, along it
+  FitPriors priors;                    // as given
+  std::vector<Flattening> flattening;  // of every bend; none: they are round
+  std::vector<FlatteningSigma> flattening_sigma;
+  double sigma_mm = 0;  // robust standard deviation of the distances
+  // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
+  double design_effect = 1;
+  std::vector<double> distances_mm;             // of the points within reach, if they are few
+  std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
+  std::vector<double> segment_samples;          // near line, arc, ..., line
+  std::size_t used = 0;                         // points with weight
+  std::size_t points = 0;                       // all points looked at
+  double cost_mm2 = 0;                          // sum of squares, bounded for what is far off
+  double margin = 0;                            // see Measurement::structure_margin
+  double learnt = 0;                            // FitPriors::Learnt()
+  bool converged = false;
+};
+
+// Least squares of the orthogonal distance of the tube's surface from the points, in the LRA
+// parameters (start pose across the first tangent, lengths, rotations, angles, bend radii, pipe
+// radius, flattening of the bends) by Levenberg-Marquardt with analytic Jacobians and weights that
+// fade out beyond 3.5 sigma. First and last length are not determined by distances and stay as they
+// are. Source: Bauer & Polthier 2009, section 6; the parametrisation of section 5.3.
+SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
+                      const SurfaceFitOptions& options);
+
+}  // namespace bendloop::pipeline

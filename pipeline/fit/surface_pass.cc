@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/surface_pass.h"
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "pipeline/fit/nearest_lanes.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr std::size_t kChunk = 8192;  // points: what they need stays in the processor's cache
+constexpr std::size_t kMostRounds = 16;
+
+// Two loops, because this is one of those that take the time: where all points are alike, nothing
+// looks at `certainties`.
+template <bool kWeighted>
+void AssignBatch(const NearestLanes& nearest, std::span<const std::int32_t> candidates,
+                 double pipe_radius_mm, double reach_mm, std::size_t count,
+                 const float* certainties, SurfaceAssignment& result) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t c = nearest.Candidate(i);
+    const auto k = static_cast<std::size_t>(candidates[c]);
+    const double certainty = kWeighted ? certainties[i] : 1.0;
+    const double d = certainty * (nearest.Local(c).distance[i] - pipe_radius_mm);
+    if (!(d < std::numeric_limits<double>::max())) continue;  // beyond the tube's ends
+    const double magnitude = std::min(std::abs(d), reach_mm);
+    result.segment_count[k] += 1.0;
+    result.segment_sum_mm2[k] += magnitude * magnitude;
+    if (!(magnitude < reach_mm)) continue;
+    result.distances_mm.push_back(d);
+    SegmentPoints& points = result.segments[k];
+    if (kWeighted) points.weight[static_cast<Eigen::Index>(points.size)] = certainty * certainty;
+    points.Add(nearest.Local(c), i, d);
+  }
+}
+
+}  // namespace
+
+void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
+                  std::span<const PointBlock> blocks, double reach_mm, SurfaceAssignment& result) {
+  result.segments.resize(frames.size());
+  const bool weighted = AreWeighted(blocks);
+  for (SegmentPoints& points : result.segments) points.Clear(weighted);
+  result.distances_mm.clear();
+  result.total = 0;
+  result.segment_count.assign(frames.size(), 0.0);
+  result.segment_sum_mm2.assign(frames.size(), 0.0);
+  std::vector<std::int32_t> candidates;
+  NearestLanes nearest;
+  for (const PointBlock& block : blocks) {
+    result.total += block.points.size();
+    CandidateSegments(block, frames, pipe_radius_mm + reach_mm, candidates);
+    if (candidates.empty()) continue;
+    for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, block.points.size() - first);
+      nearest.Find(block.points.subspan(first, count), frames, pipe_radius_mm, candidates);
+      for (const std::int32_t k : candidates) {
+        result.segments[static_cast<std::size_t>(k)].MakeRoom(count);
+      }
+      if (weighted) {
+        AssignBatch<true>(nearest, candidates, pipe_radius_mm, reach_mm, count,
+                          block.certainties.data() + first, result);
+      } else {
+        AssignBatch<false>(nearest, candidates, pipe_radius_mm, reach_mm, count, nullptr, result);
+      }
+    }
+  }
+}
+
+void SurfacePass::Add(const SurfacePass& other) {
+  for (std::size_t k = 0; k < sums.size(); ++k) {
+    sums[k] += other.sums[k];
+    segment_count[k] += other.segment_count[k];
+    segment_sum_mm2[k] += other.segment_sum_mm2[k];
+  }
+  magnitudes.Add(other.magnitudes);
+  design_effect.Add(other.design_effect);
+  total += other.total;
+}
+
+SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_radius_mm,
+                            std::span<const PointBlock> blocks, double reach_mm, double sigma_mm,
+                            Workers* workers) {
+  const std::vector<BlockRange> rounds = EvenRounds(blocks, kChunk, kMostRounds);
+  std::vector<SurfacePass> passes(rounds.size());
+  ParallelFor(workers, rounds.size(), [&](std::size_t round) {
+    SurfacePass& pass = passes[round];
+    pass.sums.assign(frames.size(), CondensedSum::Zero());
+    pass.segment_count.assign(frames.size(), 0.0);
+    pass.segment_sum_mm2.assign(frames.size(), 0.0);
+    SurfaceAssignment chunk;
+    for (std::size_t begin = rounds[round].begin; begin < rounds[round].end;) {
+      std::size_t end = begin;
+      for (std::size_t points = 0; end < rounds[round].end && points < kChunk; ++end) {
+        points += blocks[end].points.size();
+      }
+      AssignPoints(frames, pipe_radius_mm, blocks.subspan(begin, end - begin), reach_mm, chunk);
+      for (std::size_t k = 0; k < frames.size(); ++k) {
+        if (chunk.segments[k].size > 0) {
+          pass.sums[k] += SumOfRows(chunk.segments[k], frames[k], pipe_radius_mm, sigma_mm);
+        }
+        pass.segment_count[k] += chunk.segment_count[k];
+        pass.segment_sum_mm2[k] += chunk.segment_sum_mm2[k];
+      }
+      for (const double d : chunk.distances_mm) pass.magnitudes.Add(d);
+      pass.design_effect.Add(chunk.segments, frames, pipe_radius_mm, kNoWeight * sigma_mm);
+      pass.total += chunk.total;
+      begin = end;
+    }
+  });
+  for (std::size_t round = 1; round < passes.size(); ++round) passes[0].Add(passes[round]);
+  return std::move(passes[0]);
+}
+
+}  // namespace bendloop::pipeline

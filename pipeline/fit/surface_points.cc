@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/surface_points.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <tuple>
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr std::size_t kFewInBlock = 32;
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, bool open_before,
+               bool open_after) {
+  const Eigen::Vector3d v = point - segment.start_mm;
+  const double x = v.dot(segment.tangent);
+  if (!segment.is_arc()) {
+    const double low = open_before ? x : std::max(x, 0.0);
+    return open_after ? low : std::min(low, segment.length_mm);
+  }
+  const double radius = segment.bend_radius_mm;
+  const double y = radius - v.dot(segment.normal.cross(segment.tangent));
+  const double angle = segment.angle_rad();
+  // Outside the arc the nearer of its two ends is meant: cut the turn opposite to its middle.
+  const double middle = 0.5 * angle;
+  const double phi = middle + std::remainder(std::atan2(x, y) - middle, 2.0 * std::numbers::pi);
+  return radius * std::clamp(phi, 0.0, angle);
+}
+
+}  // namespace
+
+void OwnedBlocks::Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm) {
+  blocks_.push_back({center_mm,
+                     half_diagonal_mm,
+                     {points_.data() + points_.size(), 0},
+                     {certainties_.data() + certainties_.size(), 0}});
+}
+
+void OwnedBlocks::Add(const Eigen::Vector3d& point) {
+  if (points_.size() == points_.capacity()) return;  // more than promised
+  points_.push_back(point);
+  auto& held = blocks_.back().points;
+  held = {held.data(), held.size() + 1};
+}
+
+void OwnedBlocks::Add(const PointBlock& from, std::size_t i) {
+  if (!from.certainties.empty() && certainties_.size() < certainties_.capacity()) {
+    certainties_.push_back(from.certainties[i]);
+    auto& held = blocks_.back().certainties;
+    held = {held.data(), held.size() + 1};
+  }
+  Add(from.points[i]);
+}
+
+bool AreWeighted(std::span<const PointBlock> blocks) {
+  return std::any_of(blocks.begin(), blocks.end(),
+                     [](const PointBlock& block) { return !block.certainties.empty(); });
+}
+
+std::size_t CountPoints(std::span<const PointBlock> blocks) {
+  std::size_t count = 0;
+  for (const PointBlock& block : blocks) count += block.points.size();
+  return count;
+}
+
+std::vector<BlockRange> EvenRounds(std::span<const PointBlock> blocks, std::size_t least_points,
+                                   std::size_t most_rounds) {
+  const std::size_t all = CountPoints(blocks);
+  const std::size_t rounds = std::clamp<std::size_t>(all / least_points, 1, most_rounds);
+  std::vector<BlockRange> ranges;
+  std::size_t points = 0, begin = 0;
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    points += blocks[i].points.size();
+    if (ranges.size() + 1 < rounds && points * rounds >= (ranges.size() + 1) * all) {
+      ranges.push_back({begin, i + 1});
+      begin = i + 1;
+    }
+  }
+  ranges.push_back({begin, blocks.size()});
+  return ranges;
+}
+
+OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
+  OwnedBlocks thinned(CountPoints(blocks) / stride + 1, AreWeighted(blocks));
+  std::size_t next = 0;
+  for (const PointBlock& block : blocks) {
+    thinned.Begin(block.center_mm, block.half_diagonal_mm);
+    for (; next < block.points.size(); next += stride) thinned.Add(block, next);
+    next -= block.points.size();
+  }
+  return thinned;
+}
+
+OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride) {
+  const std::size_t count = CountPoints(blocks);
+  if (count >= blocks.size() * stride * kFewInBlock) return Thinned(blocks, stride);
+  const double half_mm = 2.0 * blocks.front().half_diagonal_mm;
+  const double edge_mm = 2.0 * half_mm / std::sqrt(3.0);
+  struct Placed {
+    std::array<double, 3> cube;
+    std::size_t block;
+    bool operator<(const Placed& other) const {
+      return std::tie(cube, block) < std::tie(other.cube, other.block);
+    }
+  };
+  std::vector<Placed> placed;
+  placed.reserve(blocks.size());
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    const Eigen::Array3d cube = (blocks[i].center_mm / edge_mm).array().floor();
+    placed.push_back({{cube.x(), cube.y(), cube.z()}, i});
+  }
+  std::sort(placed.begin(), placed.end());
+  OwnedBlocks gathered(count / stride + 1, AreWeighted(blocks));
+  const Placed* last = nullptr;
+  std::size_t next = 0;
+  for (const Placed& place : placed) {
+    if (!last || place.cube != last->cube) {
+      const auto& [x, y, z] = place.cube;
+      gathered.Begin(edge_mm * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5), half_mm);
+    }
+    last = &place;
+    const PointBlock& block = blocks[place.block];
+    for (; next < block.points.size(); next += stride) gathered.Add(block, next);
+    next -= block.points.size();
+  }
+  return gathered;
+}
+
+OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough) {
+  const std::size_t count = CountPoints(blocks);
+  const std::size_t stride = count / (2 * enough) + 1;
+  OwnedBlocks result(std::min(count, 2 * enough), AreWeighted(blocks));
+  std::uint64_t index = 0;
+  for (const PointBlock& block : blocks) {
+    result.Begin(block.center_mm, block.half_diagonal_mm);
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
+      // Fibonacci hashing: evenly spread, without a pattern that a scanner could share.
+      const std::uint64_t lot = ++index * 0x9E3779B97F4A7C15U;
+      const bool first = (lot >> 63) == 0;
+      if (first == (half == Half::kFirst) && (lot >> 20) % stride == 0) result.Add(block, i);
+    }
+  }
+  return result;
+}
+
+SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,
+                           double beyond_mm, const std::optional<Flattening>& of_bend)
+    : start_mm(segment.start_mm),
+      tangent(segment.tangent),
+      across(segment.normal.cross(segment.tangent)),
+      normal(segment.normal),
+      low_mm(open_before ? -std::numeric_limits<double>::infinity() : 0.0),
+      high_mm(open_after ? std::numeric_limits<double>::infinity() : segment.length_mm),
+      cut_low_mm(open_before ? -beyond_mm : low_mm - kNever),
+      cut_high_mm(open_after ? segment.length_mm + beyond_mm : high_mm + kNever),
+      bend_radius_mm(segment.is_arc() ? segment.bend_radius_mm : 0.0),
+      sine(segment.is_arc() ? std::sin(segment.angle_rad()) : 0.0),
+      cosine(segment.is_arc() ? std::cos(segment.angle_rad()) : 1.0),
+      beyond_half_turn(segment.angle_rad() > std::numbers::pi),
+      middle_mm(segment.PointAt(0.5 * segment.length_mm)),
+      around_mm(open_before || open_after ? std::numeric_limits<double>::infinity()
+                                          : 0.5 * segment.length_mm),
+      flattening(segment.is_arc() ? of_bend : std::nullopt),
+      half_sine(std::sin(0.5 * segment.angle_rad())),
+      half_cosine(std::cos(0.5 * segment.angle_rad())),
+      bump_scale(segment.is_arc() ? 1.0 / std::max(1e-12, 1.0 - half_cosine) : 0.0) {}
+
+double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
+  const Eigen::Vector3d v = point - start_mm;
+  const double x = v.dot(tangent);
+  if (bend_radius_mm <= 0) {
+    if (x < cut_low_mm || x > cut_high_mm) return kNever;
+    return (v - std::min(std::max(x, low_mm), high_mm) * tangent).norm();
+  }
+  const double h = v.dot(normal);
+  const double y = bend_radius_mm - v.dot(across);  // from the centre
+  // Inside the sector: after the first plane and before the last, or either beyond a half turn.
+  const bool after_first = x >= 0;
+  const bool before_last = x * cosine - y * sine <= 0;
+  if (beyond_half_turn ? after_first || before_last : after_first && before_last) {
+    const double u = std::sqrt(x * x + y * y) - bend_radius_mm;
+    return std::sqrt(u * u + h * h);
+  }
+  const double ex = x - bend_radius_mm * sine;
+  const double ey = y - bend_radius_mm * cosine;
+  return std::sqrt(std::min(v.squaredNorm(), ex * ex + ey * ey + h * h));
+}
+
+std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
+                                        double beyond_mm, std::span<const Flattening> flattening) {
+  std::vector<SegmentFrame> frames;
+  frames.reserve(segments.size());
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    std::optional<Flattening> of_bend;
+    if (k % 2 == 1 && k / 2 < flattening.size()) of_bend = flattening[k / 2];
+    frames.emplace_back(segments[k], k == 0, k + 1 == segments.size(), beyond_mm, of_bend);
+  }
+  return frames;
+}
+
+NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
+                           std::span<const std::int32_t> candidates) {
+  NearSegment best{-1, std::numeric_limits<double>::infinity()};
+  for (const std::int32_t k : candidates) {
+    const double distance = frames[static_cast<std::size_t>(k)].Distance(point);
+    if (distance < best.distance_mm) best = {k, distance};
+  }
+  return best;
+}
+
+void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
+                       double reach_mm, std::vector<std::int32_t>& out) {
+  out.clear();
+  const double reach = reach_mm + block.half_diagonal_mm;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const double most_mm = frames[k].around_mm + reach;
+    if ((block.center_mm - frames[k].middle_mm).squaredNorm() > most_mm * most_mm) continue;
+    if (frames[k].Distance(block.center_mm) <= reach) out.push_back(static_cast<std::int32_t>(k));
+  }
+}
+
+SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
+                      std::span<const SegmentFrame> frames,
+                      std::span<const std::int32_t> candidates) {
+  const NearSegment near = NearestSegment(point, frames, candidates);
+  const auto last = static_cast<std::int32_t>(segments.size()) - 1;
+  if (near.segment < 0) return {};
+  return {near.segment,
+          AlongOf(point, segments[static_cast<std::size_t>(near.segment)], near.segment == 0,
+                  near.segment == last),
+          near.distance_mm};
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "hal/spine.h"
+#include "pipeline/points/sensor_direction.h"
+#include "pipeline/tube/flattening.h"
+
+namespace bendloop::pipeline {
+
+// Points near each other, so that they share the question which segments may be theirs. Another
+// object holds them.
+struct PointBlock {
+  Eigen::Vector3d center_mm;
+  double half_diagonal_mm = 0;
+  std::span<const Eigen::Vector3d> points;
+  // How certain each is: the standard deviation of a point of mean weight over its own. Of all
+  // blocks or of none: then all are alike.
+  std::span<const float> certainties = {};
+  std::span<const SensorDirection> to_sensor = {};  // one each, or none: not known
+};
+bool AreWeighted(std::span<const PointBlock> blocks);  // whether points have certainties
+
+// Blocks with their points.
+class OwnedBlocks {
+ public:
+  // `points`: as many as all blocks will hold, or more. `weighted`: they have certainties.
+  explicit OwnedBlocks(std::size_t points, bool weighted = false) {
+    points_.reserve(points);
+    if (weighted) certainties_.reserve(points);
+  }
+  OwnedBlocks(OwnedBlocks&&) = default;
+  OwnedBlocks& operator=(OwnedBlocks&&) = default;
+
+  // A new block; Add() goes to it.
+  void Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm);
+  void Add(const Eigen::Vector3d& point);
+  void Add(const PointBlock& from, std::size_t i);  // with its certainty
+
+  std::size_t point_count() const { return points_.size(); }
+  operator std::span<const PointBlock>() const { return blocks_; }
+
+ private:
+  // Neither grows beyond what was reserved: blocks look at it.
+  std::vector<Eigen::Vector3d> points_;
+  std::vector<float> certainties_;
+  std::vector<PointBlock> blocks_;
+};
+
+// Every so-manieth of `count` is to be taken for at most `enough`.
+inline std::size_t StrideTo(std::size_t count, std::size_t enough) {
+  return count > enough ? (count - 1) / enough + 1 : 1;
+}
+// Every `stride`-th point, counted over all blocks, so that small ones do not weigh more.
+OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride);
+// The same in cubes of twice the edge, where few points are left in one: what is worked out once
+// for a cube is worth it for dozens only. `blocks`: cubes of a grid through the origin.
+OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride);
+// One of two halves of the points, drawn by lot (always the same), thinned to about `enough`.
+enum class Half { kFirst, kSecond };
+OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough);
+std::size_t CountPoints(std::span<const PointBlock> blocks);
+// Blocks [begin, end) of a list.
+struct BlockRange {
+  std::size_t begin = 0, end = 0;
+};
+// Parts the blocks, in their order, into rounds with about as many points each, at most
+// `most_rounds` and no more than one for every `least_points`. At least one.
+std::vector<BlockRange> EvenRounds(std::span<const PointBlock> blocks, std::size_t least_points,
+                                   std::size_t most_rounds);
+
+// Where a point belongs on a spine.
+struct SpineFoot {
+  std::int32_t segment = -1;  // -1: none near
+  double along_mm = 0;        // on the segment, within [0, length] but for the two end straights
+  double distance_mm = 0;     // from the spine
+};
+
+struct NearSegment {
+  std::int32_t segment = -1;
+  double distance_mm = 0;  // from the spine
+};
+
+// A segment with what the distance from it needs, worked out once for many points.
+struct SegmentFrame {
+  // `beyond_mm`: how far an open end goes on.
+  SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,
+               double beyond_mm = std::numeric_limits<double>::infinity(),
+               const std::optional<Flattening>& of_bend = std::nullopt);
+  // From the segment's spine; beyond its ends from them, unless it is open there: then infinite
+  // where it no longer goes on.
+  double Distance(const Eigen::Vector3d& point) const;
+
+  Eigen::Vector3d start_mm, tangent, across, normal;
+  double low_mm, high_mm;          // of a line
+  double cut_low_mm, cut_high_mm;  // of a line: nothing is near beyond
+  double bend_radius_mm;           // 0: a line
+  double sine, cosine;             // of an arc's angle
+  bool beyond_half_turn;
+  Eigen::Vector3d middle_mm;  // a ball that the segment lies in
+  double around_mm;
+  std::optional<Flattening> flattening;  // of an arc
+  double half_sine, half_cosine;         // of half its angle
+  double bump_scale;                     // B = (cos(angle from the middle) - half_cosine) * this
+};
+// Of r_P: how far the end straights may go on beyond the nodes; further out another part of the
+// tube may lie in their way.
+constexpr double kBeyond = 3.0;
+// All segments of a tube; the end straights go on beyond their ends, as far as `beyond_mm`.
+// `flattening`: bend by bend, or none: the bends are round.
+std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
+                                        double beyond_mm = std::numeric_limits<double>::infinity(),
+                                        std::span<const Flattening> flattening = {});
+NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
+                           std::span<const std::int32_t> candidates);
+// Segments whose spine passes within `reach_mm` of the block's centre plus its half diagonal.
+void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
+                       double reach_mm, std::vector<std::int32_t>& out);
+
+// Nearest segment among `candidates` and where on it; `frames` belong to `segments`.
+SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
+                      std::span<const SegmentFrame> frames,
+                      std::span<const std::int32_t> candidates);
+
+}  // namespace bendloop::pipeline

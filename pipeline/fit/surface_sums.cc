@@ -1,0 +1,441 @@
+// SPDX-License-Identifier: Apache-2.0
+// The innermost loops of the fit.
+#include "pipeline/fit/surface_sums.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "pipeline/math/simd.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kTiny = 1e-300;  // keeps a point on the axis from being divided by nothing
+
+BENDLOOP_LOOP double Least(double a, double b) { return a < b ? a : b; }
+BENDLOOP_LOOP double Most(double a, double b) { return a > b ? a : b; }
+
+// 1 where the weight is full, 0 where there is none.
+BENDLOOP_LOOP double Fade(double magnitude, double inverse_sigma) {
+  const double fade = (kNoWeight - magnitude * inverse_sigma) * (1.0 / (kNoWeight - kFullWeight));
+  return Least(Most(fade, 0.0), 1.0);
+}
+BENDLOOP_LOOP double Weight(double magnitude, double inverse_sigma) {
+  const double fade = Fade(magnitude, inverse_sigma);
+  return fade * fade * (3.0 - 2.0 * fade);
+}
+// The integral of 2 u weight(u): u^2 while the weight is full, constant where there is none.
+BENDLOOP_LOOP double Robust(double magnitude, double inverse_sigma) {
+  constexpr double kWidth = kNoWeight - kFullWeight;
+  const double u = Least(magnitude * inverse_sigma, kFullWeight);
+  const double f = Fade(magnitude, inverse_sigma);
+  // Integral from f to 1 of 2 (5 - width f) (3 f^2 - 2 f^3) width df.
+  const auto part = [](double g) {
+    constexpr double kCube = kNoWeight, kFourth = -(2.0 * kNoWeight + 3.0 * kWidth) / 4.0;
+    constexpr double kFifth = 2.0 * kWidth / 5.0;
+    return g * g * g * (kCube + g * (kFourth + g * kFifth));
+  };
+  return u * u + 2.0 * kWidth * (part(1.0) - part(f));
+}
+
+struct Axes {
+  explicit Axes(const SegmentFrame& f)
+      : start{f.start_mm.x(), f.start_mm.y(), f.start_mm.z()},
+        x{f.tangent.x(), f.tangent.y(), f.tangent.z()},
+        y{f.across.x(), f.across.y(), f.across.z()},
+        z{f.normal.x(), f.normal.y(), f.normal.z()} {}
+  double start[3], x[3], y[3], z[3];
+};
+
+BENDLOOP_LOOP void ToLineBody(const SegmentFrame& frame, const PointLanes& points,
+                              std::size_t count, LocalLanes& local) {
+  const Axes a(frame);
+  const double low = frame.low_mm, high = frame.high_mm;
+  const double cut_low = frame.cut_low_mm, cut_high = frame.cut_high_mm;
+  const double never = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < count; ++i) {
+    const double vx = points.x[i] - a.start[0];
+    const double vy = points.y[i] - a.start[1];
+    const double vz = points.z[i] - a.start[2];
+    const double x = vx * a.x[0] + vy * a.x[1] + vz * a.x[2];
+    const double y = vx * a.y[0] + vy * a.y[1] + vz * a.y[2];
+    const double z = vx * a.z[0] + vy * a.z[1] + vz * a.z[2];
+    const double beyond = x - Least(Most(x, low), high);
+    local.x[i] = x;
+    local.y[i] = y;
+    local.z[i] = z;
+    const double distance = std::sqrt(beyond * beyond + y * y + z * z);
+    local.distance[i] = x < cut_low || x > cut_high ? never : distance;
+  }
+}
+BENDLOOP_WIDE(void, ToLine,
+              (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+               LocalLanes& local),
+              (frame, points, count, local))
+
+BENDLOOP_LOOP void ToArcBody(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+                             LocalLanes& local) {
+  const Axes a(frame);
+  const double radius = frame.bend_radius_mm, sine = frame.sine, cosine = frame.cosine;
+  const bool long_way = frame.beyond_half_turn;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double vx = points.x[i] - a.start[0];
+    const double vy = points.y[i] - a.start[1];
+    const double vz = points.z[i] - a.start[2];
+    const double x = vx * a.x[0] + vy * a.x[1] + vz * a.x[2];
+    const double y = vx * a.y[0] + vy * a.y[1] + vz * a.y[2] - radius;
+    const double z = vx * a.z[0] + vy * a.z[1] + vz * a.z[2];
+    const double u = std::sqrt(x * x + y * y) - radius;
+    // Inside the sector: after the first plane and before the last, or either beyond a half turn.
+    const double after_first = x;
+    const double before_last = -(x * cosine + y * sine);
+    const double inside =
+        long_way ? Most(after_first, before_last) : Least(after_first, before_last);
+    const double sx = x, sy = y + radius;
+    const double ex = x - radius * sine, ey = y + radius * cosine;
+    const double end2 = Least(sx * sx + sy * sy, ex * ex + ey * ey);
+    const double across2 = inside >= 0 ? u * u : end2;
+    local.x[i] = x;
+    local.y[i] = y;
+    local.z[i] = z;
+    local.distance[i] = std::sqrt(across2 + z * z);
+  }
+}
+BENDLOOP_WIDE(void, ToArc,
+              (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+               LocalLanes& local),
+              (frame, points, count, local))
+
+// Up to kBatch points of a segment; those that are missing have no weight.
+struct Batch {
+  const double *x, *y, *z, *distance, *weight;
+};
+constexpr std::array<double, kBatch> kAlike = [] {
+  std::array<double, kBatch> ones{};
+  ones.fill(1.0);
+  return ones;
+}();
+
+template <int kFunctions>
+struct Sums {
+  alignas(32) double functions[kFunctions][kBatch];
+  alignas(32) double weight[kBatch];
+  alignas(32) double weighted[kBatch];
+  double sum[kFunctions][kFunctions] = {};  // lower triangle
+};
+
+// Four sums at a time, so that none waits for another.
+template <int kFunctions>
+BENDLOOP_LOOP void AddProducts(Sums<kFunctions>& sums) {
+  for (int j = 0; j < kFunctions; ++j) {
+    const double* fj = sums.functions[j];
+    for (std::size_t l = 0; l < kBatch; ++l) sums.weighted[l] = fj[l] * sums.weight[l];
+    for (int i = j; i < kFunctions; i += 4) {
+      const double* f0 = sums.functions[i];
+      const double* f1 = sums.functions[std::min(i + 1, kFunctions - 1)];
+      const double* f2 = sums.functions[std::min(i + 2, kFunctions - 1)];
+      const double* f3 = sums.functions[std::min(i + 3, kFunctions - 1)];
+      double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
+#pragma omp simd reduction(+ : s0, s1, s2, s3)
+      for (std::size_t l = 0; l < kBatch; ++l) {
+        s0 += f0[l] * sums.weighted[l];
+        s1 += f1[l] * sums.weighted[l];
+        s2 += f2[l] * sums.weighted[l];
+        s3 += f3[l] * sums.weighted[l];
+      }
+      sums.sum[i][j] += s0;
+      if (i + 1 < kFunctions) sums.sum[i + 1][j] += s1;
+      if (i + 2 < kFunctions) sums.sum[i + 2][j] += s2;
+      if (i + 3 < kFunctions) sums.sum[i + 3][j] += s3;
+    }
+  }
+}
+
+enum LineFunction { kOy, kOz, kXOy, kXOz, kLineOne, kLineDistance, kLineFunctions };
+
+BENDLOOP_LOOP void AddLineBody(const Batch& p, double pipe_radius_mm, double inverse_sigma,
+                               Sums<kLineFunctions>& sums) {
+  auto& f = sums.functions;
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double distance = std::sqrt(p.y[l] * p.y[l] + p.z[l] * p.z[l]);
+    const double inverse = 1.0 / Most(distance, kTiny);
+    const double oy = p.y[l] * inverse;
+    const double oz = p.z[l] * inverse;
+    f[kOy][l] = oy;
+    f[kOz][l] = oz;
+    f[kXOy][l] = p.x[l] * oy;
+    f[kXOz][l] = p.x[l] * oz;
+    f[kLineOne][l] = 1.0;
+    f[kLineDistance][l] = distance - pipe_radius_mm;
+    sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
+  }
+  AddProducts<kLineFunctions>(sums);
+}
+BENDLOOP_WIDE(void, AddLine,
+              (const Batch& p, double pipe_radius_mm, double inverse_sigma,
+               Sums<kLineFunctions>& sums),
+              (p, pipe_radius_mm, inverse_sigma, sums))
+
+enum ArcFunction { kCa, kCb, kC, kSa, kSb, kS, kArcOne, kArcDistance, kArcFunctions };
+
+BENDLOOP_LOOP void AddArcBody(const Batch& p, double bend_radius_mm, double pipe_radius_mm,
+                              double inverse_sigma, Sums<kArcFunctions>& sums) {
+  auto& f = sums.functions;
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double rho = std::sqrt(p.x[l] * p.x[l] + p.y[l] * p.y[l]);
+    const double inverse_rho = 1.0 / Most(rho, kTiny);
+    const double a = p.x[l] * inverse_rho;
+    const double b = p.y[l] * inverse_rho;
+    const double u = rho - bend_radius_mm;
+    const double distance = std::sqrt(u * u + p.z[l] * p.z[l]);
+    const double inverse = 1.0 / Most(distance, kTiny);
+    const double c = u * inverse;
+    const double s = p.z[l] * inverse;
+    f[kCa][l] = c * a;
+    f[kCb][l] = c * b;
+    f[kC][l] = c;
+    f[kSa][l] = s * a;
+    f[kSb][l] = s * b;
+    f[kS][l] = s;
+    f[kArcOne][l] = 1.0;
+    f[kArcDistance][l] = distance - pipe_radius_mm;
+    sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
+  }
+  AddProducts<kArcFunctions>(sums);
+}
+BENDLOOP_WIDE(void, AddArc,
+              (const Batch& p, double bend_radius_mm, double pipe_radius_mm, double inverse_sigma,
+               Sums<kArcFunctions>& sums),
+              (p, bend_radius_mm, pipe_radius_mm, inverse_sigma, sums))
+
+// The rows are linear in few functions of the point; these are summed by `add`, batch after batch,
+// and `rows_of` takes them to the rows.
+template <int kFunctions, class Add>
+CondensedSum SumThrough(const SegmentPoints& points,
+                        const Eigen::Matrix<double, kCondensedRow, kFunctions>& rows_of, Add add) {
+  Sums<kFunctions> sums;
+  std::size_t first = 0;
+  for (; first + kBatch <= points.size; first += kBatch) {
+    add(Batch{points.x.data() + first, points.y.data() + first, points.z.data() + first,
+              points.distance.data() + first,
+              points.weighted ? points.weight.data() + first : kAlike.data()},
+        sums);
+  }
+  if (const std::size_t left = points.size - first; left > 0) {
+    LocalLanes rest;
+    rest.x.fill(1.0);
+    rest.y.fill(1.0);
+    rest.z.fill(1.0);
+    rest.distance.fill(std::numeric_limits<double>::max());
+    const auto copy = [first, left](const SegmentPoints::Lane& from, auto& to) {
+      std::copy_n(from.data() + first, left, to.begin());
+    };
+    copy(points.x, rest.x);
+    copy(points.y, rest.y);
+    copy(points.z, rest.z);
+    copy(points.distance, rest.distance);
+    std::array<double, kBatch> weight = kAlike;
+    if (points.weighted) copy(points.weight, weight);
+    add(Batch{rest.x.data(), rest.y.data(), rest.z.data(), rest.distance.data(), weight.data()},
+        sums);
+  }
+  Eigen::Matrix<double, kFunctions, kFunctions> sum;
+  for (int j = 0; j < kFunctions; ++j) {
+    for (int i = j; i < kFunctions; ++i) sum(i, j) = sum(j, i) = sums.sum[i][j];
+  }
+  return rows_of * sum * rows_of.transpose();
+}
+
+// d = |(y, z)| - r, outward o = (0, oy, oz), torque x * (0, -oz, oy).
+CondensedSum SumOfLine(const SegmentPoints& points, double pipe_radius_mm, double inverse_sigma) {
+  Eigen::Matrix<double, kCondensedRow, kLineFunctions> rows_of =
+      Eigen::Matrix<double, kCondensedRow, kLineFunctions>::Zero();
+  rows_of(1, kOy) = -1;
+  rows_of(2, kOz) = -1;
+  rows_of(4, kXOz) = 1;
+  rows_of(5, kXOy) = -1;
+  rows_of(7, kLineOne) = -1;
+  rows_of(kLocalState, kLineDistance) = 1;
+  return SumThrough<kLineFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
+    AddLine(batch, pipe_radius_mm, inverse_sigma, sums);
+  });
+}
+
+// In the plane of the bend (a, b) is the unit vector from the centre, u the distance beyond the
+// spine's circle; (c, s) = (u, z) / |(u, z)|. Outward is (c a, c b, s), the torque about the start
+// R (s + s b, -s a, -c a). Moving the centre by dR along +y changes u by -b dR - dR.
+Eigen::Matrix<double, kCondensedRow, kArcFunctions> ArcRows(double bend_radius_mm) {
+  Eigen::Matrix<double, kCondensedRow, kArcFunctions> rows_of =
+      Eigen::Matrix<double, kCondensedRow, kArcFunctions>::Zero();
+  rows_of(0, kCa) = -1;
+  rows_of(1, kCb) = -1;
+  rows_of(2, kS) = -1;
+  rows_of(3, kS) = rows_of(3, kSb) = -bend_radius_mm;
+  rows_of(4, kSa) = bend_radius_mm;
+  rows_of(5, kCa) = bend_radius_mm;
+  rows_of(6, kCb) = rows_of(6, kC) = -1;
+  rows_of(7, kArcOne) = -1;
+  rows_of(kLocalState, kArcDistance) = 1;
+  return rows_of;
+}
+
+CondensedSum SumOfArc(const SegmentPoints& points, double bend_radius_mm, double pipe_radius_mm,
+                      double inverse_sigma) {
+  const auto rows_of = ArcRows(bend_radius_mm);
+  return SumThrough<kArcFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
+    AddArc(batch, bend_radius_mm, pipe_radius_mm, inverse_sigma, sums);
+  });
+}
+
+// The oval arc: as above, and the functions of Flattening. The surface lies inside the round one.
+enum OvalFunction { kQuadrant = kArcDistance + 1, kBumpQuadrant, kBumpOuter, kOvalFunctions };
+
+struct OvalBend {
+  OvalBend(const SegmentFrame& frame, double r_mm)
+      : bend_radius_mm(frame.bend_radius_mm),
+        pipe_radius_mm(r_mm),
+        half_sine(frame.half_sine),
+        half_cosine(frame.half_cosine),
+        bump_scale(frame.bump_scale),
+        constant(0.5 * r_mm * frame.flattening->constant),
+        bump(0.5 * r_mm * frame.flattening->bump),
+        collapse(r_mm * frame.flattening->collapse) {}
+  double bend_radius_mm, pipe_radius_mm, half_sine, half_cosine, bump_scale;
+  double constant, bump, collapse;  // [mm]
+};
+
+// B at a place around the centre of the bend.
+BENDLOOP_LOOP double Bump(const OvalBend& oval, double a, double b) {
+  return Most(0.0,
+              (a * oval.half_sine - b * oval.half_cosine - oval.half_cosine) * oval.bump_scale);
+}
+BENDLOOP_LOOP double Square(double x) { return x * x; }
+
+BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double inverse_sigma,
+                                  Sums<kOvalFunctions>& sums) {
+  auto& f = sums.functions;
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double rho = std::sqrt(p.x[l] * p.x[l] + p.y[l] * p.y[l]);
+    const double inverse_rho = 1.0 / Most(rho, kTiny);
+    const double a = p.x[l] * inverse_rho;
+    const double b = p.y[l] * inverse_rho;
+    const double u = rho - oval.bend_radius_mm;
+    const double distance = std::sqrt(u * u + p.z[l] * p.z[l]);
+    const double inverse = 1.0 / Most(distance, kTiny);
+    const double c = u * inverse;
+    const double s = p.z[l] * inverse;
+    const double quadrant = c * c - s * s;
+    const double bump = Bump(oval, a, b);
+    const double outer = bump * Square(Most(c, 0.0));
+    f[kCa][l] = c * a;
+    f[kCb][l] = c * b;
+    f[kC][l] = c;
+    f[kSa][l] = s * a;
+    f[kSb][l] = s * b;
+    f[kS][l] = s;
+    f[kArcOne][l] = 1.0;
+    f[kQuadrant][l] = quadrant;
+    f[kBumpQuadrant][l] = bump * quadrant;
+    f[kBumpOuter][l] = outer;
+    f[kArcDistance][l] = distance - oval.pipe_radius_mm + oval.constant * quadrant +
+                         oval.bump * bump * quadrant + oval.collapse * outer;
+    sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
+  }
+  AddProducts<kOvalFunctions>(sums);
+}
+BENDLOOP_WIDE(void, AddOvalArc,
+              (const Batch& p, const OvalBend& oval, double inverse_sigma,
+               Sums<kOvalFunctions>& sums),
+              (p, oval, inverse_sigma, sums))
+
+BENDLOOP_LOOP void InsideOfBody(const OvalBend& oval, const LocalLanes& local, double* inside) {
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double rho = std::sqrt(local.x[l] * local.x[l] + local.y[l] * local.y[l]);
+    const double inverse_rho = 1.0 / Most(rho, kTiny);
+    const double u2 = Square(rho - oval.bend_radius_mm);
+    const double z2 = local.z[l] * local.z[l];
+    const double inverse = 1.0 / Most(u2 + z2, kTiny);
+    const double bump = Bump(oval, local.x[l] * inverse_rho, local.y[l] * inverse_rho);
+    const double outer = rho > oval.bend_radius_mm ? u2 * inverse : 0.0;
+    inside[l] =
+        (oval.constant + oval.bump * bump) * (u2 - z2) * inverse + oval.collapse * bump * outer;
+  }
+}
+BENDLOOP_WIDE(void, InsideOf, (const OvalBend& oval, const LocalLanes& local, double* inside),
+              (oval, local, inside))
+
+CondensedSum SumOfOvalArc(const SegmentPoints& points, const SegmentFrame& frame,
+                          double pipe_radius_mm, double inverse_sigma) {
+  Eigen::Matrix<double, kCondensedRow, kOvalFunctions> rows_of =
+      Eigen::Matrix<double, kCondensedRow, kOvalFunctions>::Zero();
+  rows_of.leftCols<kArcFunctions>() = ArcRows(frame.bend_radius_mm);
+  rows_of(kFlatteningState, kQuadrant) = 0.5 * pipe_radius_mm;
+  rows_of(kFlatteningState + 1, kBumpQuadrant) = 0.5 * pipe_radius_mm;
+  rows_of(kFlatteningState + 2, kBumpOuter) = pipe_radius_mm;
+  const OvalBend oval(frame, pipe_radius_mm);
+  return SumThrough<kOvalFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
+    AddOvalArc(batch, oval, inverse_sigma, sums);
+  });
+}
+
+BENDLOOP_LOOP double RobustSumOfBody(const double* distances_mm, std::size_t count,
+                                     double inverse_sigma) {
+  double sum = 0;
+#pragma omp simd reduction(+ : sum)
+  for (std::size_t i = 0; i < count; ++i) sum += Robust(std::abs(distances_mm[i]), inverse_sigma);
+  return sum;
+}
+BENDLOOP_WIDE(double, RobustSumOf,
+              (const double* distances_mm, std::size_t count, double inverse_sigma),
+              (distances_mm, count, inverse_sigma))
+
+}  // namespace
+
+void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+               LocalLanes& local) {
+  // Whole registers; what lies beyond `count` is calculated and not looked at.
+  const std::size_t rounded = std::min((count + 3) / 4 * 4, kBatch);
+  if (frame.bend_radius_mm > 0) {
+    ToArc(frame, points, rounded, local);
+  } else {
+    ToLine(frame, points, rounded, local);
+  }
+}
+
+void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLanes& local,
+                 std::array<double, kBatch>& inside_mm) {
+  InsideOf(OvalBend(frame, pipe_radius_mm), local, inside_mm.data());
+}
+
+void SegmentPoints::MakeRoom(std::size_t more) {
+  const auto needed = static_cast<Eigen::Index>(size + more);
+  if (needed > x.size()) {
+    const Eigen::Index room = std::max(2 * x.size(), needed);
+    for (Lane* lane : {&x, &y, &z, &distance}) lane->conservativeResize(room);
+  }
+  if (weighted && weight.size() < x.size()) weight.conservativeResize(x.size());
+}
+
+CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,
+                       double pipe_radius_mm, double sigma_mm) {
+  if (frame.flattening) return SumOfOvalArc(points, frame, pipe_radius_mm, 1.0 / sigma_mm);
+  return frame.bend_radius_mm > 0
+             ? SumOfArc(points, frame.bend_radius_mm, pipe_radius_mm, 1.0 / sigma_mm)
+             : SumOfLine(points, pipe_radius_mm, 1.0 / sigma_mm);
+}
+
+double RobustSum(std::span<const double> distances_mm, double sigma_mm) {
+  return RobustSumOf(distances_mm.data(), distances_mm.size(), 1.0 / sigma_mm);
+}
+
+double RobustSum(double distance_mm, double sigma_mm) {
+  return Robust(std::abs(distance_mm), 1.0 / sigma_mm);
+}
+
+double RobustWeight(double distance_mm, double sigma_mm) {
+  return Weight(std::abs(distance_mm), 1.0 / sigma_mm);
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/usual_bend_radius.h"
+
+#include <cmath>
+#include <vector>
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kUsualSpread = 0.015;  // 1 sigma: springback opens bends
+constexpr double kKnown = 0.03;         // 1 sigma of a radius that may speak for others
+constexpr double kTightest = 1.05;      // of r_P: where the fit is held
+constexpr double kMaySigma = 4.0;       // from the usual one and still of the same die
+constexpr double kSame = 2.5;           // sigma
+constexpr double kMost = 0.7;           // of the known ones
+
+}  // namespace
+
+std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit) {
+  struct Known {
+    double radius_mm, sigma_mm;
+  };
+  std::vector<Known> known;
+  const hal::BendProgram& program = fit.tube.program;
+  for (std::size_t i = 0; i < program.bend_count(); ++i) {
+    const double radius_mm = *program.rows[i].bend_radius_mm;
+    const double sigma_mm = fit.sigma.rows[i].bend_radius_mm.value_or(0.0);
+    const bool held = radius_mm < kTightest * fit.tube.pipe_radius_mm;
+    if (sigma_mm < kKnown * radius_mm && !held) known.push_back({radius_mm, sigma_mm});
+  }
+  UsualBendRadius best;
+  std::size_t most = 0;
+  for (const Known& one : known) {
+    double weights = 0, sum = 0;
+    std::size_t count = 0;
+    const double usual_mm = kUsualSpread * one.radius_mm;
+    for (const Known& other : known) {
+      const double sigma_mm = std::hypot(usual_mm, one.sigma_mm, other.sigma_mm);
+      if (std::abs(other.radius_mm - one.radius_mm) > kSame * sigma_mm) continue;
+      const double weight = 1.0 / (usual_mm * usual_mm + other.sigma_mm * other.sigma_mm);
+      weights += weight;
+      sum += weight * other.radius_mm;
+      ++count;
+    }
+    if (count <= most) continue;
+    most = count;
+    best = {sum / weights, kUsualSpread * sum / weights};
+  }
+  const bool shared =
+      most >= 2 && static_cast<double>(most) >= kMost * static_cast<double>(known.size());
+  if (!shared || most == program.bend_count()) return std::nullopt;
+  return best;
+}
+
+hal::Tube WithUsualRadii(const SurfaceFit& fit, const UsualBendRadius& usual) {
+  hal::Tube tube = fit.tube;
+  for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
+    double& radius_mm = *tube.program.rows[i].bend_radius_mm;
+    const double sigma_mm =
+        std::hypot(usual.sigma_mm, fit.sigma.rows[i].bend_radius_mm.value_or(0.0));
+    if (std::abs(radius_mm - usual.mean_mm) < kMaySigma * sigma_mm) radius_mm = usual.mean_mm;
+  }
+  return tube;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/math/workers.h"
+
+namespace bendloop::pipeline {
+
+Workers::Workers(std::size_t threads) {
+  for (std::size_t i = 1; i < threads; ++i) threads_.emplace_back([this] { Work(); });
+}
+
+Workers::~Workers() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  work_.notify_all();
+}
+
+void Workers::For(std::size_t rounds, const Body& body) {
+  std::unique_lock lock(mutex_);
+  if (threads_.empty() || rounds < 2 || body_ != nullptr) {
+    lock.unlock();
+    for (std::size_t round = 0; round < rounds; ++round) body(round);
+    return;
+  }
+  body_ = &body;
+  next_ = 0;
+  rounds_ = rounds;
+  lock.unlock();
+  work_.notify_all();
+  lock.lock();
+  TakeRounds(lock);
+  // Who wakes up too late finds nothing to do and is not waited for.
+  done_.wait(lock, [this] { return inside_ == 0; });
+  body_ = nullptr;
+}
+
+void Workers::Work() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    work_.wait(lock, [this] { return stop_ || next_ < rounds_; });
+    if (stop_) return;
+    TakeRounds(lock);
+    if (inside_ == 0) done_.notify_one();
+  }
+}
+
+void Workers::TakeRounds(std::unique_lock<std::mutex>& lock) noexcept {
+  ++inside_;
+  while (next_ < rounds_) {
+    const std::size_t round = next_++;
+    lock.unlock();
+    (*body_)(round);
+    lock.lock();
+  }
+  --inside_;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/spline/shortcut_graph.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "pipeline/spline/apollonius.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kWider = 1.5;  // times the tolerance, where there is no spline
+constexpr int kMaxWider = 6;
+constexpr double kMinTurn = 1e-3;  // rad; less is no bend
+
+// The plane of an edge: through l_i, as parallel to l_j as it can be.
+struct Plane {
+  Eigen::Vector3d origin, ex, ey, normal;
+  Eigen::Vector2d To(const Eigen::Vector3d& p) const {
+    return {(p - origin).dot(ex), (p - origin).dot(ey)};
+  }
+  double Height(const Eigen::Vector3d& p) const { return (p - origin).dot(normal); }
+  Eigen::Vector3d From(const Eigen::Vector2d& p) const { return origin + p.x() * ex + p.y() * ey; }
+  Eigen::Vector3d Vector(const Eigen::Vector2d& v) const { return v.x() * ex + v.y() * ey; }
+};
+
+std::optional<Plane> PlaneThrough(const TangentLine& line, const Eigen::Vector3d& target) {
+  Plane plane;
+  plane.origin = line.point_mm;
+  plane.ex = line.direction;
+  const Eigen::Vector3d v = target - line.point_mm;
+  const Eigen::Vector3d across = v - v.dot(plane.ex) * plane.ex;
+  if (across.norm() < 1e-9 * (1.0 + v.norm())) return std::nullopt;
+  plane.ey = across.normalized();
+  plane.normal = plane.ex.cross(plane.ey);
+  return plane;
+}
+
+// Total signed turn of the polygon's edges i..j in the plane, which tells arcs beyond a half turn
+// from their complements.
+double TotalTurn(const Plane& plane, std::span<const TangentLine> tangents,
+                 const Eigen::Vector2d& first, std::size_t i, std::size_t j) {
+  double turn = 0;
+  Eigen::Vector2d before = first;
+  for (std::size_t k = i + 1; k <= j; ++k) {
+    const Eigen::Vector2d now(tangents[k].direction.dot(plane.ex),
+                              tangents[k].direction.dot(plane.ey));
+    turn += std::atan2(before.x() * now.y() - before.y() * now.x(), before.dot(now));
+    before = now;
+  }
+  return turn;
+}
+
+struct Edge {
+  SplineArc arc;
+  TangentLine modified;  // t'_j, in the plane
+  double error2 = 0;
+};
+
+std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
+                             std::span<const TangentLine> tangents, const TangentLine& first,
+                             const Eigen::Vector3d& straight_from, std::size_t i, std::size_t j,
+                             double epsilon) {
+  // The far vertex of edge j fixes the plane (section 4.1).
+  const auto plane = PlaneThrough(first, vertices[j + 1]);
+  if (!plane) return std::nullopt;
+  std::vector<Eigen::Vector2d> points;
+  std::vector<double> room;  // epsilon'_k
+  points.reserve(j - i);
+  room.reserve(j - i);
+  for (std::size_t k = i + 1; k <= j; ++k) {
+    const double height = plane->Height(vertices[k]);
+    if (std::abs(height) > epsilon) return std::nullopt;
+    points.push_back(plane->To(vertices[k]));
+    room.push_back(std::sqrt(epsilon * epsilon - height * height));
+  }
+  const TangentLine& second = tangents[j];
+  if (std::abs(plane->Height(second.point_mm)) > epsilon) return std::nullopt;
+  const Eigen::Vector2d projected(second.direction.dot(plane->ex), second.direction.dot(plane->ey));
+  if (projected.norm() < 0.5) return std::nullopt;
+  const Eigen::Vector2d direction2 = projected.normalized();
+  const Eigen::Vector2d point2 = plane->To(second.point_mm);
+  const Eigen::Vector2d direction1 = Eigen::Vector2d::UnitX();
+
+  const double total = TotalTurn(*plane, tangents, direction1, i, j);
+  double turn = std::atan2(direction2.y(), direction2.x());
+  turn += 2.0 * kPi * std::round((total - turn) / (2.0 * kPi));
+  if (std::abs(turn) < kMinTurn || std::abs(turn) > 2.0 * kPi - kMinTurn) return std::nullopt;
+  const auto circles =
+      MakeTangentCircles(Eigen::Vector2d::Zero(), direction1, point2, direction2, turn);
+  if (!circles) return std::nullopt;
+
+  RadiusRange valid{0.0, 1e9};
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const RadiusRange range = ApolloniusRange(*circles, points[k], room[k]);
+    valid = {std::max(valid.low, range.low), std::min(valid.high, range.high)};
+    if (range.empty() || valid.empty()) return std::nullopt;
+  }
+  // The first straight starts where the arc before it ended, the second ends at p_{j+1}: the
+  // touching points must lie between. Both move linearly with the radius.
+  const double start = plane->To(straight_from).x();
+  const double reach1 = circles->corner.x() - start;
+  const double slope1 = circles->bisector.dot(direction1);
+  const double reach2 = (plane->To(vertices[j + 1]) - circles->corner).dot(direction2);
+  const double slope2 = circles->bisector.dot(direction2);
+  const auto limit = [&valid](double reach, double slope) {  // reach + R slope >= 0
+    if (slope < 0) valid.high = std::min(valid.high, reach / -slope);
+    if (slope > 0) valid.low = std::max(valid.low, -reach / slope);
+  };
+  limit(reach1 + 0.5 * epsilon, slope1);
+  limit(reach2 + 0.5 * epsilon, -slope2);
+  if (valid.empty() || valid.high <= 0) return std::nullopt;
+
+  // Least squares within the range (section 4.5): a coarse look, then a finer one around the best.
+  const auto error_of = [&](double radius) {
+    double sum = 0;
+    for (const Eigen::Vector2d& p : points) sum += std::pow(circles->Distance(p, radius), 2);
+    return sum;
+  };
+  // The corner of a turn beyond a half lies behind: its reaches may be negative.
+  const double top =
+      std::min(valid.high, valid.low + 1e4 * (1.0 + std::abs(reach1) + std::abs(reach2)));
+  double best_radius = 0.5 * (valid.low + top);
+  double best = error_of(best_radius);
+  double span = top - valid.low;
+  for (int level = 0; level < 3; ++level) {
+    const double middle = level == 0 ? 0.5 * (valid.low + top) : best_radius;
+    for (int step = -6; step <= 6; ++step) {
+      const double radius = middle + span * step / 12.0;
+      if (radius < valid.low || radius > top || radius <= 0) continue;
+      const double error = error_of(radius);
+      if (error < best) {
+        best = error;
+        best_radius = radius;
+      }
+    }
+    span /= 6.0;
+  }
+  if (!(best_radius > 0)) return std::nullopt;
+
+  Edge edge;
+  edge.error2 = best;
+  edge.modified = {plane->From(point2), plane->Vector(direction2)};
+  edge.arc.begin_mm = plane->From(circles->Begin(best_radius));
+  edge.arc.end_mm = plane->From(circles->End(best_radius));
+  edge.arc.tangent_in = first.direction;
+  edge.arc.tangent_out = edge.modified.direction;
+  edge.arc.normal = turn > 0 ? plane->normal : Eigen::Vector3d(-plane->normal);
+  edge.arc.radius_mm = best_radius;
+  edge.arc.angle_rad = std::abs(turn);
+  for (std::size_t k = i + 1; k <= j; ++k) {
+    edge.error2 += std::pow(plane->Height(vertices[k]), 2);
+  }
+  return edge;
+}
+
+// The best way to a tangent line.
+struct State {
+  int arcs = std::numeric_limits<int>::max();
+  double error2 = 0;
+  std::size_t previous = 0;
+  TangentLine line;
+  SplineArc arc;
+};
+
+std::vector<State> BestWays(std::span<const Eigen::Vector3d> vertices,
+                            std::span<const TangentLine> tangents, double epsilon_mm) {
+  const std::size_t m = tangents.size();
+  std::vector<State> states(m);
+  states[0].arcs = 0;
+  states[0].line = tangents[0];
+  for (std::size_t i = 0; i + 1 < m; ++i) {
+    if (states[i].arcs == std::numeric_limits<int>::max()) continue;
+    for (std::size_t j = i + 1; j < m; ++j) {
+      const int arcs = states[i].arcs + 1;
+      if (arcs > states[j].arcs) continue;
+      const Eigen::Vector3d& from = i == 0 ? vertices.front() : states[i].arc.end_mm;
+      const auto edge = MakeEdge(vertices, tangents, states[i].line, from, i, j, epsilon_mm);
+      if (!edge) continue;
+      const double error2 = states[i].error2 + edge->error2;
+      if (arcs < states[j].arcs || error2 < states[j].error2) {
+        states[j] = {arcs, error2, i, edge->modified, edge->arc};
+      }
+    }
+  }
+  return states;
+}
+
+}  // namespace
+
+ArcLineSpline ApproximateByArcLineSpline(std::span<const Eigen::Vector3d> vertices,
+                                         std::span<const TangentLine> tangents, double epsilon_mm) {
+  const std::size_t m = tangents.size();
+  std::vector<State> states;
+  double tolerance_mm = epsilon_mm;
+  for (int i = 0; i < kMaxWider; ++i, tolerance_mm *= kWider) {
+    states = BestWays(vertices, tangents, tolerance_mm);
+    if (states.back().arcs < std::numeric_limits<int>::max()) break;
+  }
+
+  ArcLineSpline spline;
+  spline.start_mm = vertices.front();
+  spline.tangent = tangents.front().direction;
+  spline.end_mm = vertices.back();
+  // The last reachable edge: normally the last of all.
+  std::size_t at = m - 1;
+  while (at > 0 && states[at].arcs == std::numeric_limits<int>::max()) --at;
+  for (; at > 0; at = states[at].previous) spline.arcs.push_back(states[at].arc);
+  std::reverse(spline.arcs.begin(), spline.arcs.end());
+  return spline;
+}
+
+}  // namespace bendloop::pipeline

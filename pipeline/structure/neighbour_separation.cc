@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/structure/neighbour_separation.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "hal/spine.h"
+#include "pipeline/structure/structure_moves.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kLeastTurnDeg = 20.0;  // of a joint
+constexpr double kTight = 1.1;          // of r_P
+constexpr double kTightest = 1.001;     // of r_P: the fit is held there, its sigma says little
+constexpr double kClearTurnDeg = 30.0;  // a lesser one may be held there by chance
+constexpr double kKnown = 0.2;          // of r_P, 1 sigma of the bend radius
+constexpr double kVagueDeg = 15.0;      // 1 sigma
+constexpr double kLong = 1.0;           // of r_P
+constexpr double kAround = 1.5;         // of r_P: nodes that belong to no piece
+constexpr double kShortest = 4.0;       // of r_P, of a piece
+
+std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  const double few = FewSamplesPerMm(fit, segments);
+  const auto is_bare = [&](std::size_t k) {  // short ones may be by chance
+    return segments[k].length_mm > kLong * fit.tube.pipe_radius_mm &&
+           fit.segment_samples[k] < few * segments[k].length_mm;
+  };
+  std::vector<Eigen::Vector3d> joints;
+  for (std::size_t k = 1; k + 1 < segments.size(); k += 2) {
+    const hal::BendRow& row = fit.tube.program.rows[k / 2];
+    const double r = fit.tube.pipe_radius_mm;
+    const bool tight = (*row.bend_radius_mm < kTightest * r && row.angle_deg > kClearTurnDeg) ||
+                       (*row.bend_radius_mm < kTight * r &&
+                        fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kKnown * r);
+    const hal::BendRow& sigma = fit.sigma.rows[k / 2];
+    const bool vague = std::max(sigma.angle_deg, sigma.rotation_deg) > kVagueDeg &&
+                       (is_bare(k - 1) || is_bare(k) || is_bare(k + 1));
+    if (row.angle_deg < kLeastTurnDeg || !(tight || vague)) continue;
+    joints.push_back(segments[k].PointAt(0.5 * segments[k].length_mm));
+  }
+  return joints;
+}
+
+}  // namespace
+
+std::vector<SpinePolygon> PiecesBetweenJoints(const SurfaceFit& fit, const SpinePolygon& polygon,
+                                              bool across) {
+  const std::vector<Eigen::Vector3d> joints = Joints(fit);
+  if (joints.empty()) return {polygon};
+  const double around_mm = kAround * fit.tube.pipe_radius_mm;
+  const auto from_joint = [&polygon](std::size_t i, const Eigen::Vector3d& joint) {
+    return (polygon[i].position_mm - joint).norm();
+  };
+  std::vector<bool> is_joint(polygon.size(), false);
+  for (const Eigen::Vector3d& joint : joints) {
+    std::size_t nearest = 0;
+    for (std::size_t i = 1; i < polygon.size(); ++i) {
+      if (from_joint(i, joint) < from_joint(nearest, joint)) nearest = i;
+    }
+    // The neighbours along the curve: others may only pass by.
+    std::size_t first = nearest, last = nearest;
+    while (first > 0 && from_joint(first - 1, joint) < around_mm) --first;
+    while (last + 1 < polygon.size() && from_joint(last + 1, joint) < around_mm) ++last;
+    for (std::size_t i = first; i <= last; ++i) is_joint[i] = true;
+  }
+  std::vector<SpinePolygon> pieces(1);
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    if (!is_joint[i]) {
+      pieces.back().push_back(polygon[i]);
+    } else if (!pieces.back().empty()) {
+      pieces.emplace_back();
+    }
+  }
+  std::erase_if(pieces, [&](const SpinePolygon& piece) {
+    return piece.size() < 2 || LengthOf(piece) < kShortest * fit.tube.pipe_radius_mm;
+  });
+  if (pieces.empty()) return {polygon};
+  if (across) pieces = JoinedOverGaps(std::move(pieces), fit.tube.pipe_radius_mm);
+  std::stable_sort(pieces.begin(), pieces.end(),
+                   [](const auto& a, const auto& b) { return LengthOf(a) > LengthOf(b); });
+  return pieces;
+}
+
+}  // namespace bendloop::pipeline

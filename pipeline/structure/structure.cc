@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/structure/structure.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "pipeline/fit/usual_bend_radius.h"
+#include "pipeline/spline/arc_line_spline.h"
+#include "pipeline/spline/initial_spline.h"
+#include "pipeline/structure/nominal_along.h"
+#include "pipeline/structure/structure_search.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// The way to about the right bends needs no more samples.
+constexpr std::size_t kEnoughSamples = 8000;
+// The live view has milliseconds: one tolerance, few samples, no comparisons.
+constexpr double kGlanceTolerance = 0.1;
+constexpr std::size_t kGlanceSamples = 2000;
+constexpr int kGlanceSteps = 15;
+// Twice the logarithm of the odds that a part has no bend more than its nominal. Evidence beyond it
+// is a defect; below it Measurement::structure_margin says that it was a close call.
+constexpr double kNominalOdds = 10;
+
+// The nominal's structure, where the samples let it be, instead of one that cannot be the nominal.
+SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& polygon,
+                           const hal::BendProgram& nominal, SurfaceFit found) {
+  SurfaceFit expected = search.Fit(NominalAlong(nominal, found.tube.pipe_radius_mm, polygon));
+  const double advantage = search.criterion().Advantage(expected, found);
+  const std::size_t bends = expected.tube.program.bend_count();
+  const bool same_bends = bends == found.tube.program.bend_count();
+  double favoured = advantage;
+  if (!same_bends && MayBe(nominal, expected.tube, expected.sigma)) {
+    // Its bends need no evidence, it is enough that the samples do not speak against them; for
+    // taking a bend away that the nominal does not have the samples must be nearly content.
+    favoured = bends > found.tube.program.bend_count()
+                   ? std::max(advantage, search.criterion().Gain(expected, found))
+                   : advantage + kNominalOdds;
+  }
+  if (favoured > 0) {
+    expected.margin = same_bends ? found.margin : std::max(0.0, advantage);
+    return expected;
+  }
+  if (!same_bends) found.margin = std::min(found.margin, -advantage);
+  return found;
+}
+
+// What the samples alone say.
+SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
+                       std::span<const PointBlock> samples, std::span<const PointBlock> all_points,
+                       double caution) {
+  const bool few = CountPoints(all_points) <= kEnoughSamples;
+  StructureSearch coarse(polygon, pipe_radius_mm, few ? all_points : samples, kEnoughSamples,
+                         {.caution = caution});
+  SurfaceFit fit = coarse.Start();
+  coarse.Split(fit);
+  coarse.Refine(fit);
+  const auto search = [&](const SearchOptions& options) {
+    return StructureSearch(polygon, pipe_radius_mm, all_points, kPointsAtOnce, options);
+  };
+  // Small bends are seen in more points than the way there needed.
+  if (!few) {
+    StructureSearch fine = search({.caution = caution});
+    fit = fine.Fit(fit.tube);
+    fine.Refine(fit);
+  }
+  FitPriors priors;
+  if (const auto usual = FindUsualBendRadius(fit)) {
+    priors.bend_radius = usual;
+    StructureSearch one_die = search({.priors = priors, .caution = caution});
+    SurfaceFit of_one_die = one_die.Fit(WithUsualRadii(fit, *usual));
+    one_die.Refine(of_one_die);
+    if (one_die.criterion().IsBetter(of_one_die, fit)) {
+      fit = std::move(of_one_die);
+    } else {
+      priors = {};
+    }
+  }
+  // Round bends that follow each other may have been put in the place of oval ones.
+  StructureSearch oval = search({.flattened = true, .priors = priors, .caution = caution});
+  SurfaceFit flattened = oval.Fit(fit.tube);
+  if (!oval.criterion().IsFlattened(fit, flattened)) return fit;
+  oval.Refine(flattened);
+  return oval.criterion().IsFlattened(fit, flattened) ? flattened : fit;
+}
+
+}  // namespace
+
+SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
+                             std::span<const PointBlock> samples) {
+  const ArcLineSpline spline = InitialSpline(polygon, kGlanceTolerance * pipe_radius_mm);
+  return StructureSearch(polygon, pipe_radius_mm, samples, kGlanceSamples,
+                         {.max_fit_steps = kGlanceSteps})
+      .Fit(TubeFromSpline(spline, pipe_radius_mm));
+}
+
+SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
+                         std::span<const PointBlock> samples,
+                         std::span<const PointBlock> all_points, const StructureOptions& options) {
+  SurfaceFit fit = StructureOf(polygon, pipe_radius_mm, samples, all_points, options.caution);
+  StructureSearch search(
+      polygon, pipe_radius_mm, all_points, kPointsAtOnce,
+      {.flattened = !fit.flattening.empty(), .priors = fit.priors, .caution = options.caution});
+  search.StartAnew(fit);
+  if (!options.nominal || MayBe(*options.nominal, fit.tube, fit.sigma)) return fit;
+  return SettleByNominal(search, polygon, *options.nominal, std::move(fit));
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,450 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/structure/structure_search.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include "hal/spine.h"
+#include "pipeline/fit/surface_pass.h"
+#include "pipeline/math/quantiles.h"
+#include "pipeline/spline/initial_spline.h"
+#include "pipeline/structure/structure_moves.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// Tolerances of the simplification, in pipe radii.
+constexpr std::array<double, 3> kTolerances = {0.04, 0.08, 0.16};
+constexpr double kReach = 0.35;          // of r_P: how far a sample may be from a wrong model
+constexpr double kLongest = 1.1;         // straight, of the polygon's length
+constexpr std::size_t kMostMerged = 5;   // arcs, into one
+constexpr std::size_t kMostDropped = 4;  // that undo each other
+constexpr double kLeftBehind = 3.0;      // of r_P: what the end straights see beyond their ends
+constexpr double kDropAngleDeg = 3.0;
+constexpr double kSuspicious = 1.5;  // mean square of an arc's distances over the median segment's
+constexpr std::size_t kMaxSplits = 4;
+constexpr std::size_t kMaxAdded = 16;    // bends
+constexpr int kMaxCycles = 3;            // of adding and simplifying
+constexpr double kAsk = 20.0;            // gain, in variances, at which one more bend is tried
+constexpr std::size_t kMaxTries = 4;     // places
+constexpr double kDoubtfulBorder = 8.0;  // of r_P: up to here a bend near the border is doubted
+constexpr std::size_t kFew = 1500;       // samples that find out what is hopeless
+constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
+constexpr double kNoGoal = std::numeric_limits<double>::infinity();
+constexpr double kSlack = 100;  // variances, by which criteria that are not quite the same differ
+// Variances that a part of a tube may gain when it no longer has to meet the rest.
+constexpr double kLoose = 30;
+// A straight that is known so well, in sigma, is no accident of a wide bend or of one taken for
+// two.
+constexpr double kSettled = 300;
+// Where the search starts anew.
+constexpr std::array<double, 7> kOtherTolerances = {0.06, 0.03, 0.1, 0.05, 0.13, 0.2, 0.02};
+constexpr int kMostAnew = 4;
+constexpr double kLeastExcess = 100;  // of squared distances, in variances
+constexpr double kClearExcess = 6;    // sigma
+constexpr double kTruncated = 5;      // sigma, of a distance
+constexpr double kTolerance = 2e-5;   // of chi square, far below the price of a parameter
+
+ArcLineSpline Without(const ArcLineSpline& spline, std::size_t first, std::size_t last) {
+  ArcLineSpline without = spline;
+  without.arcs.erase(without.arcs.begin() + static_cast<std::ptrdiff_t>(first),
+                     without.arcs.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+  return without;
+}
+
+// One arc in place of arcs [first, last].
+std::optional<ArcLineSpline> Merged(const ArcLineSpline& spline, std::size_t first,
+                                    std::size_t last) {
+  const auto merged = MergedArc(spline.arcs[first], spline.arcs[last]);
+  if (!merged) return std::nullopt;
+  ArcLineSpline simpler = Without(spline, first + 1, last);
+  simpler.arcs[first] = *merged;
+  return simpler;
+}
+
+double TurnDeg(const SplineArc& first, const SplineArc& last) {
+  return std::acos(std::clamp(first.tangent_in.dot(last.tangent_out), -1.0, 1.0)) * 180.0 /
+         std::numbers::pi;
+}
+
+// Bends tighter than the pipe made wider, where the straights beside them are long enough for it.
+hal::Tube NoTighter(hal::Tube tube) {
+  auto& rows = tube.program.rows;
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    double& radius_mm = *rows[i].bend_radius_mm;
+    const double tangent = std::tan(0.5 * rows[i].angle_deg * std::numbers::pi / 180.0);
+    if (radius_mm >= tube.pipe_radius_mm || !(tangent > 0)) continue;
+    const double shorter_mm = std::min(
+        {(tube.pipe_radius_mm - radius_mm) * tangent, rows[i].length_mm, rows[i + 1].length_mm});
+    rows[i].length_mm -= shorter_mm;
+    rows[i + 1].length_mm -= shorter_mm;
+    radius_mm += shorter_mm / tangent;
+  }
+  return tube;
+}
+
+// By segment: by how much the squared distances of its samples are more than elsewhere, in
+// variances; 0 where that may be chance. What is far off counts no more than a few sigma: fliers
+// are everywhere.
+std::vector<double> Excess(const SurfaceFit& fit, std::span<const PointBlock> blocks) {
+  const double r = fit.tube.pipe_radius_mm;
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  SurfaceAssignment assignment;
+  AssignPoints(SegmentFrames(segments, kBeyond * r, fit.flattening), r, blocks, kReach * r,
+               assignment);
+  const double limit_mm = kTruncated * fit.sigma_mm;
+  std::vector<double> excess, mean_square;
+  for (const SegmentPoints& points : assignment.segments) {
+    double sum = 0;
+    const auto n = static_cast<double>(points.size);
+    for (const double distance : points.distance.head(static_cast<Eigen::Index>(points.size))) {
+      const double d = std::min(std::abs(distance), limit_mm) / fit.sigma_mm;
+      sum += d * d;
+    }
+    if (points.size > 0) mean_square.push_back(sum / n);
+    excess.push_back(sum);
+  }
+  const double usual = std::max(1.0, Median(mean_square));
+  for (std::size_t k = 0; k < excess.size(); ++k) {
+    const auto n = static_cast<double>(assignment.segments[k].size);
+    excess[k] -= usual * n;
+    const double chance = kClearExcess * std::sqrt(2.0 * n) * usual * fit.design_effect;
+    if (excess[k] < std::max(kLeastExcess, chance)) excess[k] = 0;
+  }
+  return excess;
+}
+
+// Parts of the tube whose samples are explained much worse than the others, worst first.
+std::vector<StructureWindow> BadParts(const SurfaceFit& fit, std::span<const PointBlock> blocks) {
+  const std::vector<double> excess = Excess(fit, blocks);
+  std::vector<std::pair<double, StructureWindow>> parts;
+  for (std::size_t k = 0; k < excess.size(); ++k) {
+    if (excess[k] <= 0) continue;
+    const std::size_t first = k;
+    double sum = 0;
+    for (; k < excess.size() && excess[k] > 0; ++k) sum += excess[k];
+    // The bends in it, and the one before and after.
+    const std::size_t before = first / 2, after = k / 2;
+    parts.push_back({-sum,
+                     {before - std::min<std::size_t>(before, 1),
+                      std::min(after + 1, fit.tube.program.bend_count())}});
+  }
+  std::stable_sort(parts.begin(), parts.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<StructureWindow> windows;
+  for (const auto& part : parts) windows.push_back(part.second);
+  return windows;
+}
+
+// The nodes along a window.
+SpinePolygon NodesOf(const SpinePolygon& polygon, const hal::Tube& tube, StructureWindow window) {
+  const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
+  std::vector<std::int32_t> all(frames.size());
+  std::iota(all.begin(), all.end(), 0);
+  std::size_t first = polygon.size(), last = 0;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const auto k =
+        static_cast<std::size_t>(NearestSegment(polygon[i].position_mm, frames, all).segment);
+    if (k < window.first_segment() || k > window.last_segment()) continue;
+    first = std::min(first, i);
+    last = i;
+  }
+  if (first >= last) return {};
+  return {polygon.begin() + static_cast<std::ptrdiff_t>(first),
+          polygon.begin() + static_cast<std::ptrdiff_t>(last) + 1};
+}
+
+bool IsSettled(const SurfaceFit& fit, std::size_t row) {
+  return fit.tube.program.rows[row].length_mm > kSettled * fit.sigma.rows[row].length_mm;
+}
+
+}  // namespace
+
+StructureSearch::StructureSearch(const SpinePolygon& polygon, double pipe_radius_mm,
+                                 std::span<const PointBlock> blocks, std::size_t enough,
+                                 const SearchOptions& options)
+    : radius_mm_(pipe_radius_mm),
+      options_(options),
+      longest_mm_(kLongest * LengthOf(polygon)),
+      polygon_(&polygon),
+      blocks_(Gathered(blocks, StrideTo(CountPoints(blocks), enough))),
+      criterion_(blocks_.point_count(), options.caution) {}
+
+SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(tube, kNoGoal); }
+
+SurfaceFit StructureSearch::Start() const {
+  std::optional<SurfaceFit> best;
+  std::size_t last_bends = kAll;
+  for (const double tolerance : kTolerances) {
+    const hal::Tube tube =
+        TubeFromSpline(InitialSpline(*polygon_, tolerance * radius_mm_), radius_mm_);
+    if (best && tube.program.bend_count() == last_bends) continue;
+    last_bends = tube.program.bend_count();
+    SurfaceFit fit = Fit(tube);
+    if (!best || criterion_.IsBetter(fit, *best)) best = std::move(fit);
+  }
+  return *best;
+}
+
+void StructureSearch::Split(SurfaceFit& best) {
+  nearest_.reset();
+  for (std::size_t i = 0; i < kMaxSplits && SplitWorst(best); ++i) {
+  }
+}
+
+void StructureSearch::Refine(SurfaceFit& best) {
+  nearest_.reset();
+  simpler_.assign(best.tube.program.bend_count(), std::nullopt);
+  for (int cycle = 0; cycle < kMaxCycles; ++cycle) {
+    // Adding first: what was one by mistake is found before what is two by mistake is joined.
+    bool added = false;
+    for (std::size_t i = 0; i < kMaxAdded && Added(best); ++i) added = true;
+    if (cycle > 0 && !added) break;
+    bool simplified = false;
+    for (std::size_t arc = 0; arc < best.tube.program.bend_count();) {
+      const bool simpler = SimplifiedAt(best, arc);
+      simplified |= simpler;
+      arc = simpler ? 0 : arc + 1;
+    }
+    if (!simplified) break;
+  }
+  best.margin = margin_;
+  for (const auto& worse : simpler_) best.margin = std::min(best.margin, worse.value_or(kNoGoal));
+}
+
+void StructureSearch::StartAnew(SurfaceFit& best) {
+  for (int i = 0; i < kMostAnew; ++i) {
+    bool started = false;
+    for (const StructureWindow& window : BadParts(best, blocks_)) {
+      if ((started = StartedAnew(best, window))) break;
+    }
+    if (!started) return;
+    Refine(best);
+  }
+}
+
+bool StructureSearch::StartedAnew(SurfaceFit& fit, StructureWindow window) {
+  nearest_.reset();
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  Part part = Around(spline, window);
+  const SpinePolygon nodes = NodesOf(*polygon_, fit.tube, part.window);
+  if (nodes.size() < 3) return false;
+  for (const double tolerance : kOtherTolerances) {
+    const ArcLineSpline other = InitialSpline(nodes, tolerance * radius_mm_);
+    auto better = Better(fit, spline, part, other);
+    if (better && criterion_.Advantage(*better, fit) > kAsk) {
+      Accept(fit, std::move(*better), part.window);
+      return true;
+    }
+  }
+  return false;
+}
+
+SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
+                                  double goal_mm2) const {
+  hal::Tube start = NoTighter(tube);
+  // Splines that were changed boldly may begin and end far outside the scan.
+  for (hal::BendRow& row : start.program.rows) row.length_mm = std::min(row.length_mm, longest_mm_);
+  return FitSurface(start, blocks,
+                    {.reach_mm = kReach * radius_mm_,
+                     .max_length_mm = longest_mm_,
+                     .flattened = options_.flattened,
+                     .priors = options_.priors,
+                     .max_steps = options_.max_fit_steps,
+                     .tolerance = kTolerance,
+                     .goal_mm2 = goal_mm2});
+}
+
+SurfaceFit StructureSearch::FitWhole(const hal::Tube& tube, double goal_mm2) const {
+  SurfaceFit fit = FitTo(blocks_, tube, goal_mm2);
+  // A fit may slide along the tube and leave its end behind, where samples then ask for nothing.
+  ArcLineSpline spline = SplineFromTube(fit.tube);
+  if (ReachEnds(spline, *polygon_, kLeftBehind * radius_mm_)) {
+    fit = FitTo(blocks_, TubeFromSpline(spline, fit.tube.pipe_radius_mm), goal_mm2);
+  }
+  for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
+    spline = SplineFromTube(fit.tube);
+    if (!DropUnseen(spline, fit) && !TrimBorders(spline, radius_mm_)) break;
+    fit = FitTo(blocks_, TubeFromSpline(spline, fit.tube.pipe_radius_mm), goal_mm2);
+  }
+  return fit;
+}
+
+StructureSearch::Part StructureSearch::Around(const ArcLineSpline& spline,
+                                              StructureWindow window) const {
+  window = Widened(window, spline, radius_mm_);
+  return {window, PartOf(spline, window), std::nullopt, std::nullopt};
+}
+
+const StructureSearch::Part::Fitted& StructureSearch::Fitted(const SurfaceFit& whole,
+                                                             const Part& part, std::size_t enough,
+                                                             std::optional<Part::Fitted>& fitted) {
+  if (!nearest_) nearest_.emplace(whole.tube, blocks_);
+  if (!fitted) {
+    fitted.emplace(Part::Fitted{nearest_->Of(part.window, enough), {}});
+    const hal::Tube tube = TubeFromSpline(part.spline, whole.tube.pipe_radius_mm);
+    fitted->fit = FitTo(fitted->samples, tube, kNoGoal);
+  }
+  return *fitted;
+}
+
+double StructureSearch::GoalOf(const SurfaceFit& rival, const SurfaceFit& like,
+                               double fewer_bends) const {
+  return rival.cost_mm2 + (4.0 * std::max(0.0, fewer_bends) * criterion_.price() + kSlack) *
+                              StructureCriterion::Variance(like);
+}
+
+std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
+                                                  const ArcLineSpline& whole, Part& part,
+                                                  const ArcLineSpline& changed) {
+  const double fewer =
+      static_cast<double>(part.spline.arcs.size()) - static_cast<double>(changed.arcs.size());
+  hal::Tube tube = TubeFromSpline(changed, rival.tube.pipe_radius_mm);
+  const auto is_hopeless = [&](const Part::Fitted& as_it_is) {
+    const SurfaceFit fit = FitTo(as_it_is.samples, tube, GoalOf(as_it_is.fit, rival, fewer));
+    const double worse = criterion_.Advantage(as_it_is.fit, fit);
+    tube = fit.tube;
+    if (worse > kLoose) Note(worse);
+    return worse > kLoose;
+  };
+  // What few samples say against fewer bends, more say louder.
+  if (fewer > 0 && is_hopeless(Fitted(rival, part, kFew, part.few))) return std::nullopt;
+  if (is_hopeless(Fitted(rival, part, kAll, part.all))) return std::nullopt;
+  const ArcLineSpline spline = WithPart(whole, part.window, SplineFromTube(tube));
+  SurfaceFit fit =
+      FitWhole(TubeFromSpline(spline, rival.tube.pipe_radius_mm), GoalOf(rival, rival, fewer));
+  const double worse = criterion_.Advantage(rival, fit);
+  if (worse < 0) return fit;
+  // A bend that was dropped again as unseen makes no other structure.
+  const bool is_other = part.spline.arcs.size() == changed.arcs.size() ||
+                        fit.tube.program.bend_count() != rival.tube.program.bend_count();
+  if (is_other) Note(worse);
+  return std::nullopt;
+}
+
+void StructureSearch::Accept(SurfaceFit& fit, SurfaceFit better, const StructureWindow& window) {
+  const std::size_t before = fit.tube.program.bend_count();
+  const std::size_t after = better.tube.program.bend_count();
+  fit = std::move(better);
+  nearest_.reset();
+  margin_ = kNoGoal;
+  if (simpler_.size() != before) return;
+  std::vector<std::optional<double>> simpler(after);
+  for (std::size_t i = 0; i < std::min(window.first, after); ++i) simpler[i] = simpler_[i];
+  for (std::size_t i = window.last; i < before; ++i) {
+    if (i + after >= before) simpler[i + after - before] = simpler_[i];
+  }
+  // What begins before may reach into it.
+  for (std::size_t i = window.first - std::min(window.first, kMostMerged);
+       i < std::min(after, window.last + 1); ++i) {
+    simpler[i] = std::nullopt;
+  }
+  simpler_ = std::move(simpler);
+}
+
+// Splits the arc that explains its samples worst, if two arcs do so better. False: none does.
+bool StructureSearch::SplitWorst(SurfaceFit& fit) {
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  const double suspicious = kSuspicious * Median(fit.segment_mean_square_mm2);
+  std::vector<std::pair<double, std::size_t>> worst;
+  for (std::size_t i = 0; i < spline.arcs.size(); ++i) {
+    const double mean_square = fit.segment_mean_square_mm2[2 * i + 1];
+    if (mean_square > suspicious) worst.emplace_back(-mean_square, i);
+  }
+  std::sort(worst.begin(), worst.end());
+  for (const auto& [mean_square, i] : worst) {
+    Part part = Around(spline, {i, i + 1});
+    ArcLineSpline finer = part.spline;
+    const std::size_t at = i - part.window.first;
+    const auto arcs = SplitArc(finer.arcs[at]);
+    finer.arcs[at] = arcs[0];
+    finer.arcs.insert(finer.arcs.begin() + static_cast<std::ptrdiff_t>(at) + 1, arcs[1]);
+    if (auto better = Better(fit, spline, part, finer)) {
+      Accept(fit, std::move(*better), part.window);
+      return true;
+    }
+  }
+  return false;
+}
+
+// One bend more where the samples ask for it most. False: they are content.
+bool StructureSearch::Added(SurfaceFit& fit) {
+  margin_ = kNoGoal;
+  const std::vector<MissingBend> places = FindMissingBends(fit, blocks_, kReach * radius_mm_);
+  for (const MissingBend& missing : places) {
+    if (missing.gain >= kAsk) continue;
+    Note(4.0 * criterion_.price() - missing.gain);
+    break;
+  }
+  for (std::size_t i = 0; i < std::min(places.size(), kMaxTries); ++i) {
+    if (places[i].gain < kAsk) break;
+    if (AddedAt(fit, places[i])) return true;
+  }
+  return false;
+}
+
+bool StructureSearch::AddedAt(SurfaceFit& fit, MissingBend missing) {
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  const std::size_t before = missing.segment / 2;  // arcs
+  Part part = Around(spline, {before - std::min<std::size_t>(before, 1),
+                              std::min(before + 1, spline.arcs.size())});
+  missing.segment -= part.window.first_segment();
+  const hal::Tube tube = TubeFromSpline(part.spline, fit.tube.pipe_radius_mm);
+  for (const ArcLineSpline& with : WithBend(part.spline, tube, missing, *polygon_)) {
+    if (auto better = Better(fit, spline, part, with)) {
+      Accept(fit, std::move(*better), part.window);
+      return true;
+    }
+  }
+  return false;
+}
+
+// The best merge or drop that begins at this arc and is no worse. False: none is.
+bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
+  if (simpler_[arc]) return false;
+  const double margin = std::exchange(margin_, kNoGoal);
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  const std::size_t arcs = spline.arcs.size();
+  std::optional<Part> part;
+  std::optional<SurfaceFit> best;
+  const auto local = [&](std::size_t i) { return i - part->window.first; };
+  const auto look = [&](std::size_t last) {
+    if (!part || last >= part->window.last) part = Around(spline, {arc, last + 1});
+  };
+  const auto consider = [&](const ArcLineSpline& simpler) {
+    auto better = Better(fit, spline, *part, simpler);
+    if (better && (!best || criterion_.IsBetter(*better, *best))) best = std::move(better);
+  };
+  for (std::size_t last = arc + 1;
+       last < std::min(arc + kMostMerged, arcs) && !IsSettled(fit, last); ++last) {
+    look(last);
+    if (const auto simpler = Merged(part->spline, local(arc), local(last))) consider(*simpler);
+  }
+  // Bends that undo each other, as nodes disturbed by a clamp pretend them.
+  for (std::size_t last = arc; last < std::min(arc + kMostDropped, arcs); ++last) {
+    if (TurnDeg(spline.arcs[arc], spline.arcs[last]) > kDropAngleDeg) continue;
+    look(last);
+    consider(Without(part->spline, local(arc), local(last)));
+  }
+  // A bend near the border that clutter beside it pretends: the tube that goes straight on.
+  const double border_mm = kDoubtfulBorder * radius_mm_;
+  for (const bool at_start : {true, false}) {
+    if (arc != (at_start ? 0 : arcs - 1)) continue;
+    look(arc);
+    ArcLineSpline without = part->spline;
+    if (at_start ? DropFirst(without, border_mm) : DropLast(without, border_mm)) consider(without);
+  }
+  if (!best) {
+    simpler_[arc] = std::exchange(margin_, margin);
+    return false;
+  }
+  Accept(fit, std::move(*best), part->window);
+  return true;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "pipeline/fit/surface_fit.h"
+#include "pipeline/spine/spine_polygon.h"
+#include "pipeline/structure/structure_criterion.h"
+#include "pipeline/structure/structure_score.h"
+#include "pipeline/structure/structure_window.h"
+
+namespace bendloop::pipeline {
+
+struct SearchOptions {
+  bool flattened = false;
+  FitPriors priors = {};
+  double caution = 1;  // times the usual evidence is asked for a bend
+  int max_fit_steps = 60;
+};
+
+// Changes the structure of a tube, bend by bend, as long as the samples are explained better. Every
+// change is fitted to the samples near it first, and to all of them if that promises something.
+class StructureSearch {
+ public:
+  // Looks at about `enough` of the samples.
+  StructureSearch(const SpinePolygon& polygon, double pipe_radius_mm,
+                  std::span<const PointBlock> blocks, std::size_t enough,
+                  const SearchOptions& options);
+
+  const StructureCriterion& criterion() const { return criterion_; }
+
+  SurfaceFit Fit(const hal::Tube& tube) const;
+  // Of several initial splines the one whose fit is best.
+  SurfaceFit Start() const;
+  // Splits arcs that explain their samples much worse than the others.
+  void Split(SurfaceFit& best);
+  // Adds what the samples ask for and takes away what they do not mind to lose.
+  void Refine(SurfaceFit& best);
+  // Where samples are still explained much worse than elsewhere, starts again from the nodes.
+  void StartAnew(SurfaceFit& best);
+
+ private:
+  // A part of the tube as it is, for comparison with what might be there.
+  struct Part {
+    StructureWindow window;
+    ArcLineSpline spline;
+    struct Fitted {
+      OwnedBlocks samples;
+      SurfaceFit fit;
+    };
+    std::optional<Fitted> few, all;  // to some and to all of its samples, once asked for
+  };
+
+  SurfaceFit FitTo(std::span<const PointBlock> blocks, const hal::Tube& tube,
+                   double goal_mm2) const;
+  SurfaceFit FitWhole(const hal::Tube& tube, double goal_mm2) const;
+  Part Around(const ArcLineSpline& spline, StructureWindow window) const;
+  const Part::Fitted& Fitted(const SurfaceFit& whole, const Part& part, std::size_t enough,
+                             std::optional<Part::Fitted>& fitted);
+  // The tube with another spline in this part, if that is better.
+  std::optional<SurfaceFit> Better(const SurfaceFit& rival, const ArcLineSpline& whole, Part& part,
+                                   const ArcLineSpline& changed);
+  double GoalOf(const SurfaceFit& rival, const SurfaceFit& like, double fewer_bends) const;
+  bool SplitWorst(SurfaceFit& fit);
+  bool Added(SurfaceFit& fit);
+  bool AddedAt(SurfaceFit& fit, MissingBend missing);
+  bool SimplifiedAt(SurfaceFit& fit, std::size_t arc);
+  bool StartedAnew(SurfaceFit& fit, StructureWindow window);
+  void Accept(SurfaceFit& fit, SurfaceFit better, const StructureWindow& window);
+  void Note(double worse) { margin_ = std::min(margin_, worse); }
+
+  double radius_mm_;
+  SearchOptions options_;
+  double longest_mm_;
+  const SpinePolygon* polygon_;
+  OwnedBlocks blocks_;
+  StructureCriterion criterion_;
+  std::optional<NearestSegments> nearest_;  // of the tube that is looked at
+  // By arc, once tried: by how much the best simpler structure that begins there is worse.
+  std::vector<std::optional<double>> simpler_;
+  double margin_ = std::numeric_limits<double>::infinity();
+};
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "hal/tube.h"
+#include "pipeline/tube/joint_uncertainty.h"
+
+namespace bendloop::pipeline {
+
+// Distances of the samples used from the fitted surface [mm].
+struct FitQuality {
+  std::size_t samples = 0;   // used by the fit
+  std::size_t outliers = 0;  // left out, at any stage
+  double median_abs_distance_mm = 0;
+  double rms_distance_mm = 0;
+  double p95_abs_distance_mm = 0;
+};
+
+// A point of the measured spine with the local radius of the pipe.
+struct SpineSample {
+  Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+  double pipe_radius_mm = 0;
+};
+
+// A scanned point with its signed distance from the fitted surface (outside positive).
+struct SurfaceSample {
+  Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+  double distance_mm = 0;
+};
+
+struct StageTime {
+  std::string stage;
+  double ms = 0;
+};
+
+// How far a bend is from round, in its middle.
+struct BendShape {
+  double ovality_percent = 0;  // (greatest - least diameter) / nominal
+  double ovality_sigma_percent = 0;
+  double outer_wall_mm = 0;  // how far the outer wall lies inside the round one
+  double outer_wall_sigma_mm = 0;
+};
+
+// What a scan says of a tube.
+struct Measurement {
+  hal::Tube tube;          // in the world frame
+  hal::BendProgram sigma;  // 1 sigma of every value of tube.program, row by row
+  double pipe_radius_sigma_mm = 0;
+  JointUncertainty joint;     // which of these values are hardly told apart
+  double noise_mm = 0;        // 1 sigma of a sample along the surface normal, from the residuals
+  double coverage = 0;        // part of the spine's length that has samples, 0..1
+  double longest_gap_mm = 0;  // of the spine without samples
+  FitQuality fit;
+  std::vector<BendShape> bend_shapes;  // of every bend; none: nothing says that they are not round
+  // By how much the tube is better than the next best one with another number of bends: twice the
+  // natural logarithm of the odds. Below 10 it was a close call; NaN: not known, as of canals.
+  double structure_margin = 0;
+  // The greatest difference between a row's value in two halves of the samples, in its own sigmas;
+  // NaN: not known, as of canals.
+  double halves_differ_sigma = 0;
+  std::vector<SpineSample> spine;      // along the tube, evenly spaced
+  std::vector<SurfaceSample> surface;  // evenly thinned samples, for deviations and pictures
+  std::vector<std::string> warnings;   // for a person, one sentence each
+  std::vector<StageTime> timing;
+};
+
+}  // namespace bendloop::pipeline

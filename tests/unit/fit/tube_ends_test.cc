@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/tube_ends.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using tests::kPi;
+using tests::Points;
+using tests::Random;
+using tests::Uniform;
+
+constexpr double kRadius = 4;
+constexpr double kNoise = 0.03;
+
+hal::Tube Truth(int bends, Random& random) {
+  return tests::RandomTube({.pipe_radius_mm = kRadius, .bends = bends, .max_straight = 12}, random);
+}
+
+// A tube that says the ends wrong by up to a radius, as the structure leaves it.
+hal::Tube EndsUnknown(hal::Tube tube, Random& random) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const double before = Uniform(random, -kRadius, kRadius);
+  tube.X_WT.position_mm -= before * segments.front().tangent;
+  tube.program.rows.front().length_mm += before;
+  tube.program.rows.back().length_mm += Uniform(random, -kRadius, kRadius);
+  return tube;
+}
+
+Points Stripes(const hal::Tube& tube, double spacing, Random& random) {
+  std::normal_distribution<double> noise(0, kNoise);
+  const double total = hal::SpineLength(tube.program);
+  Points points;
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  for (double s = Uniform(random, 0, spacing); s < total; s += spacing) {
+    const auto* segment = &segments.back();
+    for (const auto& k : segments) {
+      if (s < k.from_start_mm + k.length_mm) {
+        segment = &k;
+        break;
+      }
+    }
+    const double along = s - segment->from_start_mm;
+    const Eigen::Vector3d inward = segment->normal.cross(segment->TangentAt(along));
+    for (int i = 0; i < 40; ++i) {
+      const double phi = Uniform(random, 0, 2 * kPi);
+      points.push_back(segment->PointAt(along) +
+                       (kRadius + noise(random)) *
+                           (std::cos(phi) * inward + std::sin(phi) * segment->normal));
+    }
+  }
+  return points;
+}
+
+struct Errors {
+  double first, last;
+};
+
+Errors EndErrors(const hal::Tube& truth, const TubeEnds& ends) {
+  return {ends.tube.program.rows.front().length_mm - truth.program.rows.front().length_mm,
+          ends.tube.program.rows.back().length_mm - truth.program.rows.back().length_mm};
+}
+
+// Where the tube ends between two laser lines is anyone's guess: half a spacing at most, and over
+// many scans 0.29 of it (a uniform deviate) with little more for the estimate of the spacing.
+TEST(TubeEnds, StripesAreWithinHalfASpacing) {
+  Random random(1);
+  for (const double spacing : {0.4, 1.0, 1.6}) {
+    double sum2 = 0, bias = 0, reported2 = 0;
+    int count = 0;
+    for (int run = 0; run < 40; ++run) {
+      const hal::Tube tube = Truth(1 + run % 3, random);
+      const auto blocks = tests::Blocks(Stripes(tube, spacing, random), kRadius);
+      const TubeEnds ends = FindTubeEnds(EndsUnknown(tube, random), kNoise, blocks);
+      const Errors errors = EndErrors(tube, ends);
+      for (const double e : {errors.first, errors.last}) {
+        EXPECT_LT(std::abs(e), 0.75 * spacing) << "spacing " << spacing << " run " << run;
+        sum2 += e * e;
+        bias += e;
+        ++count;
+      }
+      reported2 += 0.5 * (std::pow(ends.first_sigma_mm, 2) + std::pow(ends.last_sigma_mm, 2));
+    }
+    EXPECT_LT(std::sqrt(sum2 / count), 0.35 * spacing);
+    EXPECT_LT(std::abs(bias / count), 0.15 * spacing);
+    EXPECT_LT(sum2 / count, 2 * reported2 / 40) << "the ends are less sure than they say";
+  }
+}
+
+TEST(TubeEnds, ScatteredPointsAreWithinTheirSpacing) {
+  Random random(2);
+  for (const std::size_t points : {1500U, 6000U, 30000U}) {
+    for (int run = 0; run < 8; ++run) {
+      const hal::Tube tube = Truth(1 + run % 3, random);
+      const double area = 2 * kPi * kRadius * hal::SpineLength(tube.program);
+      const double spacing = std::sqrt(area / static_cast<double>(points));
+      const auto cloud =
+          tests::SyntheticCloud(tube, {.points = points, .noise_mm = kNoise}, random);
+      const TubeEnds ends =
+          FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+      const Errors errors = EndErrors(tube, ends);
+      EXPECT_LT(std::abs(errors.first), 0.3 * spacing) << points << " run " << run;
+      EXPECT_LT(std::abs(errors.last), 0.3 * spacing) << points << " run " << run;
+    }
+  }
+}
+
+TEST(TubeEnds, TheStartMovesWithTheFirstLength) {
+  Random random(3);
+  const hal::Tube tube = Truth(2, random);
+  const auto cloud = tests::SyntheticCloud(tube, {.points = 20000, .noise_mm = kNoise}, random);
+  const TubeEnds ends =
+      FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+  EXPECT_NEAR((ends.tube.X_WT.position_mm - tube.X_WT.position_mm).norm(), 0, 0.2);
+  const auto a = hal::SpineSegments(tube.program, tube.X_WT);
+  const auto b = hal::SpineSegments(ends.tube.program, ends.tube.X_WT);
+  EXPECT_NEAR((a[1].start_mm - b[1].start_mm).norm(), 0, 1e-9) << "the bend stays where it is";
+}
+
+TEST(TubeEnds, StraightTubesHaveTwoEndsInOneRow) {
+  Random random(4);
+  hal::Tube tube;
+  tube.pipe_radius_mm = kRadius;
+  tube.program.rows = {{120, 0, 0, std::nullopt}};
+  const auto cloud = tests::SyntheticCloud(tube, {.points = 12000, .noise_mm = kNoise}, random);
+  hal::Tube guess = tube;
+  guess.X_WT.position_mm.x() = -3;
+  guess.program.rows[0].length_mm = 120;
+  const TubeEnds ends = FindTubeEnds(guess, kNoise, tests::Blocks(cloud, kRadius));
+  EXPECT_NEAR(ends.tube.program.rows[0].length_mm, 120, 0.2);
+  EXPECT_NEAR(ends.tube.X_WT.position_mm.x(), 0, 0.1);
+}
+
+TEST(TubeEnds, FliersBeyondTheEndsAreIgnored) {
+  Random random(5);
+  for (int run = 0; run < 10; ++run) {
+    const hal::Tube tube = Truth(2, random);
+    Points cloud = tests::SyntheticCloud(tube, {.points = 12000, .noise_mm = kNoise}, random);
+    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+    // Exactly on the cylinder that goes on, where nothing else can tell them apart.
+    for (int i = 0; i < 3; ++i) {
+      const double phi = Uniform(random, 0, 2 * kPi);
+      const Eigen::Vector3d out = std::cos(phi) * segments[0].normal +
+                                  std::sin(phi) * segments[0].normal.cross(segments[0].tangent);
+      cloud.push_back(segments[0].start_mm -
+                      Uniform(random, 0.3, 5) * kRadius * segments[0].tangent + kRadius * out);
+      const auto& last = segments.back();
+      cloud.push_back(last.PointAt(last.length_mm + Uniform(random, 0.3, 5) * kRadius) +
+                      kRadius * last.normal);
+    }
+    const TubeEnds ends =
+        FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+    const Errors errors = EndErrors(tube, ends);
+    EXPECT_NEAR(errors.first, 0, 0.3) << run;
+    EXPECT_NEAR(errors.last, 0, 0.3) << run;
+  }
+}
+
+TEST(TubeEnds, WithoutPointsNothingMoves) {
+  Random random(6);
+  const hal::Tube tube = Truth(2, random);
+  EXPECT_EQ(FindTubeEnds(tube, kNoise, {}).tube.program, tube.program);
+}
+
+// What goes on beyond the end along a part of the turn only is a table and not the tube, though few
+// points on another part make it hard to say where they end.
+TEST(TubeEnds, ATableGoesOnBeyondTheEnd) {
+  Random random(9);
+  for (int run = 0; run < 10; ++run) {
+    const hal::Tube tube = Truth(2, random);
+    Points cloud = tests::SyntheticCloud(tube, {.points = 12000, .noise_mm = kNoise}, random);
+    const auto last = hal::SpineSegments(tube.program, tube.X_WT).back();
+    const Eigen::Vector3d across = last.normal.cross(last.tangent);
+    std::erase_if(cloud, [&](const Eigen::Vector3d& p) {
+      const Eigen::Vector3d from = p - last.start_mm;
+      return from.dot(last.tangent) > 0 && from.dot(last.normal) > 0.7 * kRadius &&
+             Uniform(random, 0, 1) < 0.95;
+    });
+    for (int i = 0; i < 400; ++i) {
+      cloud.push_back(last.PointAt(last.length_mm + Uniform(random, -1.5, 1.5) * kRadius) -
+                      1.01 * kRadius * last.normal + Uniform(random, -2, 2) * kRadius * across);
+    }
+    const TubeEnds ends =
+        FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+    EXPECT_NEAR(EndErrors(tube, ends).last, 0, 0.4) << run;
+  }
+}
+
+// The first straight's line, gone on with, passes through the last end.
+TEST(TubeEnds, TheOtherEndsLineMayPassThroughThisEnd) {
+  Random random(10);
+  hal::Tube tube;
+  tube.pipe_radius_mm = kRadius;
+  tube.program.rows = {
+      {30, 0, 90, 10.0}, {20, 0, 90, 10.0}, {60, 0, 90, 10.0}, {30, 0, 0, std::nullopt}};
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const Eigen::Vector3d from =
+      segments.back().PointAt(segments.back().length_mm) - segments.front().start_mm;
+  ASSERT_LT(from.cross(segments.front().tangent).norm(), 1e-6);
+  ASSERT_LT(from.dot(segments.front().tangent), -3 * kRadius);
+  const Points cloud = tests::SyntheticCloud(tube, {.points = 12000, .noise_mm = kNoise}, random);
+  const TubeEnds ends = FindTubeEnds(tube, kNoise, tests::Blocks(cloud, kRadius));
+  EXPECT_NEAR(EndErrors(tube, ends).first, 0, 0.2);
+  EXPECT_NEAR(EndErrors(tube, ends).last, 0, 0.2);
+}
+
+// Of dense points two fliers are no crowd.
+TEST(TubeEnds, PairsOfFliersAreNoBorder) {
+  Random random(11);
+  for (int run = 0; run < 5; ++run) {
+    const hal::Tube tube = Truth(1, random);
+    Points cloud = tests::SyntheticCloud(tube, {.points = 40000, .noise_mm = kNoise}, random);
+    const auto last = hal::SpineSegments(tube.program, tube.X_WT).back();
+    const Eigen::Vector3d across = last.normal.cross(last.tangent);
+    for (int i = 0; i < 10; ++i) {
+      const double beyond_mm = Uniform(random, 0.2, 1.8) * kRadius;
+      for (const double after_mm : {0.0, 0.003}) {
+        const double phi = Uniform(random, 0, 2 * kPi);
+        cloud.push_back(last.PointAt(last.length_mm + beyond_mm + after_mm) +
+                        kRadius * (std::cos(phi) * across + std::sin(phi) * last.normal));
+      }
+    }
+    const TubeEnds ends = FindTubeEnds(tube, kNoise, tests::Blocks(cloud, kRadius));
+    EXPECT_NEAR(EndErrors(tube, ends).last, 0, 0.1) << run;
+  }
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/math/workers.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bendloop::pipeline {
+namespace {
+
+TEST(Workers, DoEveryRoundOnce) {
+  for (const std::size_t threads : {0U, 1U, 2U, 3U, 8U}) {
+    Workers workers(threads);
+    // Many short loops: who comes late to one must not disturb the next.
+    for (std::size_t rounds = 0; rounds < 300; ++rounds) {
+      std::vector<int> done(rounds, 0);
+      workers.For(rounds, [&](std::size_t round) { ++done[round]; });
+      ASSERT_EQ(std::count(done.begin(), done.end(), 1), static_cast<std::ptrdiff_t>(rounds));
+    }
+  }
+}
+
+TEST(Workers, ResultsOfRoundsAreSeenAfterTheLoop) {
+  Workers workers(3);
+  std::vector<double> sums(64);
+  for (int loop = 0; loop < 50; ++loop) {
+    workers.For(sums.size(), [&](std::size_t round) {
+      double sum = 0;
+      for (int i = 1; i < 500; ++i) sum += std::sin(static_cast<double>(round) * i + loop);
+      sums[round] = sum;
+    });
+    std::vector<double> expected(sums.size());
+    ParallelFor(nullptr, expected.size(), [&](std::size_t round) {
+      for (int i = 1; i < 500; ++i) {
+        expected[round] += std::sin(static_cast<double>(round) * i + loop);
+      }
+    });
+    ASSERT_EQ(sums, expected);
+  }
+}
+
+TEST(Workers, ALoopInARoundRunsThere) {
+  Workers workers(3);
+  std::vector<std::vector<int>> done(40, std::vector<int>(7, 0));
+  workers.For(done.size(), [&](std::size_t outer) {
+    const auto thread = std::this_thread::get_id();
+    workers.For(done[outer].size(), [&](std::size_t inner) {
+      done[outer][inner] += thread == std::this_thread::get_id() ? 1 : 100;
+    });
+  });
+  for (const auto& inner : done) EXPECT_EQ(inner, std::vector<int>(7, 1));
+}
+
+TEST(Workers, OneThreadIsTheCallers) {
+  Workers workers(1);
+  const auto caller = std::this_thread::get_id();
+  workers.For(10, [&](std::size_t) { EXPECT_EQ(std::this_thread::get_id(), caller); });
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
