@@ -10,6 +10,7 @@
 #include <string>
 
 #include "hal/spine.h"
+#include "pipeline/fit/correlations.h"
 #include "pipeline/fit/coverage.h"
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/self_check.h"
