@@ -1,10 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/math/workers.h"
 
+#include <exception>
+#include <utility>
+
 namespace bendloop::pipeline {
 
-Workers::Workers(std::size_t threads) {
-  for (std::size_t i = 1; i < threads; ++i) threads_.emplace_back([this] { Work(); });
+Workers::Workers(std::size_t threads, const Starter& start) {
+  if (threads > 1) threads_.reserve(threads - 1);
+  // An exception must not leave the constructor once a thread waits: nobody would stop it, and the
+  // end of `threads_` would wait for it for ever.
+  try {
+    for (std::size_t i = 1; i < threads; ++i) threads_.push_back(start([this] { Work(); }));
+  } catch (const std::exception&) {
+  }
+}
+
+std::jthread Workers::StartThread(std::function<void()> work) {
+  return std::jthread(std::move(work));
 }
 
 Workers::~Workers() {

@@ -16,13 +16,17 @@ namespace bendloop::pipeline {
 class Workers {
  public:
   using Body = std::function<void(std::size_t round)>;
+  using Starter = std::function<std::jthread(std::function<void()> work)>;
 
-  // `threads` work at a time, the caller's among them: 1 or 0 starts none.
-  explicit Workers(std::size_t threads);
+  // `threads` work at a time, the caller's among them: 1 or 0 starts none. Where one cannot be
+  // started (limits of processes or memory), those that could share the work. `start` throws as
+  // std::jthread does.
+  explicit Workers(std::size_t threads, const Starter& start = StartThread);
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
   ~Workers();
 
+  // As many as work, which may be fewer than were asked for.
   std::size_t threads() const { return threads_.size() + 1; }
 
   // Calls body(0) ... body(rounds - 1), each once, and returns when all have. A loop within a
@@ -30,6 +34,7 @@ class Workers {
   void For(std::size_t rounds, const Body& body);
 
  private:
+  static std::jthread StartThread(std::function<void()> work);
   void Work();
   // Takes rounds until none is left; `lock` is held between them.
   void TakeRounds(std::unique_lock<std::mutex>& lock) noexcept;

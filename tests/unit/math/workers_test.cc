@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <system_error>
+#include <utility>
 
 namespace bendloop::pipeline {
 namespace {
@@ -50,6 +52,23 @@ TEST(Workers, ALoopInARoundRunsThere) {
     });
   });
   for (const auto& inner : done) EXPECT_EQ(inner, std::vector<int>(7, 1));
+}
+
+TEST(Workers, AThreadThatCannotStartLeavesTheWorkToTheOthers) {
+  for (const std::size_t most : {0U, 1U, 2U}) {
+    std::size_t started = 0;
+    Workers workers(8, [&](std::function<void()> work) {
+      if (started == most) {
+        throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again));
+      }
+      ++started;
+      return std::jthread(std::move(work));
+    });
+    EXPECT_EQ(workers.threads(), most + 1);
+    std::vector<int> done(100, 0);
+    workers.For(done.size(), [&](std::size_t round) { ++done[round]; });
+    EXPECT_EQ(done, std::vector<int>(100, 1));
+  }
 }
 
 TEST(Workers, OneThreadIsTheCallers) {
