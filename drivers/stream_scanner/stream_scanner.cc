@@ -47,6 +47,7 @@ WireScannerOptions WireOptions(const StreamScannerOptions& options) {
   WireScannerOptions wire;
   wire.answer_timeout = options.connect_timeout;
   wire.settings = options.settings;
+  wire.patience = options.patience;
   return wire;
 }
 

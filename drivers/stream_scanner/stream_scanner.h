@@ -15,10 +15,12 @@ struct StreamScannerOptions {
   std::uint16_t port = 0;
   std::chrono::nanoseconds connect_timeout = std::chrono::seconds(3);  // and until it has answered
   std::optional<WireSettings> settings;                                // sent before start
+  std::chrono::nanoseconds patience = std::chrono::seconds(2);         // as WireScannerOptions
 };
 
-// A scanner that speaks the wire protocol (../scanner_wire) over TCP. A silent one is kTimeout; the
-// kernel asks after a host that has vanished (keep-alive).
+// A scanner that speaks the wire protocol (../scanner_wire) over TCP. One that says nothing for
+// twice the patience, although it was asked, is lost, even if its end of the connection lives; so
+// is a host that has vanished, after which the kernel asks (keep-alive).
 class StreamScanner final : public WireScanner {
  public:
   explicit StreamScanner(const StreamScannerOptions& options);

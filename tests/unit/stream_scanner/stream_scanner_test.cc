@@ -188,6 +188,44 @@ TEST_F(StreamScannerTest, ASilentScannerIsATimeout) {
   }
 }
 
+// Its program hangs, but its kernel keeps the connection alive.
+TEST_F(StreamScannerTest, ASilentScannerIsAskedAndThenGivenUp) {
+  options_.patience = milliseconds(200);
+  StreamScanner scanner(options_);
+  ASSERT_TRUE(scanner.Open());
+  ASSERT_TRUE(scanner.Start());
+  hal::LaserProfile profile(200);
+  hal::ScanEvent event;
+  const nanoseconds until = clock_.Now() + 5 * options_.patience;
+  while (clock_.Now() < until) {  // it answers, and that will do
+    const auto status = scanner.Read(profile, event, milliseconds(10));
+    ASSERT_TRUE(status) << status.error().message;
+    EXPECT_EQ(*status, ReadStatus::kTimeout);
+  }
+  Device([&](SimulatedScanner&) {  // as long as this runs, it does nothing
+    const auto words = ReadScan(scanner);
+    EXPECT_NE(words.back().find("not even when asked who it is"), std::string::npos)
+        << words.back();
+    EXPECT_FALSE(scanner.Read(profile, event, milliseconds(1)));
+  });
+  // It has come to itself.
+  ASSERT_TRUE(scanner.Open());
+  ASSERT_TRUE(scanner.Start());
+  Trigger();
+  EXPECT_EQ(ReadScan(scanner), WholeScan());
+}
+
+TEST_F(StreamScannerTest, SilenceInTheMiddleOfAScanIsFoundToo) {
+  options_.patience = milliseconds(50);
+  StreamScanner scanner(options_);
+  ASSERT_TRUE(scanner.Open());
+  ASSERT_TRUE(scanner.Start());
+  Trigger({{Kind::kRepeat, 1}, {Kind::kMute, 3'600'000}});
+  const auto words = ReadScan(scanner);
+  EXPECT_EQ(words.front(), "scan_start ");
+  EXPECT_NE(words.back().find("not even when asked who it is"), std::string::npos) << words.back();
+}
+
 TEST_F(StreamScannerTest, SaysWhyItCannotConnect) {
   // The device serves one host: the second is turned away.
   StreamScanner first(options_);
