@@ -8,7 +8,8 @@
 namespace bendloop::host {
 namespace {
 
-// Numbers further from the first one are not looked up: four hours of scan.
+// Numbers further apart are not looked up: four hours of scan. They count as a gap as wide as they
+// say, so that no repeat among them hides it.
 constexpr std::uint64_t kMostNumbers = 1u << 24;
 
 constexpr std::string_view kLost = "lost ";
@@ -36,9 +37,18 @@ void ScanState::Begin() {
 }
 
 bool ScanState::IsNew(std::uint64_t sequence) {
-  if (profiles_ == 0) first_sequence_ = sequence;
-  if (sequence < first_sequence_) return true;
-  const std::uint64_t at = sequence - first_sequence_;
+  if (profiles_ == 0) seen_from_ = sequence;
+  if (sequence < seen_from_) {
+    const std::uint64_t below = seen_from_ - sequence;
+    const std::uint64_t room = kMostNumbers - seen_.size();
+    if (below > room) return true;
+    // At least as many again: numbers that count down must not copy the list at each step.
+    const std::uint64_t more =
+        std::min({std::max<std::uint64_t>(below, seen_.size()), room, seen_from_});
+    seen_.insert(seen_.begin(), more, false);
+    seen_from_ -= more;
+  }
+  const std::uint64_t at = sequence - seen_from_;
   if (at >= kMostNumbers) return true;
   if (at >= seen_.size()) seen_.resize(at + 1);
   if (seen_[at]) return false;
@@ -61,7 +71,8 @@ ScanStep ScanState::Take(const hal::LaserProfile& profile) {
     return ScanStep::kNothing;
   }
   lost_at_end_ = 0;  // the numbers tell
-  if (profiles_ == 0) last_sequence_ = profile.sequence;
+  if (profiles_ == 0) first_sequence_ = last_sequence_ = profile.sequence;
+  first_sequence_ = std::min(first_sequence_, profile.sequence);
   last_sequence_ = std::max(last_sequence_, profile.sequence);
   if (!first_t_ns_) first_t_ns_ = profile.t_ns;
   ++profiles_;
@@ -124,8 +135,9 @@ ScanStep ScanState::Break(std::string reason) {
 
 std::uint64_t ScanState::lost_profiles() const {
   if (profiles_ == 0) return lost_at_end_;
-  const std::uint64_t numbers = last_sequence_ - first_sequence_ + 1;
-  return (numbers > profiles_ ? numbers - profiles_ : 0) + lost_at_end_;
+  const std::uint64_t others = last_sequence_ - first_sequence_;  // numbers but one
+  const std::uint64_t lost = others >= profiles_ ? others - (profiles_ - 1) : 0;
+  return lost + std::min(lost_at_end_, UINT64_MAX - lost);
 }
 
 }  // namespace bendloop::host

@@ -71,8 +71,9 @@ class ScanState {
   std::uint64_t ignored_ = 0;
   std::uint64_t repeated_ = 0;
   std::uint64_t lost_at_end_ = 0;
-  std::vector<bool> seen_;  // numbers, from the first on
-  std::uint64_t first_sequence_ = 0;
+  std::vector<bool> seen_;  // numbers, from seen_from_ on
+  std::uint64_t seen_from_ = 0;
+  std::uint64_t first_sequence_ = 0;  // the smallest, which may come late
   std::uint64_t last_sequence_ = 0;
   std::optional<std::int64_t> first_t_ns_;
   std::string reason_;

@@ -62,6 +62,42 @@ TEST(ScanState, CountsWhatIsMissing) {
   EXPECT_EQ(scan.lost_profiles(), 6u);
 }
 
+// A late profile may have a smaller number than the first that came.
+TEST(ScanState, NumbersBelowTheFirstHideNoLoss) {
+  ScanState scan(Rules(false));
+  for (const std::uint64_t i : {100, 101, 105, 98, 97}) scan.Take(Profile(i));
+  EXPECT_EQ(scan.lost_profiles(), 4u);  // 99, 102, 103, 104
+  for (const std::uint64_t i : {97, 98, 100, 105}) {
+    EXPECT_EQ(scan.Take(Profile(i)), ScanStep::kNothing) << i;
+  }
+  EXPECT_EQ(scan.repeated_profiles(), 4u);
+  EXPECT_EQ(scan.lost_profiles(), 4u);
+  scan.Take(Profile(99));
+  EXPECT_EQ(scan.lost_profiles(), 3u);
+}
+
+TEST(ScanState, AScannerThatCountsAnewInTheScanHasLostManyProfiles) {
+  ScanState scan(Rules(false));
+  for (std::uint64_t i = 1000; i < 1100; ++i) scan.Take(Profile(i));
+  for (std::uint64_t i = 0; i < 100; ++i) scan.Take(Profile(i));
+  EXPECT_EQ(scan.lost_profiles(), 900u);
+}
+
+TEST(ScanState, NumbersThatCountDownOrLieFarApartAreCounted) {
+  ScanState down(Rules(false));
+  for (std::uint64_t i = 50'000; i-- > 0;) down.Take(Profile(i));
+  EXPECT_EQ(down.lost_profiles(), 0u);
+  EXPECT_EQ(down.profiles(), 50'000u);
+  EXPECT_EQ(down.Take(Profile(0)), ScanStep::kNothing);
+
+  ScanState wide(Rules(false));
+  wide.Take(Profile(1u << 30));
+  wide.Take(Profile(0));
+  EXPECT_EQ(wide.lost_profiles(), (1u << 30) - 1);
+  wide.Take(Profile(UINT64_MAX));
+  EXPECT_EQ(wide.lost_profiles(), UINT64_MAX - 2);
+}
+
 TEST(ScanState, ASecondStartBeginsAnew) {
   ScanState scan(Rules(true));
   scan.Take(Event(ScanEventKind::kScanStart));
