@@ -7,6 +7,8 @@
 #include <future>
 #include <utility>
 
+#include "hal/saturating.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -85,7 +87,7 @@ void Acquisition::Run() {
 void Acquisition::TakeProfile(Slot& slot) {
   const hal::LaserProfile& profile = slot.profile;
   const std::uint64_t points = profile.points.size();
-  if (last_sequence_ && profile.sequence > *last_sequence_ + 1) {
+  if (last_sequence_ && profile.sequence > *last_sequence_) {
     Count(counters_.missing_profiles, profile.sequence - *last_sequence_ - 1);
   }
   if (last_sequence_ && profile.sequence == *last_sequence_) {
@@ -97,7 +99,7 @@ void Acquisition::TakeProfile(Slot& slot) {
   last_sequence_ = std::max(profile.sequence, last_sequence_.value_or(0));
   slot.arrived_ns = clock_.Now().count();
   if (is_live_) {
-    const std::int64_t delay = slot.arrived_ns - profile.t_ns;
+    const std::int64_t delay = hal::SaturatingDifference(slot.arrived_ns, profile.t_ns);
     drift_.Add(profile.t_ns, slot.arrived_ns);
     if (counters_.profiles.load(std::memory_order_relaxed) % kDriftPeriod == 0) {
       if (const auto ppm = drift_.Ppm()) {
@@ -105,8 +107,9 @@ void Acquisition::TakeProfile(Slot& slot) {
       }
     }
     quickest_ns_ = std::min(delay, quickest_ns_.value_or(delay));
-    counters_.lateness_last_ns.store(delay - *quickest_ns_, std::memory_order_relaxed);
-    Raise(counters_.lateness_peak_ns, delay - *quickest_ns_);
+    const std::int64_t lateness = hal::SaturatingDifference(delay, *quickest_ns_);
+    counters_.lateness_last_ns.store(lateness, std::memory_order_relaxed);
+    Raise(counters_.lateness_peak_ns, lateness);
   }
   slot.kind = SlotKind::kProfile;
   slot.dropped_before = dropped_since_;

@@ -135,7 +135,7 @@ void CellLoop::MarkGap() {
   if (scan_.phase() != ScanPhase::kScanning) return;
   const std::int64_t t_ns =
       slot_->kind == SlotKind::kProfile ? slot_->profile.t_ns : slot_->event.t_ns;
-  const hal::ScanEvent gap = GapEvent(t_ns - 1, slot_->dropped_before, "the pipeline was too slow");
+  const hal::ScanEvent gap = GapEvent(t_ns, slot_->dropped_before, "the pipeline was too slow");
   scan_.Take(gap);
   if (ports_.recorder) ports_.recorder->Add(gap);
 }

@@ -5,6 +5,8 @@
 #include <charconv>
 #include <utility>
 
+#include "hal/saturating.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -19,7 +21,7 @@ constexpr std::string_view kLost = "lost ";
 hal::ScanEvent GapEvent(std::int64_t t_ns, std::uint64_t profiles, std::string_view why) {
   hal::ScanEvent event;
   event.kind = hal::ScanEventKind::kGap;
-  event.t_ns = t_ns;
+  event.t_ns = hal::SaturatingDifference(t_ns, 1);  // events are sorted by time
   event.set_detail(std::string(kLost) + std::to_string(profiles) +
                    " profiles: " + std::string(why));
   return event;

@@ -30,7 +30,8 @@ enum class ScanStep : std::uint8_t {
   kBroke,    // the scan is over and worth nothing: reason()
 };
 
-// Says that so many profiles are gone; a session keeps it, and a replay counts it too.
+// Says that so many profiles are gone before what came at `t_ns`; a session keeps it, and a replay
+// counts it too.
 hal::ScanEvent GapEvent(std::int64_t t_ns, std::uint64_t profiles, std::string_view why);
 
 // Which profiles make one scan, from the scanner's events: scan_start begins, scan_end ends, the

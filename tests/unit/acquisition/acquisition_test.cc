@@ -161,6 +161,22 @@ TEST(Acquisition, MeasuresLatenessAgainstTheQuickestProfileOfTheScan) {
   EXPECT_EQ(acquisition.counters().lateness_peak_ns, 0);
 }
 
+// A damaged device may give any times.
+TEST(Acquisition, TimesAtTheEndsOfTheirRangeAreLateAndNotEarly) {
+  FakeSource source;
+  source.times_ns = {INT64_MAX, 0, INT64_MIN, INT64_MIN + 1, -1};
+  source.count = source.times_ns.size();
+  ProfileRing ring(64, source.points);
+  hal::ManualClock clock;
+  clock.Advance(std::chrono::nanoseconds(1000));
+  Acquisition acquisition(source, source.info(), ring, clock, {});
+  acquisition.Run();
+  // Delays 1000 - INT64_MAX, 1000, then more than there are numbers for.
+  EXPECT_EQ(acquisition.counters().lateness_peak_ns, INT64_MAX);
+  EXPECT_EQ(acquisition.counters().lateness_last_ns, INT64_MAX);
+  EXPECT_EQ(acquisition.counters().profiles, source.count);
+}
+
 TEST(Acquisition, StopsWhileARecordingWaitsForRoom) {
   FakeSource source;
   source.is_live = false;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <vector>
 
 #include "hal/profile_source.h"
 
@@ -18,6 +19,7 @@ class FakeSource final : public hal::ProfileSource {
   std::uint64_t fail_at = ~0ull;
   std::uint64_t skip_at = ~0ull;       // the scanner itself loses 3 profiles here
   std::function<void()> before_event;  // called before scan_end is given
+  std::vector<std::int64_t> times_ns;  // of the first profiles; then 1000 ns apart
   bool stopped = false;
 
   hal::Result<hal::SourceInfo> Open() override { return info(); }
@@ -33,7 +35,7 @@ class FakeSource final : public hal::ProfileSource {
     if (i == fail_at) return hal::Fail(hal::ErrorKind::kDevice, "fake: the cable was pulled");
     if (i < count) {
       profile.sequence = i + (i >= skip_at ? 3 : 0);
-      profile.t_ns = static_cast<std::int64_t>(i) * 1000;
+      profile.t_ns = i < times_ns.size() ? times_ns[i] : static_cast<std::int64_t>(i) * 1000;
       profile.points.clear();
       for (std::size_t p = 0; p < points; ++p) {
         profile.points.push_back({static_cast<float>(i), static_cast<float>(p)});

@@ -98,6 +98,11 @@ TEST(ScanState, NumbersThatCountDownOrLieFarApartAreCounted) {
   EXPECT_EQ(wide.lost_profiles(), UINT64_MAX - 2);
 }
 
+TEST(ScanState, AGapStandsBeforeWhatCameAfterIt) {
+  EXPECT_EQ(GapEvent(1000, 3, "why").t_ns, 999);
+  EXPECT_EQ(GapEvent(INT64_MIN, 3, "why").t_ns, INT64_MIN);
+}
+
 TEST(ScanState, ASecondStartBeginsAnew) {
   ScanState scan(Rules(true));
   scan.Take(Event(ScanEventKind::kScanStart));
