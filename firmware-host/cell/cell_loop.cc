@@ -348,6 +348,8 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
       const RecorderCounters recorder = ports_.recorder->counters();
       s.recorded_sessions = recorder.sessions;
       s.recorder_dropped = recorder.dropped_profiles;
+      s.recorder_dropped_events = recorder.dropped_events;
+      s.recorder_dropped_sessions = recorder.dropped_sessions;
       s.recorder_error = recorder.last_error;
       s.recorder_waiting_points = recorder.queued_points;
       s.removed_sessions = recorder.removed_sessions;

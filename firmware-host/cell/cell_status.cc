@@ -80,6 +80,8 @@ Json StatusJson(const CellSnapshot& s) {
         {"decision_peak_ms", Number(s.peak_decision_ms, 3)},
         {"recorded_sessions", s.recorded_sessions},
         {"recorder_dropped_profiles", s.recorder_dropped},
+        {"recorder_dropped_events", s.recorder_dropped_events},
+        {"recorder_dropped_sessions", s.recorder_dropped_sessions},
         {"recorder_waiting_points", s.recorder_waiting_points},
         {"recorder_error", s.recorder_error},
         {"removed_sessions", s.removed_sessions},
@@ -189,6 +191,10 @@ std::string MetricsText(const CellSnapshot& s) {
          s.peak_decision_ms * 1e-3);
   metric("recorder_dropped_profiles_total", "counter", "Profiles left out of recordings.",
          number(s.recorder_dropped));
+  metric("recorder_dropped_events_total", "counter", "Events left out of recordings.",
+         number(s.recorder_dropped_events));
+  metric("recorder_dropped_sessions_total", "counter", "Scans that were not recorded at all.",
+         number(s.recorder_dropped_sessions));
   metric("recorder_waiting_points", "gauge", "Points that wait for the disk.",
          number(s.recorder_waiting_points));
   metric("removed_sessions_total", "counter", "Sessions removed for the disk budget.",

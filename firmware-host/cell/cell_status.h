@@ -71,6 +71,8 @@ struct CellSnapshot {
   std::optional<double> clock_drift_ppm;  // of the scanner, positive: fast; empty: not known yet
   std::uint64_t recorded_sessions = 0;
   std::uint64_t recorder_dropped = 0;
+  std::uint64_t recorder_dropped_events = 0;
+  std::uint64_t recorder_dropped_sessions = 0;
   std::string recorder_error;
   std::uint64_t recorder_waiting_points = 0;
   std::uint64_t removed_sessions = 0;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "drivers/session/session_writer.h"
+#include "hal/saturating.h"
 
 namespace bendloop::host {
 
@@ -18,6 +19,12 @@ namespace {
 // last second.
 constexpr auto kCommitInterval = std::chrono::milliseconds(500);
 
+// Sessions that may wait for the disk. Each brings some KB that no other bound counts.
+constexpr std::size_t kMostSessions = 64;
+
+// Events that fit where no profile does any more: more than one scan has.
+constexpr std::size_t kEventRoom = 1024;
+
 }  // namespace
 
 // The file being written.
@@ -25,7 +32,7 @@ class Recorder::Session {
  public:
   explicit Session(drivers::SessionWriter w) : writer(std::move(w)) {}
   drivers::SessionWriter writer;
-  std::uint64_t dropped = 0;
+  std::uint64_t dropped = 0;  // gaps, and profiles that could not be written
 };
 
 Recorder::Recorder(RecorderOptions options, const hal::Clock& clock)
@@ -45,33 +52,70 @@ fs::path Recorder::PathOf(const std::string& name) const {
 }
 
 void Recorder::Begin(const std::string& name, Meta meta) {
-  Item item;
-  item.step = Step::kBegin;
-  item.name = name;
-  item.meta = std::move(meta);
-  Push(std::move(item));
+  {
+    const std::lock_guard lock(mutex_);
+    name_ = name;
+    gap_profiles_ = gap_events_ = 0;
+    if (queued_sessions_ >= kMostSessions) {
+      open_ = Open::kLeftOut;
+      ++counters_.dropped_sessions;
+      Tell("was not recorded: " + std::to_string(queued_sessions_) +
+           " sessions wait for the disk, which hangs; check it");
+      return;
+    }
+    open_ = Open::kRecording;
+    ++queued_sessions_;
+    Item& item = queue_.emplace_back();
+    item.step = Step::kBegin;
+    item.name = name;
+    item.meta = std::move(meta);
+  }
+  changed_.notify_one();
+}
+
+bool Recorder::HasRoom(std::size_t items) const {
+  return open_ == Open::kRecording && queue_.size() < items;
+}
+
+void Recorder::LeaveOut(std::uint64_t& left_out, std::uint64_t& counter) {
+  if (open_ == Open::kNo) return;
+  ++counter;
+  if (open_ == Open::kLeftOut) return;  // the session as a whole is told
+  if (gap_profiles_ + gap_events_ == 0) {
+    Tell("is recorded with gaps: the disk is too slow; check it");
+  }
+  ++left_out;
+}
+
+void Recorder::QueueGap(std::int64_t t_ns) {
+  last_t_ns_ = t_ns;
+  if (gap_profiles_ + gap_events_ == 0) return;
+  Item& item = queue_.emplace_back();
+  item.step = Step::kGap;
+  item.event.kind = hal::ScanEventKind::kGap;
+  item.event.t_ns = hal::SaturatingDifference(t_ns, 1);  // events are sorted by time
+  // A replay counts the profiles by the first words (cell/scan_state.h).
+  std::string what = gap_profiles_ > 0 ? "lost " + std::to_string(gap_profiles_) + " profiles" : "";
+  if (gap_events_ > 0) {
+    what += (what.empty() ? "" : " and ") + std::to_string(gap_events_) + " events";
+  }
+  item.event.set_detail(what + ": the disk was too slow for the recorder");
+  gap_profiles_ = gap_events_ = 0;
 }
 
 void Recorder::Add(const hal::LaserProfile& profile) {
   {
     const std::lock_guard lock(mutex_);
-    if (counters_.queued_points + profile.points.size() > options_.queue_points) {
-      ++counters_.dropped_profiles;
-      ++gap_;
-      return;
+    if (!HasRoom(options_.queue_items) ||
+        counters_.queued_points + profile.points.size() > options_.queue_points) {
+      return LeaveOut(gap_profiles_, counters_.dropped_profiles);
     }
+    QueueGap(profile.t_ns);
     Item& item = queue_.emplace_back();
     if (!spare_.empty()) {
       item.profile = std::move(spare_.back());
       spare_.pop_back();
     }
-    if (gap_ > 0) {
-      item.event.kind = hal::ScanEventKind::kGap;
-      item.event.t_ns = profile.t_ns;
-      item.event.set_detail("recorder left out " + std::to_string(gap_) +
-                            " profiles: the disk was too slow");
-    }
-    gap_ = 0;
     item.profile = profile;
     counters_.queued_points += profile.points.size();
   }
@@ -79,28 +123,38 @@ void Recorder::Add(const hal::LaserProfile& profile) {
 }
 
 void Recorder::Add(const hal::ScanEvent& event) {
-  Item item;
-  item.step = Step::kEvent;
-  item.event = event;
-  Push(std::move(item));
+  {
+    const std::lock_guard lock(mutex_);
+    if (!HasRoom(options_.queue_items + kEventRoom)) {
+      return LeaveOut(gap_events_, counters_.dropped_events);
+    }
+    QueueGap(event.t_ns);
+    Item& item = queue_.emplace_back();
+    item.step = Step::kEvent;
+    item.event = event;
+  }
+  changed_.notify_one();
 }
 
 void Recorder::Finish(Meta meta) {
   Item item;
   item.step = Step::kFinish;
   item.meta = std::move(meta);
-  Push(std::move(item));
+  End(std::move(item));
 }
 
 void Recorder::Discard() {
   Item item;
   item.step = Step::kDiscard;
-  Push(std::move(item));
+  End(std::move(item));
 }
 
-void Recorder::Push(Item item) {
+// One for each Begin that was queued, so these are bounded as those are.
+void Recorder::End(Item item) {
   {
     const std::lock_guard lock(mutex_);
+    if (std::exchange(open_, Open::kNo) != Open::kRecording) return;
+    QueueGap(last_t_ns_);
     queue_.push_back(std::move(item));
   }
   changed_.notify_one();
@@ -113,7 +167,9 @@ void Recorder::Flush() {
 
 RecorderCounters Recorder::counters() const {
   const std::lock_guard lock(mutex_);
-  return counters_;
+  RecorderCounters counters = counters_;
+  counters.queued_items = queue_.size();
+  return counters;
 }
 
 void Recorder::Run() {
@@ -135,6 +191,7 @@ void Recorder::Run() {
     busy_ = true;
     Item item = std::move(queue_.front());
     queue_.pop_front();
+    if (item.step == Step::kBegin) --queued_sessions_;
     lock.unlock();
     Write(item, session);
     lock.lock();
@@ -176,16 +233,15 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
     }
     case Step::kProfile: {
       if (!session) return;
-      if (item.event.kind == hal::ScanEventKind::kGap) {
-        check(session->writer.Write(item.event));
-        ++session->dropped;
-      }
       const bool written = check(session->writer.Write(item.profile));
       if (!written) ++session->dropped;
       const std::lock_guard lock(mutex_);
       ++(written ? counters_.profiles : counters_.dropped_profiles);
       return;
     }
+    case Step::kGap:
+      if (session) ++session->dropped;
+      [[fallthrough]];
     case Step::kEvent:
       if (session) check(session->writer.Write(item.event));
       return;
@@ -214,6 +270,10 @@ void Recorder::LookAtDisk() {
   const std::lock_guard lock(mutex_);
   counters_.sessions_bytes = bytes;
   if (!error) counters_.free_bytes = space.available;
+}
+
+void Recorder::Tell(const std::string& what) {
+  counters_.last_error = PathOf(name_).string() + " " + what;
 }
 
 void Recorder::Fail(const std::string& what) {

@@ -25,6 +25,8 @@ struct RecorderOptions {
   std::uint64_t disk_budget_bytes = 4096ull << 20;
   // Points that may wait for the disk; beyond them profiles are left out of the recording.
   std::size_t queue_points = 8u << 20;  // 64 MB
+  // Profiles and events that may wait, however few points they have; some 30 MB.
+  std::size_t queue_items = 1u << 16;
 };
 
 // What the recorder did since it started.
@@ -32,16 +34,22 @@ struct RecorderCounters {
   std::uint64_t sessions = 0;
   std::uint64_t profiles = 0;
   std::uint64_t dropped_profiles = 0;  // the disk was too slow, or the profile not writable
+  std::uint64_t dropped_events = 0;    // the disk was too slow
+  std::uint64_t dropped_sessions = 0;  // the same: wholly left out, their profiles are counted too
   std::uint64_t removed_sessions = 0;  // to stay within the disk budget
   std::uint64_t queued_points = 0;
+  std::uint64_t queued_items = 0;
   std::uint64_t sessions_bytes = 0;  // on the disk, when a session last began or ended
   std::uint64_t free_bytes = 0;
   std::string last_error;  // "" while all is well
 };
 
 // Writes sessions on a thread of its own, which may lag: no call of the measuring side waits for
-// the disk. What does not fit in the queue is left out, counted, and marked by a `gap` event and
-// meta `recording` = "incomplete".
+// the disk. What does not fit in the queue is left out, counted, told by last_error, and marked by
+// a `gap` event and meta `recording` = "incomplete". Everything that waits is bounded, however long
+// the disk hangs: points, profiles and events, and sessions, of which further ones are left out as
+// a whole. Events have some room of their own, so that a scan's end gets through where its last
+// profiles do not.
 class Recorder {
  public:
   using Meta = std::map<std::string, std::string>;
@@ -67,7 +75,9 @@ class Recorder {
   std::filesystem::path PathOf(const std::string& name) const;
 
  private:
-  enum class Step { kBegin, kProfile, kEvent, kFinish, kDiscard };
+  enum class Step { kBegin, kProfile, kEvent, kGap, kFinish, kDiscard };
+  // Of the session begun last, on the measuring side.
+  enum class Open { kNo, kRecording, kLeftOut };
   struct Item {
     Step step = Step::kProfile;
     hal::LaserProfile profile;
@@ -77,7 +87,12 @@ class Recorder {
   };
   class Session;
 
-  void Push(Item item);
+  // With mutex_ held, all four.
+  bool HasRoom(std::size_t items) const;
+  void LeaveOut(std::uint64_t& left_out, std::uint64_t& counter);
+  void QueueGap(std::int64_t t_ns);
+  void Tell(const std::string& what);
+  void End(Item item);
   void Run();
   void Write(Item& item, std::unique_ptr<Session>& session);
   void Fail(const std::string& what);
@@ -94,7 +109,12 @@ class Recorder {
   RecorderCounters counters_;
   bool busy_ = false;
   bool stop_ = false;
-  std::uint64_t gap_ = 0;  // profiles left out since the last one that was queued
+  Open open_ = Open::kNo;
+  std::string name_;                 // of the session begun last
+  std::size_t queued_sessions_ = 0;  // begun, and the disk does not know yet
+  std::uint64_t gap_profiles_ = 0;   // left out since the last gap that was queued
+  std::uint64_t gap_events_ = 0;
+  std::int64_t last_t_ns_ = 0;
   std::thread thread_;
 };
 

@@ -3,9 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 #include <unistd.h>
 
+#include <condition_variable>
 #include <fstream>
+#include <mutex>
 
 #include "drivers/session/session_reader.h"
 
@@ -42,12 +45,16 @@ class RecorderTest : public ::testing::Test {
     std::size_t count = 0;
     while (reader->NextProfile(profile).value_or(false)) ++count;
     meta_ = reader->meta();
+    events_.clear();
+    hal::ScanEvent event;
+    while (reader->NextEvent(event).value_or(false)) events_.emplace_back(event.detail());
     return count;
   }
 
   hal::SteadyClock clock_;
   fs::path directory_;
   std::map<std::string, std::string> meta_;
+  std::vector<std::string> events_;  // their details
 };
 
 TEST_F(RecorderTest, WritesWhatItWasGiven) {
@@ -80,6 +87,132 @@ TEST_F(RecorderTest, LeavesOutWhatDoesNotFitAndSaysSo) {
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 1u);
   EXPECT_EQ(meta_["recording"], "incomplete");
   EXPECT_EQ(recorder.counters().dropped_profiles, 1u);
+}
+
+TEST_F(RecorderTest, WhatIsLeftOutAtTheEndIsMarkedToo) {
+  RecorderOptions options{directory_};
+  options.queue_points = 15;
+  Recorder recorder(options, clock_);
+  recorder.Begin("part-0001", {});
+  recorder.Add(Profile(0));
+  recorder.Flush();
+  recorder.Add(Profile(1, 20));
+  recorder.Add(Profile(2, 20));
+  recorder.Finish({});
+  recorder.Begin("part-0002", {});  // its own gaps only
+  recorder.Add(Profile(0));
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 1u);
+  EXPECT_EQ(meta_["recording"], "incomplete");
+  EXPECT_THAT(events_, ::testing::ElementsAre("lost 2 profiles: the disk was too slow for the "
+                                              "recorder"));
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0002")), 1u);
+  EXPECT_EQ(meta_["recording"], "complete");
+  EXPECT_THAT(recorder.counters().last_error, ::testing::HasSubstr("too slow"));
+}
+
+// A disk that hangs as soon as a file is opened, for whoever opens one by SQLite's default way.
+class HangingDisk {
+ public:
+  HangingDisk() : real_(sqlite3_vfs_find(nullptr)), hanging_(*real_) {
+    its_ = this;
+    hanging_.zName = "hanging";
+    hanging_.xOpen = [](sqlite3_vfs*, const char* name, sqlite3_file* file, int flags, int* out) {
+      std::unique_lock lock(its_->mutex_);
+      its_->is_waited_for_ = true;
+      its_->changed_.notify_all();
+      its_->changed_.wait(lock, [] { return its_->works_; });
+      return its_->real_->xOpen(its_->real_, name, file, flags, out);
+    };
+    sqlite3_vfs_register(&hanging_, 1);
+  }
+  ~HangingDisk() {
+    sqlite3_vfs_register(real_, 1);
+    sqlite3_vfs_unregister(&hanging_);
+  }
+  void AwaitHang() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return is_waited_for_; });
+  }
+  void Work() {
+    const std::lock_guard lock(mutex_);
+    works_ = true;
+    changed_.notify_all();
+  }
+
+ private:
+  static inline HangingDisk* its_ = nullptr;
+  sqlite3_vfs* const real_;
+  sqlite3_vfs hanging_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool is_waited_for_ = false;
+  bool works_ = false;
+};
+
+TEST_F(RecorderTest, NothingGrowsWithoutEndWhileTheDiskHangs) {
+  HangingDisk disk;
+  RecorderOptions options{directory_};
+  options.queue_items = 100;
+  Recorder recorder(options, clock_);
+  recorder.Begin("part-0000", {});
+  disk.AwaitHang();
+  // A storm of profiles without points and of events, then many scans of them.
+  for (std::uint64_t i = 0; i < 5000; ++i) recorder.Add(Profile(i, 0));
+  EXPECT_EQ(recorder.counters().dropped_profiles, 4900u);
+  EXPECT_EQ(recorder.counters().queued_items, 100u);
+  for (int i = 0; i < 5000; ++i) recorder.Add(Event(hal::ScanEventKind::kButton));
+  EXPECT_LT(recorder.counters().queued_items, 2000u);
+  recorder.Finish({});
+  for (int part = 1; part <= 3000; ++part) {
+    recorder.Begin("part-" + std::to_string(part), {{"context", std::string(1000, 'x')}});
+    for (std::uint64_t i = 0; i < 5; ++i) recorder.Add(Profile(i, 0));
+    recorder.Add(Event(hal::ScanEventKind::kScanEnd));
+    if (part % 2 == 0) recorder.Discard();
+    recorder.Finish({});
+    recorder.Finish({});
+  }
+  const RecorderCounters hung = recorder.counters();
+  EXPECT_LT(hung.queued_items, 2000u);
+  EXPECT_GT(hung.dropped_events, 3000u);
+  EXPECT_EQ(hung.dropped_sessions, 3000u - 64);
+  EXPECT_EQ(hung.dropped_profiles, 4900u + 5 * 3000);
+  EXPECT_THAT(hung.last_error, ::testing::HasSubstr("part-3000"));
+  EXPECT_THAT(hung.last_error, ::testing::HasSubstr("hangs"));
+
+  disk.Work();
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0000")), 100u);
+  EXPECT_EQ(meta_["recording"], "incomplete");
+  EXPECT_THAT(events_, ::testing::Contains(::testing::HasSubstr("lost 4900 profiles")));
+  EXPECT_FALSE(fs::exists(recorder.PathOf("part-2999")));
+  // And goes on as before.
+  recorder.Begin("part-4000", {});
+  recorder.Add(Profile(0));
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-4000")), 1u);
+  EXPECT_EQ(meta_["recording"], "complete");
+}
+
+TEST_F(RecorderTest, AScansEndGetsThroughWhereItsProfilesDoNot) {
+  HangingDisk disk;
+  RecorderOptions options{directory_};
+  options.queue_items = 10;
+  Recorder recorder(options, clock_);
+  recorder.Begin("part-0001", {});
+  disk.AwaitHang();
+  for (std::uint64_t i = 0; i < 50; ++i) recorder.Add(Profile(i));
+  hal::ScanEvent end = Event(hal::ScanEventKind::kScanEnd);
+  end.t_ns = 50'000;
+  end.set_detail("the end");
+  recorder.Add(end);
+  recorder.Finish({});
+  disk.Work();
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 10u);
+  EXPECT_THAT(events_, ::testing::ElementsAre(::testing::HasSubstr("lost 40 profiles"), "the end"));
 }
 
 TEST_F(RecorderTest, DiscardLeavesNoFile) {
