@@ -2,8 +2,6 @@
 #include "drivers/canopen_bender/can_port.h"
 
 #include <linux/can.h>
-#include <linux/can/error.h>
-#include <linux/can/raw.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -11,7 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "drivers/register_bender/can_interface.h"
+#include "drivers/can_socket/can_socket.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -63,40 +61,15 @@ class CanSocket final : public CanPort {
   int socket_;
 };
 
-bool SetUp(int socket_fd, const sockaddr_can& address, const std::vector<std::uint32_t>& ids) {
-  std::vector<can_filter> filters;
-  for (const std::uint32_t id : ids) {
-    filters.push_back({id, CAN_SFF_MASK | CAN_EFF_FLAG | CAN_RTR_FLAG});
-  }
-  const can_err_mask_t errors = CAN_ERR_MASK;
-  return setsockopt(socket_fd, SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(),
-                    static_cast<socklen_t>(filters.size() * sizeof filters[0])) == 0 &&
-         setsockopt(socket_fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) == 0 &&
-         bind(socket_fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-}
-
 }  // namespace
 
 std::unique_ptr<CanPort> AdoptCanSocket(int socket) { return std::make_unique<CanSocket>(socket); }
 
 hal::Result<std::unique_ptr<CanPort>> OpenCanPort(const std::string& interface,
                                                   const std::vector<std::uint32_t>& ids) {
-  const auto fail = [&](const std::string& what) {
-    return hal::Fail(CanInterfaceError(interface, what));
-  };
-  const auto index = CanInterfaceIndex(interface);
-  if (!index) return hal::Fail(index.error());
-  sockaddr_can address{};
-  address.can_family = AF_CAN;
-  address.can_ifindex = *index;
-  const int socket_fd = socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW);
-  if (socket_fd < 0) return fail("no CAN sockets (modprobe can-raw): " + CanTrouble(errno));
-  if (!SetUp(socket_fd, address, ids)) {
-    const int error = errno;
-    close(socket_fd);
-    return fail(CanTrouble(error));
-  }
-  return AdoptCanSocket(socket_fd);
+  const auto opened = OpenRawCanSocket(interface, ids);
+  if (!opened) return hal::Fail(opened.error());
+  return AdoptCanSocket(*opened);
 }
 
 }  // namespace bendloop::drivers

@@ -28,19 +28,10 @@ struct SerialLine {
   std::chrono::milliseconds delay_after_send{0};
 };
 
-// A pair of CAN identifiers on which the bender takes and gives ISO-TP messages (ISO 15765-2). Each
-// carries one Modbus TCP frame, header and all. Above 0x7ff an identifier is an extended one.
-struct CanChannel {
-  std::string interface;  // "can0", up and at the bus's bit rate
-  std::uint32_t request_id = 0x7e0;
-  std::uint32_t reply_id = 0x7e8;
-};
-
 struct ModbusBenderOptions {
   std::string host = "127.0.0.1";  // numeric address (looking up a name has no bounded time)
   std::uint16_t port = 502;
   std::optional<SerialLine> serial;  // Modbus RTU on this line instead of TCP
-  std::optional<CanChannel> can;     // or ISO-TP messages on a CAN bus
   std::uint8_t unit_id = 1;
   std::chrono::milliseconds connect_timeout{1000};
   std::chrono::milliseconds response_timeout{500};
@@ -51,7 +42,7 @@ struct ModbusBenderOptions {
   std::chrono::milliseconds max_backoff{2000};
 };
 
-// A bender behind Modbus TCP, RTU or CAN; the PLC's addresses and conventions come from `map`.
+// A bender behind Modbus TCP or RTU; the PLC's addresses and conventions come from `map`.
 // drivers/README.md tells the PLC programmer's side. Not thread-safe: one thread talks to one
 // bender.
 std::unique_ptr<hal::BenderLink> MakeModbusBender(hal::RegisterMap map, ModbusBenderOptions options,

@@ -14,7 +14,7 @@
 #include <cstddef>
 #include <string>
 
-#include "drivers/modbus_bender/isotp_socket.h"
+#include "drivers/can_socket/can_socket.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -100,7 +100,7 @@ hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenLine(std::uint8_t u
   return server;
 }
 
-hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenCan(const CanChannel& channel) {
+hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenCan(const IsotpChannel& channel) {
   std::unique_ptr<ModbusServer> server(new ModbusServer);
   server->wake_ = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
   server->context_.reset(modbus_new_tcp("127.0.0.1", 0));  // makes the answers, listens nowhere

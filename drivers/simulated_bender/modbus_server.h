@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/modbus_bender/modbus_bender.h"
+#include "drivers/isotp_bender/isotp_bender.h"
 #include "drivers/register_bender/register_image.h"
 #include "hal/result.h"
 
@@ -27,16 +27,15 @@ struct ModbusRequest {
   bool is_write() const { return function() == 0x06 || function() == 0x10; }
 };
 
-// A Modbus TCP server on 127.0.0.1, an RTU one on a pseudo-terminal, or one on a
-// CAN channel, without a thread: the owner
-// polls.
+// A Modbus TCP server on 127.0.0.1, an RTU one on a pseudo-terminal, or one on a CAN channel,
+// without a thread: the owner polls.
 class ModbusServer {
  public:
   static hal::Result<std::unique_ptr<ModbusServer>> Listen(std::uint16_t port);
   // One end of a new pseudo-terminal, as unit `unit_id`; device() is the other.
   static hal::Result<std::unique_ptr<ModbusServer>> OpenLine(std::uint8_t unit_id);
   // The other end of a CAN channel.
-  static hal::Result<std::unique_ptr<ModbusServer>> OpenCan(const CanChannel& channel);
+  static hal::Result<std::unique_ptr<ModbusServer>> OpenCan(const IsotpChannel& channel);
   ~ModbusServer();
   ModbusServer(const ModbusServer&) = delete;
   ModbusServer& operator=(const ModbusServer&) = delete;

@@ -9,7 +9,7 @@
 #include <string>
 #include <string_view>
 
-#include "drivers/modbus_bender/modbus_bender.h"
+#include "drivers/isotp_bender/isotp_bender.h"
 #include "drivers/simulated_bender/bending_physics.h"
 #include "drivers/simulated_bender/canopen_front.h"
 #include "hal/bend_program.h"
@@ -19,9 +19,9 @@
 namespace bendloop::drivers {
 
 struct SimulatedBenderOptions {
-  std::uint16_t port = 0;         // on 127.0.0.1; 0 picks a free one
-  bool rtu = false;               // instead: Modbus RTU on a pseudo-terminal, which device() names
-  std::optional<CanChannel> can;  // or a CAN channel
+  std::uint16_t port = 0;  // on 127.0.0.1; 0 picks a free one
+  bool rtu = false;        // instead: Modbus RTU on a pseudo-terminal, which device() names
+  std::optional<IsotpChannel> can;  // or a CAN channel
   // or a CANopen node; the map is then one of objects, bound to its dictionary
   std::optional<SimulatedNode> canopen;
   std::uint8_t unit_id = 1;  // RTU; over TCP it answers any

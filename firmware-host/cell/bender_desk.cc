@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "drivers/canopen_bender/canopen_bender.h"
+#include "drivers/isotp_bender/isotp_bender.h"
 #include "drivers/modbus_bender/modbus_bender.h"
 #include "drivers/simulated_bender/simulated_bender.h"
 
@@ -60,6 +61,16 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
                                       clock));
     return desk;
   }
+  if (bender.link == config::BenderKind::kCanIsotp) {
+    desk->name_ = "can " + bender.can_interface;
+    attach(drivers::MakeIsotpBender(bender.register_map,
+                                    {.channel = {.interface = bender.can_interface,
+                                                 .request_id = bender.can_request_id,
+                                                 .reply_id = bender.can_reply_id},
+                                     .unit_id = bender.unit_id,
+                                     .response_timeout = bender.response_timeout}));
+    return desk;
+  }
   drivers::ModbusBenderOptions link;
   link.host = bender.host;
   link.port = bender.port;
@@ -68,11 +79,6 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
   link.response_timeout = bender.response_timeout;
   link.byte_timeout = bender.byte_timeout;
   desk->name_ = "modbus " + bender.host + ":" + std::to_string(bender.port);
-  if (bender.link == config::BenderKind::kCanIsotp) {
-    link.can =
-        drivers::CanChannel{bender.can_interface, bender.can_request_id, bender.can_reply_id};
-    desk->name_ = "can " + bender.can_interface;
-  }
   if (bender.link == config::BenderKind::kModbusRtu) {
     link.serial = LineOf(bender);
     desk->name_ = "modbus " + bender.device;

@@ -104,7 +104,7 @@ hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
   app.add_flag("--rtu", options.rtu,
                "Modbus RTU on a pseudo-terminal; prints \"listening /dev/pts/N\", which a cell "
                "file\nnames as its bender's device");
-  drivers::CanChannel can;
+  drivers::IsotpChannel can;
   auto* can_interface = app.add_option("--can", can.interface,
                                        "Modbus in ISO-TP messages on this CAN interface; prints "
                                        "\"listening can0\"");

@@ -13,6 +13,7 @@
 #include <functional>
 #include <thread>
 
+#include "drivers/isotp_bender/isotp_bender.h"
 #include "tests/support/bender_link_conformance.h"
 #include "tests/support/canopen_bender_under_test.h"
 #include "tests/support/modbus_bender_under_test.h"
@@ -20,7 +21,7 @@
 namespace bendloop::test {
 namespace {
 
-drivers::CanChannel Channel() { return {"vcan0", 0x18da10f1, 0x7e8}; }
+drivers::IsotpChannel Channel() { return {"vcan0", 0x18da10f1, 0x7e8}; }
 
 class IsotpBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
@@ -28,9 +29,7 @@ class IsotpBenderUnderTest final : public SimulatedBenderUnderTest {
     auto simulated = SimulatorOptions(map);
     simulated.can = Channel();
     bender_ = StartBender(std::move(simulated));
-    auto options = LinkOptions(0);
-    options.can = Channel();
-    link_ = drivers::MakeModbusBender(map, options, clock_);
+    link_ = drivers::MakeIsotpBender(map, {.channel = Channel()});
   }
 };
 
@@ -140,22 +139,21 @@ TEST(CanBus, AnInterfaceThatGoesDownComesBack) {
 
 TEST(CanBus, SaysWhatIsWrong) {
   hal::SteadyClock clock;
-  auto options = LinkOptions(0);
-  options.can = drivers::CanChannel{"nocan7", 1, 2};
-  auto link = drivers::MakeModbusBender(PlainMap(), options, clock);
+  auto link = drivers::MakeIsotpBender(PlainMap(), {.channel = {"nocan7", 1, 2}});
   const auto missing = link->ReadState();
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().message.find("none of that name"), std::string::npos)
       << missing.error().message;
 
-  options.can = Channel();  // nobody is there: no flow control, no answer
-  link = drivers::MakeModbusBender(PlainMap(), options, clock);
+  // Nobody is there: no flow control, no answer.
+  link = drivers::MakeIsotpBender(PlainMap(), {.channel = Channel()});
   const auto silent = link->ReadState();
   ASSERT_FALSE(silent);
   EXPECT_EQ(silent.error().kind, hal::ErrorKind::kDevice);
 
-  options.can->interface = "vcan1";  // exists, but is down
-  link = drivers::MakeModbusBender(PlainMap(), options, clock);
+  auto channel = Channel();
+  channel.interface = "vcan1";  // exists, but is down
+  link = drivers::MakeIsotpBender(PlainMap(), {.channel = channel});
   const auto down = link->ReadState();
   ASSERT_FALSE(down);
   EXPECT_NE(down.error().message.find("is down"), std::string::npos) << down.error().message;
