@@ -25,6 +25,18 @@ drivers::SerialLine LineOf(const config::BenderConfig& bender) {
   return line;
 }
 
+drivers::ModbusBenderOptions ModbusOf(const config::BenderConfig& bender) {
+  drivers::ModbusBenderOptions link;
+  link.host = bender.host;
+  link.port = bender.port;
+  link.unit_id = bender.unit_id;
+  link.connect_timeout = bender.connect_timeout;
+  link.response_timeout = bender.response_timeout;
+  link.byte_timeout = bender.byte_timeout;
+  if (bender.link == config::BenderKind::kModbusRtu) link.serial = LineOf(bender);
+  return link;
+}
+
 }  // namespace
 
 struct BenderDesk::Simulator {
@@ -71,18 +83,9 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
                                      .response_timeout = bender.response_timeout}));
     return desk;
   }
-  drivers::ModbusBenderOptions link;
-  link.host = bender.host;
-  link.port = bender.port;
-  link.unit_id = bender.unit_id;
-  link.connect_timeout = bender.connect_timeout;
-  link.response_timeout = bender.response_timeout;
-  link.byte_timeout = bender.byte_timeout;
+  drivers::ModbusBenderOptions link = ModbusOf(bender);
   desk->name_ = "modbus " + bender.host + ":" + std::to_string(bender.port);
-  if (bender.link == config::BenderKind::kModbusRtu) {
-    link.serial = LineOf(bender);
-    desk->name_ = "modbus " + bender.device;
-  }
+  if (link.serial) desk->name_ = "modbus " + bender.device;
   if (bender.link == config::BenderKind::kSimulated) {
     drivers::SimulatedBenderOptions simulated;
     simulated.map = bender.register_map;
