@@ -10,6 +10,7 @@
 #include "hal/clock.h"
 #include "hal/laser_profile.h"
 #include "hal/result.h"
+#include "pipeline/math/workers.h"
 #include "pipeline/spine/spine_method.h"
 #include "pipeline/tube/measurement.h"
 
@@ -26,9 +27,6 @@ struct ReconstructionOptions {
   std::size_t max_points = 4'000'000;
   // For the final result; the live view always projects with moving least squares.
   SpineMethod spine_method = SpineMethod::kMls;
-  // So many work at a time on the final result, the caller's thread among them; 1 or 0 starts none.
-  // The result does not depend on it.
-  std::size_t threads = 1;
 };
 
 // What is known of a tube while its scan still runs.
@@ -59,17 +57,20 @@ class Reconstruction {
   // Cheap enough for several calls a second.
   LiveView View() const;
   // The final fit. kBadInput when the points are no tube: says what they look like instead.
-  hal::Result<Measurement> Finish();
+  // `workers` share its loops; none: the caller does all of it. The result does not depend on them.
+  hal::Result<Measurement> Finish(Workers* workers = nullptr);
 
  private:
   friend hal::Result<Measurement> Reconstruct(std::span<const Eigen::Vector3d>,
-                                              const ReconstructionOptions&, const hal::Clock&);
+                                              const ReconstructionOptions&, const hal::Clock&,
+                                              Workers*);
   class Impl;
   std::unique_ptr<Impl> impl_;
 };
 
 // Batch is the live pipeline fed at once.
 hal::Result<Measurement> Reconstruct(std::span<const Eigen::Vector3d> points_W,
-                                     const ReconstructionOptions& options, const hal::Clock& clock);
+                                     const ReconstructionOptions& options, const hal::Clock& clock,
+                                     Workers* workers = nullptr);
 
 }  // namespace bendloop::pipeline

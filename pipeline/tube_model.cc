@@ -197,8 +197,9 @@ void SayWhy(const std::string& why, Measurement& measurement) {
 }
 
 hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
-                                const ReconstructionOptions& options, const hal::Clock& clock) {
-  auto tube = Reconstruct(points, options, clock);
+                                const ReconstructionOptions& options, const hal::Clock& clock,
+                                Workers* workers) {
+  auto tube = Reconstruct(points, options, clock, workers);
   if (tube && !WorthALook(*tube)) return tube;
   if (!tube && tube.error().kind != hal::ErrorKind::kBadInput) return tube;
 
@@ -211,7 +212,7 @@ hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
     // lays cylinders on from outside.
     ReconstructionOptions other = options;
     other.spine_method = SpineMethod::kShrinking;
-    auto shrunk = Reconstruct(points, other, clock);
+    auto shrunk = Reconstruct(points, other, clock, workers);
     if (shrunk && static_cast<double>(shrunk->fit.samples) >
                       kNearlyAll * static_cast<double>(points.size())) {
       SayWhy("moving least squares did not find one spine (" + tube.error().message +
@@ -265,12 +266,12 @@ hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
 
 hal::Result<Measurement> ReconstructModel(std::span<const Eigen::Vector3d> points, TubeModel model,
                                           const ReconstructionOptions& options,
-                                          const hal::Clock& clock) {
+                                          const hal::Clock& clock, Workers* workers) {
   switch (model) {
     case TubeModel::kAuto:
-      return Choose(points, options, clock);
+      return Choose(points, options, clock, workers);
     case TubeModel::kTube:
-      return Reconstruct(points, options, clock);
+      return Reconstruct(points, options, clock, workers);
     case TubeModel::kCanal:
     case TubeModel::kFreeform:
       break;

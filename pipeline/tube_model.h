@@ -23,11 +23,11 @@ enum class TubeModel {
 // - the pipe radius varies along the spine by more than noise and oval bends explain, and the
 //   samples lie less than 0.7 times as far (rms) from the canal surface: canal;
 // - a free-form spine explains the samples better with no more numbers than the lines and arcs
-// need;
-//   or the tube is arc upon arc and the better fit is worth the numbers; or it is much better;
+//   need; or the tube is arc upon arc and the better fit is worth the numbers; or it is much
+//   better;
 // and a warning says why.
 hal::Result<Measurement> ReconstructModel(std::span<const Eigen::Vector3d> points, TubeModel model,
                                           const ReconstructionOptions& options,
-                                          const hal::Clock& clock);
+                                          const hal::Clock& clock, Workers* workers = nullptr);
 
 }  // namespace bendloop::pipeline

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "firmware-host/cell/version.h"
+#include "firmware-host/workers/thread_workers.h"
 
 namespace bendloop::host {
 namespace {
@@ -237,7 +238,8 @@ void CellLoop::FinishScan() {
   const auto ended = ports_.clock->Now();
   ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kDeciding; });
   const RunContext base = base_.get();
-  auto measurement = reconstruction_->Finish();
+  ThreadWorkers workers(ProcessorCount());
+  auto measurement = reconstruction_->Finish(&workers);
   const auto measured = ports_.clock->Now();
   reconstruction_.reset();
   ++parts_;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cell/part_plan.h"
 
-#include <thread>
-
 #include "config/digest.h"
 #include "hal/spine.h"
 #include "pipeline/tube/representations.h"
@@ -90,7 +88,6 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.reconstruction.pipe_radius_mm = plan.pipe_radius_mm;
   plan.reconstruction.nominal = plan.nominal;
   plan.reconstruction.max_points = kMostPoints;
-  plan.reconstruction.threads = std::thread::hardware_concurrency();
 
   const config::Tolerances& tolerance = cell.part.tolerance;
   plan.inspection.tolerances.length_mm = tolerance.length_mm;

@@ -5,7 +5,6 @@
 #include <iostream>
 #include <memory>
 #include <optional>
-#include <thread>
 
 #include "config/load.h"
 #include "firmware-host/cell/part_plan.h"
@@ -16,6 +15,7 @@
 #include "firmware-host/text/result_text.h"
 #include "firmware-host/text/style.h"
 #include "firmware-host/text/table.h"
+#include "firmware-host/workers/thread_workers.h"
 #include "hal/clock.h"
 #include "pipeline/tube_model.h"
 
@@ -69,13 +69,13 @@ hal::Result<pipeline::Measurement> Measure(const ReconstructArguments& arguments
   options.nominal = nominal;
   options.spine_method = arguments.spine_method == "shrinking" ? pipeline::SpineMethod::kShrinking
                                                                : pipeline::SpineMethod::kMls;
-  options.threads = std::thread::hardware_concurrency();
   const TubeModel model = arguments.model == "tube"       ? TubeModel::kTube
                           : arguments.model == "canal"    ? TubeModel::kCanal
                           : arguments.model == "freeform" ? TubeModel::kFreeform
                                                           : TubeModel::kAuto;
   const hal::SteadyClock clock;
-  return pipeline::ReconstructModel(cloud.points_mm, model, options, clock);
+  ThreadWorkers workers(ProcessorCount());
+  return pipeline::ReconstructModel(cloud.points_mm, model, options, clock, &workers);
 }
 
 std::string SpineCsv(const pipeline::Measurement& measurement) {

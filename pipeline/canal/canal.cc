@@ -21,7 +21,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kMaxPlaceMm = 1e7;  // no scanner sees further; NaN does not either
 constexpr std::size_t kShrinkSamples = 20'000;
 constexpr std::size_t kFitPoints = 60'000;  // more add nothing that the scanner did not get wrong
 constexpr double kBlock = 2.0 / 3.0;        // of the radius
@@ -189,7 +188,7 @@ hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
   std::vector<Eigen::Vector3d> points;
   points.reserve(std::min(all_points.size(), SampleGrid::kMaxPoints));
   for (const Eigen::Vector3d& p : all_points) {
-    if (p.cwiseAbs().maxCoeff() < kMaxPlaceMm && points.size() < SampleGrid::kMaxPoints) {
+    if (IsPlace(p) && points.size() < SampleGrid::kMaxPoints) {
       points.push_back(p);
     }
   }

@@ -37,6 +37,11 @@ const char* Flatness(std::span<const Eigen::Vector3d> points, std::size_t stride
 
 }  // namespace
 
+bool IsPlace(const Eigen::Vector3d& point_mm) {
+  constexpr double kFurthestMm = 1e7;
+  return (point_mm.array().abs() < kFurthestMm).all();
+}
+
 std::string Mm(double value) {
   std::ostringstream text;
   text.precision(4);

@@ -13,6 +13,13 @@ namespace bendloop::pipeline {
 // Fewer are no tube.
 inline constexpr std::size_t kMinPoints = 30;
 
+// What helps where hardly anything was found.
+inline constexpr const char* kCloserLines =
+    "; if the laser lines are farther apart than half the pipe radius, scan with closer ones";
+
+// No scanner sees further than ten kilometres; what is no number is nowhere.
+bool IsPlace(const Eigen::Vector3d& point_mm);
+
 // "4.002 mm".
 std::string Mm(double value);
 

@@ -11,10 +11,6 @@
 
 namespace bendloop::pipeline {
 
-// What helps where hardly anything was found.
-inline constexpr const char* kCloserLines =
-    "; if the laser lines are farther apart than half the pipe radius, scan with closer ones";
-
 // Which of the pieces in view is the tube: with a nominal the one of its length, else the longest;
 // then what is much rougher than another is no pipe but a clamp's edges, and two that are about as
 // long are an error, as is none. `polygons`: longest first; `left_out_mm` grows by the lengths of

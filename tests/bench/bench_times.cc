@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <iostream>
 
+#include "firmware-host/workers/thread_workers.h"
 #include "pipeline/math/quantiles.h"
 #include "pipeline/reconstruction.h"
 #include "tests/bench/stopwatch.h"
@@ -21,11 +22,11 @@ constexpr std::size_t kGrowthFrom = 100'000;  // points: the fixed part of the t
 Series TimeOurs(const Case& scan, int runs, std::size_t threads) {
   Series series;
   pipeline::ReconstructionOptions options;
-  options.threads = threads;
+  host::ThreadWorkers workers(threads);
   const CpuClock clock;
   for (int i = -1; i < runs; ++i) {
     const Stopwatch watch;
-    const auto measured = pipeline::Reconstruct(scan.points_W, options, clock);
+    const auto measured = pipeline::Reconstruct(scan.points_W, options, clock, &workers);
     const Elapsed elapsed = watch.Read();
     if (!measured) {
       std::cerr << "bendloop_bench: " << scan.name << ", " << scan.points_W.size()

@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "drivers/simulated_scanner/virtual_scan.h"
+#include "firmware-host/workers/thread_workers.h"
 #include "tests/property/reconstruction/scans.h"
 
 namespace bendloop::tests {
@@ -34,14 +35,15 @@ Profiles Scan(std::uint64_t seed, double noise_growth) {
 
 hal::Result<Measurement> MeasureProfiles(const Profiles& profiles,
                                          const pipeline::ReconstructionOptions& options,
-                                         std::size_t view_every = 0) {
+                                         std::size_t view_every = 0,
+                                         pipeline::Workers* workers = nullptr) {
   const hal::ManualClock clock;
   pipeline::Reconstruction live(options, clock);
   for (std::size_t i = 0; i < profiles.size(); ++i) {
     live.Add(profiles[i]);
     if (view_every > 0 && i % view_every == 0) live.View();
   }
-  return live.Finish();
+  return live.Finish(workers);
 }
 
 Points Cloud(const Profiles& profiles) {
@@ -158,8 +160,8 @@ TEST(Incidence, SameBytesForAnyThreadsAndLiveAsReplayed) {
     const auto plain = Measure(Cloud(profiles), options);
     ASSERT_TRUE(plain);
     EXPECT_NE(alone->tube.program, plain->tube.program) << "the poses told nothing";
-    options.threads = 3;
-    const auto shared = MeasureProfiles(profiles, options, 50);
+    host::ThreadWorkers workers(3);
+    const auto shared = MeasureProfiles(profiles, options, 50, &workers);
     ASSERT_TRUE(shared);
     ExpectSame(*alone, *shared);
   }

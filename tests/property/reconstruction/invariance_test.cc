@@ -4,6 +4,7 @@
 #include <cstring>
 #include <map>
 
+#include "firmware-host/workers/thread_workers.h"
 #include "hal/laser_profile.h"
 #include "tests/property/reconstruction/scans.h"
 
@@ -80,8 +81,8 @@ TEST(Invariance, AnyNumberOfThreadsSameBytes) {
     ASSERT_TRUE(alone);
     for (const std::size_t threads : {2U, 3U}) {
       SCOPED_TRACE(threads);
-      options.threads = threads;
-      const auto shared = Measure(cloud, options);
+      host::ThreadWorkers workers(threads);
+      const auto shared = Measure(cloud, options, &workers);
       ASSERT_TRUE(shared);
       ExpectSameBits(*alone, *shared);
     }

@@ -35,9 +35,10 @@ inline Eigen::Vector3d RandomUnit(Random& random) {
 }
 
 inline hal::Result<pipeline::Measurement> Measure(
-    const Points& points, const pipeline::ReconstructionOptions& options = {}) {
+    const Points& points, const pipeline::ReconstructionOptions& options = {},
+    pipeline::Workers* workers = nullptr) {
   const hal::ManualClock clock;
-  return pipeline::Reconstruct(points, options, clock);
+  return pipeline::Reconstruct(points, options, clock, workers);
 }
 
 // Lengths, rotations and angles of a bend program read from its other end.

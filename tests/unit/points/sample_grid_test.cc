@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "firmware-host/workers/thread_workers.h"
 #include "pipeline/points/point_pyramid.h"
 #include "tests/support/shapes.h"
 
@@ -77,7 +78,7 @@ TEST(SampleGrid, AllAtOnceIsTheSameAsOneByOne) {
       directions.push_back(PackDirection(p));
       one_by_one.Insert(p, block, directions.back());
     }
-    Workers workers(threads);
+    host::ThreadWorkers workers(threads);
     at_once.InsertAll(points, &workers, directions);
     without.InsertAll(points, &workers);
     for (const SampleGrid::Block& b : without.blocks()) EXPECT_TRUE(b.to_sensor.empty());

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/math/workers.h"
+#include "firmware-host/workers/thread_workers.h"
 
+#include <algorithm>
 #include <exception>
 #include <utility>
 
-namespace bendloop::pipeline {
+namespace bendloop::host {
 
-Workers::Workers(std::size_t threads, const Starter& start) {
+ThreadWorkers::ThreadWorkers(std::size_t threads, const Starter& start) {
   if (threads > 1) threads_.reserve(threads - 1);
   // An exception must not leave the constructor once a thread waits: nobody would stop it, and the
   // end of `threads_` would wait for it for ever.
@@ -16,11 +17,11 @@ Workers::Workers(std::size_t threads, const Starter& start) {
   }
 }
 
-std::jthread Workers::StartThread(std::function<void()> work) {
+std::jthread ThreadWorkers::StartThread(std::function<void()> work) {
   return std::jthread(std::move(work));
 }
 
-Workers::~Workers() {
+ThreadWorkers::~ThreadWorkers() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
@@ -28,7 +29,7 @@ Workers::~Workers() {
   work_.notify_all();
 }
 
-void Workers::For(std::size_t rounds, const Body& body) {
+void ThreadWorkers::For(std::size_t rounds, const Body& body) {
   std::unique_lock lock(mutex_);
   if (threads_.empty() || rounds < 2 || body_ != nullptr) {
     lock.unlock();
@@ -47,7 +48,7 @@ void Workers::For(std::size_t rounds, const Body& body) {
   body_ = nullptr;
 }
 
-void Workers::Work() {
+void ThreadWorkers::Work() {
   std::unique_lock lock(mutex_);
   while (true) {
     work_.wait(lock, [this] { return stop_ || next_ < rounds_; });
@@ -57,7 +58,7 @@ void Workers::Work() {
   }
 }
 
-void Workers::TakeRounds(std::unique_lock<std::mutex>& lock) noexcept {
+void ThreadWorkers::TakeRounds(std::unique_lock<std::mutex>& lock) noexcept {
   ++inside_;
   while (next_ < rounds_) {
     const std::size_t round = next_++;
@@ -68,4 +69,6 @@ void Workers::TakeRounds(std::unique_lock<std::mutex>& lock) noexcept {
   --inside_;
 }
 
-}  // namespace bendloop::pipeline
+std::size_t ProcessorCount() { return std::max(1U, std::thread::hardware_concurrency()); }
+
+}  // namespace bendloop::host

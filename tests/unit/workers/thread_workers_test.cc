@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/math/workers.h"
+#include "firmware-host/workers/thread_workers.h"
 
 #include <gtest/gtest.h>
 
@@ -8,12 +8,12 @@
 #include <system_error>
 #include <utility>
 
-namespace bendloop::pipeline {
+namespace bendloop::host {
 namespace {
 
-TEST(Workers, DoEveryRoundOnce) {
+TEST(ThreadWorkers, DoEveryRoundOnce) {
   for (const std::size_t threads : {0U, 1U, 2U, 3U, 8U}) {
-    Workers workers(threads);
+    ThreadWorkers workers(threads);
     // Many short loops: who comes late to one must not disturb the next.
     for (std::size_t rounds = 0; rounds < 300; ++rounds) {
       std::vector<int> done(rounds, 0);
@@ -23,8 +23,8 @@ TEST(Workers, DoEveryRoundOnce) {
   }
 }
 
-TEST(Workers, ResultsOfRoundsAreSeenAfterTheLoop) {
-  Workers workers(3);
+TEST(ThreadWorkers, ResultsOfRoundsAreSeenAfterTheLoop) {
+  ThreadWorkers workers(3);
   std::vector<double> sums(64);
   for (int loop = 0; loop < 50; ++loop) {
     workers.For(sums.size(), [&](std::size_t round) {
@@ -33,7 +33,7 @@ TEST(Workers, ResultsOfRoundsAreSeenAfterTheLoop) {
       sums[round] = sum;
     });
     std::vector<double> expected(sums.size());
-    ParallelFor(nullptr, expected.size(), [&](std::size_t round) {
+    pipeline::ParallelFor(nullptr, expected.size(), [&](std::size_t round) {
       for (int i = 1; i < 500; ++i) {
         expected[round] += std::sin(static_cast<double>(round) * i + loop);
       }
@@ -42,8 +42,8 @@ TEST(Workers, ResultsOfRoundsAreSeenAfterTheLoop) {
   }
 }
 
-TEST(Workers, ALoopInARoundRunsThere) {
-  Workers workers(3);
+TEST(ThreadWorkers, ALoopInARoundRunsThere) {
+  ThreadWorkers workers(3);
   std::vector<std::vector<int>> done(40, std::vector<int>(7, 0));
   workers.For(done.size(), [&](std::size_t outer) {
     const auto thread = std::this_thread::get_id();
@@ -54,10 +54,10 @@ TEST(Workers, ALoopInARoundRunsThere) {
   for (const auto& inner : done) EXPECT_EQ(inner, std::vector<int>(7, 1));
 }
 
-TEST(Workers, AThreadThatCannotStartLeavesTheWorkToTheOthers) {
+TEST(ThreadWorkers, AThreadThatCannotStartLeavesTheWorkToTheOthers) {
   for (const std::size_t most : {0U, 1U, 2U}) {
     std::size_t started = 0;
-    Workers workers(8, [&](std::function<void()> work) {
+    ThreadWorkers workers(8, [&](std::function<void()> work) {
       if (started == most) {
         throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again));
       }
@@ -71,11 +71,11 @@ TEST(Workers, AThreadThatCannotStartLeavesTheWorkToTheOthers) {
   }
 }
 
-TEST(Workers, OneThreadIsTheCallers) {
-  Workers workers(1);
+TEST(ThreadWorkers, OneThreadIsTheCallers) {
+  ThreadWorkers workers(1);
   const auto caller = std::this_thread::get_id();
   workers.For(10, [&](std::size_t) { EXPECT_EQ(std::this_thread::get_id(), caller); });
 }
 
 }  // namespace
-}  // namespace bendloop::pipeline
+}  // namespace bendloop::host

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/report_quality.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "hal/spine.h"
+#include "pipeline/math/text.h"
+#include "pipeline/points/input_checks.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// When a result is doubted.
+struct Doubts {
+  // [twice the logarithm of the odds] Margin of the structure: 10 are odds of 150 to 1.
+  double close_call = 10.0;
+  // The same, where there was nothing to compare with: as sure as can be said in a table.
+  double most_margin = 1e6;
+  // [sigma] Between two halves; of some twenty values the greatest is beyond 5 once in 10^5 scans.
+  double halves_differ = 5.0;
+  // [of r_P] 1 sigma of the pipe radius; tubes, noisy wires included, stay below 0.005.
+  double vague_radius = 0.02;
+  // [of r_P] 1 sigma of the distances; beyond it only noisy wires are tubes.
+  double rough = 0.04;
+};
+constexpr Doubts kDoubts;
+
+// The place on the straight nearest to the node, from the straight's start [mm].
+double AlongStraight(const hal::SpineSegment& straight, const Eigen::Vector3d& node_mm) {
+  return std::clamp((node_mm - straight.start_mm).dot(straight.tangent), 0.0, straight.length_mm);
+}
+
+// How far an unseen end goes on nobody knows: the tube ends at the nodes.
+void EndAtNodes(const TubeEnds& ends, const Eigen::Vector3d& first_node_mm,
+                const Eigen::Vector3d& last_node_mm, hal::Tube& tube) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  if (!ends.last_seen) {
+    tube.program.rows.back().length_mm = AlongStraight(segments.back(), last_node_mm);
+  }
+  if (!ends.first_seen) {
+    const double unseen_mm = AlongStraight(segments.front(), first_node_mm);
+    tube.X_WT.position_mm += unseen_mm * segments.front().tangent;
+    tube.program.rows.front().length_mm -= unseen_mm;
+  }
+}
+
+// A bend whose outer straight no sample shows may go on behind what hides it.
+void DoubtBend(std::size_t bend, const std::string& which_straight, Measurement& measurement) {
+  double& sigma_deg = measurement.sigma.rows[bend].angle_deg;
+  sigma_deg = std::max(sigma_deg, 0.5 * measurement.tube.program.rows[bend].angle_deg);
+  measurement.warnings.push_back("no samples on the " + which_straight +
+                                 " straight: the bend beside it may be longer than seen; scan "
+                                 "that end again");
+}
+
+}  // namespace
+
+hal::Result<void> CheckShowsTube(const SurfaceFit& fit) {
+  const double r_mm = fit.tube.pipe_radius_mm;
+  if (fit.pipe_radius_sigma_mm < kDoubts.vague_radius * r_mm ||
+      fit.sigma_mm < kDoubts.rough * r_mm) {
+    return {};
+  }
+  return hal::Fail(hal::ErrorKind::kBadInput, "no tube: the points lie " + Mm(fit.sigma_mm) +
+                                                  " (1 sigma) off one of pipe radius " + Mm(r_mm) +
+                                                  " and tell that only to " +
+                                                  Mm(fit.pipe_radius_sigma_mm) + kCloserLines);
+}
+
+void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const HalvesDiffer& halves,
+                   bool as_nominal, Measurement& measurement) {
+  const double r_mm = fit.tube.pipe_radius_mm;
+  for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
+    const Flattening& f = fit.flattening[i];
+    const FlatteningSigma& sigma = fit.flattening_sigma[i];
+    measurement.bend_shapes.push_back({100.0 * f.OvalityPart(), 100.0 * sigma.ovality_part,
+                                       r_mm * f.OuterWallPart(), r_mm * sigma.outer_wall_part});
+  }
+  measurement.structure_margin = std::clamp(structure.margin, 0.0, kDoubts.most_margin);
+  if (measurement.structure_margin < kDoubts.close_call) {
+    measurement.warnings.push_back(
+        "the number of bends is a close call (margin " + Fixed(measurement.structure_margin, 1) +
+        ", clear from 10 on): " +
+        (as_nominal ? "it is the nominal's, which the samples alone do not show"
+                    : "compare it with the drawing, or scan again with more points"));
+  }
+  measurement.halves_differ_sigma = halves.sigmas;
+  if (halves.sigmas > kDoubts.halves_differ) {
+    measurement.warnings.push_back("two halves of the samples disagree on the " + halves.what +
+                                   " (" + Fixed(halves.sigmas, 1) + " sigma): scan again");
+  }
+}
+
+void ReportEnds(const SurfaceFit& fit, const TubeEnds& ends, const Eigen::Vector3d& first_node_mm,
+                const Eigen::Vector3d& last_node_mm, Measurement& measurement) {
+  measurement.tube = ends.tube;
+  EndAtNodes(ends, first_node_mm, last_node_mm, measurement.tube);
+  measurement.sigma = fit.sigma;
+  auto& sigma_rows = measurement.sigma.rows;
+  if (sigma_rows.size() == 1) {
+    sigma_rows.front().length_mm = std::hypot(ends.first_sigma_mm, ends.last_sigma_mm);
+  } else {
+    sigma_rows.front().length_mm = std::hypot(sigma_rows.front().length_mm, ends.first_sigma_mm);
+    sigma_rows.back().length_mm = std::hypot(sigma_rows.back().length_mm, ends.last_sigma_mm);
+  }
+  const std::size_t bends = measurement.tube.program.bend_count();
+  if (bends > 0 && !ends.first_seen) DoubtBend(0, "first", measurement);
+  if (bends > 0 && !ends.last_seen) DoubtBend(bends - 1, "last", measurement);
+}
+
+}  // namespace bendloop::pipeline

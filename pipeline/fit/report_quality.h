@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "hal/result.h"
+#include "pipeline/fit/self_check.h"
+#include "pipeline/fit/surface_fit.h"
+#include "pipeline/fit/tube_ends.h"
+#include "pipeline/tube/measurement.h"
+
+namespace bendloop::pipeline {
+
+// How sure a result is, and what a person should know of it.
+
+// kBadInput: rough points that hardly tell the pipe's radius are no tube.
+hal::Result<void> CheckShowsTube(const SurfaceFit& fit);
+
+// Shapes of the bends, how decisive the structure is, whether two halves agree. `as_nominal`: there
+// is a nominal, with so many bends.
+void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const HalvesDiffer& halves,
+                   bool as_nominal, Measurement& measurement);
+
+// The tube with its ends, and the sigmas with those of the ends. An end that no sample shows is
+// where the nodes stop, `first_node_mm` and `last_node_mm`, and what it hides makes the bend beside
+// it unsure.
+void ReportEnds(const SurfaceFit& fit, const TubeEnds& ends, const Eigen::Vector3d& first_node_mm,
+                const Eigen::Vector3d& last_node_mm, Measurement& measurement);
+
+}  // namespace bendloop::pipeline
