@@ -31,7 +31,6 @@ const std::set<std::string> kToBeCut = {
     "drivers/session/session_reader.cc: SessionReader::DecodeProfile",
     "drivers/simulated_scanner/virtual_scan.cc: VirtualScan::Make",
     "drivers/usb_scanner/libusb_port.cc: LibusbPort::OpenOnce",
-    "firmware-host/cell/bender_desk.cc: BenderDesk::Open",
     "firmware-host/cloud/ply.cc: ParseHeader",
     "firmware-host/report/report.cc: ReportHtml",
     "firmware-host/simulators/simbender_main.cc: Run",
