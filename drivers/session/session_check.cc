@@ -20,20 +20,20 @@ void Add(SessionSummary& summary, const std::string& problem) {
 
 // SQLite's own look at its pages.
 void CheckPages(const SessionReader& reader, SessionSummary& summary) {
-  auto check = Prepare(reader.database(), reader.path(), "PRAGMA quick_check(10)");
+  auto check = reader.database().Prepare("PRAGMA quick_check(10)");
   if (!check) return Add(summary, check.error().message);
-  int code = SQLITE_ROW;
-  while ((code = sqlite3_step(check->get())) == SQLITE_ROW) {
-    const auto* const text = reinterpret_cast<const char*>(sqlite3_column_text(check->get(), 0));
-    std::string line = text != nullptr ? text : "no answer";
+  auto outcome = Statement::Outcome::kRow;
+  while ((outcome = check->Step()) == Statement::Outcome::kRow) {
+    std::string line(check->Text(0));
+    if (line.empty()) line = "no answer";
     if (line == "ok") continue;
     for (char& c : line) {
       if (c == '\n') c = ' ';
     }
     Add(summary, reader.path() + ": " + line);
   }
-  if (code != SQLITE_DONE) {
-    Add(summary, DatabaseError(reader.database(), reader.path(), "cannot check the pages").message);
+  if (outcome == Statement::Outcome::kFailed) {
+    Add(summary, reader.database().Failed("cannot check the pages").message);
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "drivers/session/session_database.h"
 
+#include <sqlite3.h>
 #include <sys/stat.h>
 
 #include <array>
@@ -52,19 +53,15 @@ void Harden(sqlite3* database) {
   sqlite3_exec(database, "PRAGMA cell_size_check=ON", nullptr, nullptr, nullptr);
 }
 
-Result<DatabasePtr> OpenWith(const std::string& name, const std::string& path, int flags,
-                             const char* vfs) {
-  sqlite3* raw = nullptr;
-  const int code = sqlite3_open_v2(name.c_str(), &raw, flags | SQLITE_OPEN_NOMUTEX, vfs);
-  DatabasePtr database(raw);
-  if (code != SQLITE_OK) return Fail(DatabaseError(raw, path, "cannot open the session"));
-  sqlite3_extended_result_codes(raw, 1);
-  return database;
+// A session may come from anywhere: what SQLite finds wrong is wrong with the file.
+DatabaseOptions Options(DatabaseOptions::Access access) {
+  return {.access = access, .one_thread = true, .otherwise = ErrorKind::kBadInput};
 }
 
 // Forces the schema to be read, which is when SQLite really opens file and log.
-int Touch(sqlite3* database) {
-  return sqlite3_exec(database, "SELECT count(*) FROM sqlite_schema", nullptr, nullptr, nullptr);
+int Touch(const Database& database) {
+  return sqlite3_exec(database.handle(), "SELECT count(*) FROM sqlite_schema", nullptr, nullptr,
+                      nullptr);
 }
 
 Result<std::array<char, 100>> ReadHeader(const std::string& path) {
@@ -97,84 +94,49 @@ Result<std::array<char, 100>> ReadHeader(const std::string& path) {
 
 }  // namespace
 
-hal::Error DatabaseError(sqlite3* database, const std::string& path, const std::string& what) {
-  const int code = database != nullptr ? sqlite3_errcode(database) & 0xff : SQLITE_NOMEM;
-  const std::string message = database != nullptr ? sqlite3_errmsg(database) : "out of memory";
-  switch (code) {
-    case SQLITE_FULL:
-    case SQLITE_IOERR:
-      return {ErrorKind::kDevice, path + ": " + what + ": " + message + "; check the disk"};
-    case SQLITE_NOMEM:
-      return {ErrorKind::kInternal, path + ": " + what + ": " + message};
-    case SQLITE_TOOBIG:
-      return {ErrorKind::kBadInput, path + ": " + what + ": a row of more than " +
-                                        std::to_string(kMaxRowBytes) + " bytes; it is damaged"};
-    default:
-      return {ErrorKind::kBadInput, path + ": " + what + ": " + message};
-  }
-}
-
-Result<DatabasePtr> OpenSessionReadOnly(const std::string& path) {
+Result<Database> OpenSessionReadOnly(const std::string& path) {
   const auto header = ReadHeader(path);
   if (!header) return Fail(header.error());
   const bool has_log = HasContent(path + "-wal");
   const bool has_log_index = HasContent(path + "-shm");
   const bool in_log_mode = (*header)[kReadVersionByte] == 2;
 
-  Result<DatabasePtr> database;
+  std::string name = path;
+  DatabaseOptions options = Options(DatabaseOptions::Access::kRead);
+  const bool has_lonely_log = in_log_mode && has_log && !has_log_index;
   if (in_log_mode && !has_log) {
     // The log stayed behind: what had been moved into the file counts, and no log is begun.
-    database = OpenWith(UriOf(path), path, SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, nullptr);
-  } else if (in_log_mode && !has_log_index) {
-    // A leftover log of which nobody is the writer: its index is kept in memory, so that this
-    // works on read-only media. Exclusive mode needs a lock, which a read-only file cannot give.
-    database = OpenWith(path, path, SQLITE_OPEN_READONLY, "unix-none");
-    if (database) {
-      sqlite3_exec(database->get(), "PRAGMA locking_mode=EXCLUSIVE", nullptr, nullptr, nullptr);
-    }
-  } else {
-    database = OpenWith(path, path, SQLITE_OPEN_READONLY, nullptr);
+    name = UriOf(path);
+    options.name_is_uri = true;
+  } else if (has_lonely_log) {
+    // Of which nobody is the writer: its index is kept in memory, so that this works on read-only
+    // media. Exclusive mode needs a lock, which a read-only file cannot give.
+    options.vfs = "unix-none";
   }
+  auto database = Database::Open(name, path, options);
   if (!database) return database;
-  Harden(database->get());
-  int code = Touch(database->get());
+  if (has_lonely_log) (void)database->Execute("PRAGMA locking_mode=EXCLUSIVE");
+  Harden(database->handle());
+  int code = Touch(*database);
   if (code == SQLITE_READONLY_ROLLBACK) {
     // Written in rollback mode and cut off: as every reader must, undo the half transaction.
-    database = OpenWith(path, path, SQLITE_OPEN_READWRITE, nullptr);
+    database = Database::Open(path, path, Options(DatabaseOptions::Access::kWrite));
     if (!database) return database;
-    Harden(database->get());
-    code = Touch(database->get());
+    Harden(database->handle());
+    code = Touch(*database);
   }
   if ((code & 0xff) == SQLITE_CORRUPT) {
     // Shorter than its header says: SQLite then reads on only with this switch. Nothing is written.
-    sqlite3_db_config(database->get(), SQLITE_DBCONFIG_DEFENSIVE, 0, nullptr);
-    sqlite3_exec(database->get(), "PRAGMA writable_schema=ON", nullptr, nullptr, nullptr);
-    code = Touch(database->get());
+    sqlite3_db_config(database->handle(), SQLITE_DBCONFIG_DEFENSIVE, 0, nullptr);
+    (void)database->Execute("PRAGMA writable_schema=ON");
+    code = Touch(*database);
   }
-  if (code != SQLITE_OK) {
-    return Fail(DatabaseError(database->get(), path, "cannot read the session"));
-  }
+  if (code != SQLITE_OK) return Fail(database->Failed("cannot read the session"));
   return database;
 }
 
-Result<DatabasePtr> OpenSessionForWriting(const std::string& path) {
-  return OpenWith(path, path, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
-}
-
-Result<StatementPtr> Prepare(sqlite3* database, const std::string& path, const char* sql) {
-  sqlite3_stmt* raw = nullptr;
-  if (sqlite3_prepare_v3(database, sql, -1, SQLITE_PREPARE_PERSISTENT, &raw, nullptr) !=
-      SQLITE_OK) {
-    return Fail(DatabaseError(database, path, std::string("cannot run \"") + sql + "\""));
-  }
-  return StatementPtr(raw);
-}
-
-Result<void> Execute(sqlite3* database, const std::string& path, const char* sql) {
-  if (sqlite3_exec(database, sql, nullptr, nullptr, nullptr) != SQLITE_OK) {
-    return Fail(DatabaseError(database, path, std::string("cannot run \"") + sql + "\""));
-  }
-  return {};
+Result<Database> OpenSessionForWriting(const std::string& path) {
+  return Database::Open(path, path, Options(DatabaseOptions::Access::kCreate));
 }
 
 }  // namespace bendloop::drivers

@@ -17,36 +17,76 @@ namespace {
 using hal::ErrorKind;
 using hal::Fail;
 using hal::Result;
+using Outcome = Statement::Outcome;
+using Type = Statement::Type;
 
 constexpr std::size_t kMaxMetaEntries = 1000;
 constexpr std::size_t kMaxMetaBytes = 1 << 20;
 
-std::string_view TextColumn(sqlite3_stmt* statement, int column) {
-  const auto* const text = sqlite3_column_text(statement, column);
-  if (text == nullptr) return {};
-  return {reinterpret_cast<const char*>(text),
-          static_cast<std::size_t>(sqlite3_column_bytes(statement, column))};
-}
-
-const char* TypeName(sqlite3_stmt* statement, int column) {
-  switch (sqlite3_column_type(statement, column)) {
-    case SQLITE_INTEGER:
+const char* TypeName(const Statement& row, int column) {
+  switch (row.type(column)) {
+    case Type::kInteger:
       return "an integer";
-    case SQLITE_FLOAT:
+    case Type::kReal:
       return "a real number";
-    case SQLITE_TEXT:
+    case Type::kText:
       return "text";
-    case SQLITE_BLOB:
+    case Type::kBlob:
       return "a blob";
-    default:
-      return "NULL";
+    case Type::kNull:
+      break;
   }
+  return "NULL";
 }
 
 std::string Hex(std::int64_t value) {
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "0x%08llX", static_cast<unsigned long long>(value));
   return text.data();
+}
+
+// What is wrong with the pose of a row; empty: nothing.
+std::string DecodePose(const Statement& row, hal::Pose& pose) {
+  if (row.type(2) != Type::kBlob) {
+    return std::string("pose is ") + TypeName(row, 2) + ", expected a blob";
+  }
+  const auto bytes = row.Blob(2);
+  if (bytes.size() != kSessionPoseBytes) {
+    return "pose has " + std::to_string(bytes.size()) + " bytes, expected " +
+           std::to_string(kSessionPoseBytes) + " (7 float64)";
+  }
+  std::array<double, 7> numbers{};
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    numbers[i] = LoadFloat64(bytes.data() + 8 * i);
+    if (!std::isfinite(numbers[i])) {
+      return "pose, byte " + std::to_string(8 * i) + ": not a finite number";
+    }
+  }
+  pose.position_mm = {numbers[0], numbers[1], numbers[2]};
+  pose.orientation = Eigen::Quaterniond(numbers[3], numbers[4], numbers[5], numbers[6]);
+  if (!(std::abs(pose.orientation.norm() - 1.0) <= kSessionUnitTolerance)) {
+    return "pose, byte 24: the quaternion has length " + std::to_string(pose.orientation.norm()) +
+           ", expected 1";
+  }
+  return {};
+}
+
+// The same of its points.
+std::string CheckPoints(const Statement& row) {
+  if (row.type(3) != Type::kBlob) {
+    return std::string("points is ") + TypeName(row, 3) + ", expected a blob";
+  }
+  const std::size_t bytes = row.Blob(3).size();
+  if (bytes % kSessionPointBytes != 0) {
+    return "points has " + std::to_string(bytes) + " bytes, expected a multiple of " +
+           std::to_string(kSessionPointBytes) + " (pairs of float32)";
+  }
+  const std::size_t count = bytes / kSessionPointBytes;
+  if (count > kSessionMaxPoints) {
+    return std::to_string(count) + " points; at most " + std::to_string(kSessionMaxPoints) +
+           " are allowed";
+  }
+  return {};
 }
 
 }  // namespace
@@ -60,12 +100,12 @@ Result<SessionReader> SessionReader::Open(const std::string& path) {
   if (auto checked = reader.CheckHead(); !checked) return Fail(checked.error());
   if (auto read = reader.ReadMeta(); !read) return Fail(read.error());
   reader.FindMaxPoints();
-  auto profiles = Prepare(reader.database_.get(), path,
-                          "SELECT seq, t_ns, pose, points, intensity FROM profile ORDER BY seq");
+  auto profiles = reader.database_.Prepare(
+      "SELECT seq, t_ns, pose, points, intensity FROM profile ORDER BY seq");
   if (!profiles) return Fail(profiles.error());
   reader.select_profile_ = std::move(*profiles);
-  auto events = Prepare(reader.database_.get(), path,
-                        "SELECT t_ns, kind, detail FROM event ORDER BY t_ns, rowid");
+  auto events =
+      reader.database_.Prepare("SELECT t_ns, kind, detail FROM event ORDER BY t_ns, rowid");
   if (!events) return Fail(events.error());
   reader.select_event_ = std::move(*events);
   return reader;
@@ -76,24 +116,15 @@ std::string SessionReader::MetaOr(const std::string& key, const std::string& oth
   return found == meta_.end() ? otherwise : found->second;
 }
 
-Result<std::int64_t> SessionReader::ReadNumber(const char* sql) {
-  auto statement = Prepare(database_.get(), path_, sql);
-  if (!statement) return Fail(statement.error());
-  if (sqlite3_step(statement->get()) != SQLITE_ROW) {
-    return Fail(DatabaseError(database_.get(), path_, std::string("cannot run \"") + sql + "\""));
-  }
-  return sqlite3_column_int64(statement->get(), 0);
-}
-
 Result<void> SessionReader::CheckHead() {
-  const auto id = ReadNumber("PRAGMA application_id");
+  const auto id = database_.Integer("PRAGMA application_id");
   if (!id) return Fail(id.error());
   if (*id != kSessionApplicationId) {
     return Fail(ErrorKind::kBadInput, path_ + ": application_id is " + Hex(*id) + ", expected " +
                                           Hex(kSessionApplicationId) +
                                           "; this database is not a session");
   }
-  const auto version = ReadNumber("PRAGMA user_version");
+  const auto version = database_.Integer("PRAGMA user_version");
   if (!version) return Fail(version.error());
   if (*version != kSessionVersion) {
     return Fail(ErrorKind::kBadInput, path_ + ": user_version is " + std::to_string(*version) +
@@ -108,27 +139,25 @@ Result<void> SessionReader::CheckHead() {
 
 Result<void> SessionReader::CheckTable(const char* table,
                                        std::initializer_list<const char*> columns) {
-  auto kind = Prepare(database_.get(), path_,
-                      "SELECT type, rootpage FROM sqlite_schema WHERE name = ? COLLATE NOCASE");
+  auto kind =
+      database_.Prepare("SELECT type, rootpage FROM sqlite_schema WHERE name = ? COLLATE NOCASE");
   if (!kind) return Fail(kind.error());
-  sqlite3_bind_text(kind->get(), 1, table, -1, SQLITE_STATIC);
-  const int found = sqlite3_step(kind->get());
-  if (found != SQLITE_ROW && found != SQLITE_DONE) {
-    return Fail(DatabaseError(database_.get(), path_, "cannot read the list of tables"));
+  const Outcome found = kind->Bind(std::string_view(table)).Step();
+  if (found == Outcome::kFailed) {
+    return Fail(database_.Failed("cannot read the list of tables"));
   }
   // Views and virtual tables have no root page.
-  if (found == SQLITE_DONE || TextColumn(kind->get(), 0) != "table" ||
-      sqlite3_column_int64(kind->get(), 1) <= 0) {
+  if (found == Outcome::kEnd || kind->Text(0) != "table" || kind->Integer(1) <= 0) {
     return Fail(ErrorKind::kBadInput,
                 path_ + ": table " + table + ": missing; the file is no complete session");
   }
-  auto info = Prepare(database_.get(), path_, "SELECT name FROM pragma_table_xinfo(?)");
+  auto info = database_.Prepare("SELECT name FROM pragma_table_xinfo(?)");
   if (!info) return Fail(info.error());
-  sqlite3_bind_text(info->get(), 1, table, -1, SQLITE_STATIC);
+  info->Bind(std::string_view(table));
   std::string names;
   std::size_t present = 0;
-  for (int rows = 0; rows < 100 && sqlite3_step(info->get()) == SQLITE_ROW; ++rows) {
-    const std::string name(TextColumn(info->get(), 0));
+  for (int rows = 0; rows < 100 && info->Step() == Outcome::kRow; ++rows) {
+    const std::string name(info->Text(0));
     names += (names.empty() ? "" : ", ") + name;
     if (std::find_if(columns.begin(), columns.end(),
                      [&](const char* column) { return name == column; }) != columns.end()) {
@@ -144,12 +173,12 @@ Result<void> SessionReader::CheckTable(const char* table,
 }
 
 Result<void> SessionReader::ReadMeta() {
-  auto select = Prepare(database_.get(), path_, "SELECT key, value FROM meta");
+  auto select = database_.Prepare("SELECT key, value FROM meta");
   if (!select) return Fail(select.error());
-  int code = SQLITE_ROW;
-  while ((code = sqlite3_step(select->get())) == SQLITE_ROW) {
-    const std::string_view key = TextColumn(select->get(), 0);
-    const std::string_view value = TextColumn(select->get(), 1);
+  Outcome outcome = Outcome::kRow;
+  while ((outcome = select->Step()) == Outcome::kRow) {
+    const std::string_view key = select->Text(0);
+    const std::string_view value = select->Text(1);
     if (meta_.size() >= kMaxMetaEntries || key.size() + value.size() > kMaxMetaBytes) {
       return Fail(ErrorKind::kBadInput,
                   path_ + ": table meta: more than " + std::to_string(kMaxMetaEntries) +
@@ -157,8 +186,8 @@ Result<void> SessionReader::ReadMeta() {
     }
     meta_[std::string(key)] = std::string(value);
   }
-  if (code != SQLITE_DONE) {
-    return Fail(DatabaseError(database_.get(), path_, "table meta: cannot be read"));
+  if (outcome == Outcome::kFailed) {
+    return Fail(database_.Failed("table meta: cannot be read"));
   }
   const std::string units = MetaOr("units", "mm");
   if (units != "mm") {
@@ -170,51 +199,50 @@ Result<void> SessionReader::ReadMeta() {
 
 void SessionReader::FindMaxPoints() {
   // Damage ends the search early; reading will then end before a longer profile is reached.
-  auto lengths = Prepare(database_.get(), path_,
-                         "SELECT CASE typeof(points) WHEN 'blob' THEN length(points) ELSE 0 END "
-                         "FROM profile ORDER BY seq");
+  auto lengths = database_.Prepare(
+      "SELECT CASE typeof(points) WHEN 'blob' THEN length(points) ELSE 0 END "
+      "FROM profile ORDER BY seq");
   if (!lengths) return;
-  while (sqlite3_step(lengths->get()) == SQLITE_ROW) {
-    const auto bytes = static_cast<std::size_t>(sqlite3_column_int64(lengths->get(), 0));
+  while (lengths->Step() == Outcome::kRow) {
+    const auto bytes = static_cast<std::size_t>(lengths->Integer(0));
     max_points_ = std::max(max_points_, std::min(bytes / kSessionPointBytes, kSessionMaxPoints));
   }
 }
 
-Result<void> SessionReader::Advance(sqlite3_stmt* statement, Cursor& cursor, const char* table) {
+Result<void> SessionReader::Advance(Statement& statement, Cursor& cursor, const char* table) {
   if (cursor != Cursor::kBeforeRow) return {};
-  const int code = sqlite3_step(statement);
-  if (code == SQLITE_ROW) {
+  const Outcome outcome = statement.Step();
+  if (outcome == Outcome::kRow) {
     cursor = Cursor::kOnRow;
     return {};
   }
   cursor = Cursor::kEnd;
-  if (code == SQLITE_DONE) return {};
+  if (outcome == Outcome::kEnd) return {};
   damaged_ = true;
-  return Fail(DatabaseError(database_.get(), path_,
-                            std::string("table ") + table + ": damaged after " +
+  return Fail(database_.Failed(std::string("table ") + table + ": damaged after " +
                                 std::to_string(profiles_read_) + " profiles (last seq " +
                                 std::to_string(last_sequence_) + ") and " +
                                 std::to_string(events_read_) + " events"));
 }
 
 Result<std::optional<std::int64_t>> SessionReader::PeekProfile() {
-  if (auto moved = Advance(select_profile_.get(), profile_cursor_, "profile"); !moved) {
+  if (auto moved = Advance(select_profile_, profile_cursor_, "profile"); !moved) {
     return Fail(moved.error());
   }
   if (profile_cursor_ == Cursor::kEnd) return std::optional<std::int64_t>();
-  return std::optional(sqlite3_column_int64(select_profile_.get(), 1));
+  return std::optional(select_profile_.Integer(1));
 }
 
 Result<std::optional<std::int64_t>> SessionReader::PeekEvent() {
-  if (auto moved = Advance(select_event_.get(), event_cursor_, "event"); !moved) {
+  if (auto moved = Advance(select_event_, event_cursor_, "event"); !moved) {
     return Fail(moved.error());
   }
   if (event_cursor_ == Cursor::kEnd) return std::optional<std::int64_t>();
-  return std::optional(sqlite3_column_int64(select_event_.get(), 0));
+  return std::optional(select_event_.Integer(0));
 }
 
 Result<bool> SessionReader::NextProfile(hal::LaserProfile& profile) {
-  if (auto moved = Advance(select_profile_.get(), profile_cursor_, "profile"); !moved) {
+  if (auto moved = Advance(select_profile_, profile_cursor_, "profile"); !moved) {
     return Fail(moved.error());
   }
   if (profile_cursor_ == Cursor::kEnd) return false;
@@ -225,8 +253,8 @@ Result<bool> SessionReader::NextProfile(hal::LaserProfile& profile) {
 }
 
 Result<void> SessionReader::DecodeProfile(hal::LaserProfile& profile) {
-  sqlite3_stmt* const row = select_profile_.get();
-  const std::int64_t sequence = sqlite3_column_int64(row, 0);
+  const Statement& row = select_profile_;
+  const std::int64_t sequence = row.Integer(0);
   const auto fail = [&](const std::string& why) {
     return Fail(ErrorKind::kBadInput,
                 path_ + ": table profile, seq " + std::to_string(sequence) + ": " + why);
@@ -240,61 +268,33 @@ Result<void> SessionReader::DecodeProfile(hal::LaserProfile& profile) {
     return fail("follows seq " + std::to_string(before) + "; the table is damaged");
   }
   last_sequence_ = sequence;
-  if (sqlite3_column_type(row, 1) != SQLITE_INTEGER) {
+  if (row.type(1) != Type::kInteger) {
     return fail(std::string("t_ns is ") + TypeName(row, 1) + ", expected an integer");
   }
-  if (sqlite3_column_type(row, 2) != SQLITE_BLOB) {
-    return fail(std::string("pose is ") + TypeName(row, 2) + ", expected a blob");
-  }
-  const auto pose_bytes = static_cast<std::size_t>(sqlite3_column_bytes(row, 2));
-  if (pose_bytes != kSessionPoseBytes) {
-    return fail("pose has " + std::to_string(pose_bytes) + " bytes, expected " +
-                std::to_string(kSessionPoseBytes) + " (7 float64)");
-  }
-  const auto* const pose = static_cast<const unsigned char*>(sqlite3_column_blob(row, 2));
-  std::array<double, 7> numbers{};
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    numbers[i] = LoadFloat64(pose + 8 * i);
-    if (!std::isfinite(numbers[i])) {
-      return fail("pose, byte " + std::to_string(8 * i) + ": not a finite number");
-    }
-  }
-  const Eigen::Quaterniond orientation(numbers[3], numbers[4], numbers[5], numbers[6]);
-  if (!(std::abs(orientation.norm() - 1.0) <= kSessionUnitTolerance)) {
-    return fail("pose, byte 24: the quaternion has length " + std::to_string(orientation.norm()) +
-                ", expected 1");
-  }
-  if (sqlite3_column_type(row, 3) != SQLITE_BLOB) {
-    return fail(std::string("points is ") + TypeName(row, 3) + ", expected a blob");
-  }
-  const auto* const points = static_cast<const unsigned char*>(sqlite3_column_blob(row, 3));
-  const auto point_bytes = static_cast<std::size_t>(sqlite3_column_bytes(row, 3));
-  if (point_bytes > 0 && points == nullptr) return fail("points cannot be read");
-  if (point_bytes % kSessionPointBytes != 0) {
-    return fail("points has " + std::to_string(point_bytes) + " bytes, expected a multiple of " +
-                std::to_string(kSessionPointBytes) + " (pairs of float32)");
-  }
-  const std::size_t count = point_bytes / kSessionPointBytes;
-  if (count > kSessionMaxPoints) {
-    return fail(std::to_string(count) + " points; at most " + std::to_string(kSessionMaxPoints) +
-                " are allowed");
-  }
+  hal::Pose pose;
+  if (const std::string why = DecodePose(row, pose); !why.empty()) return fail(why);
+  if (const std::string why = CheckPoints(row); !why.empty()) return fail(why);
   profile.sequence = static_cast<std::uint64_t>(sequence);
-  profile.t_ns = sqlite3_column_int64(row, 1);
-  profile.X_WS.position_mm = {numbers[0], numbers[1], numbers[2]};
-  profile.X_WS.orientation = orientation;
+  profile.t_ns = row.Integer(1);
+  profile.X_WS = pose;
+  DecodePoints(row, profile);
+  return {};
+}
+
+void SessionReader::DecodePoints(const Statement& row, hal::LaserProfile& profile) {
+  const auto points = row.Blob(3);
+  const std::size_t count = points.size() / kSessionPointBytes;
   const unsigned char* intensity = nullptr;
-  if (sqlite3_column_type(row, 4) != SQLITE_NULL) {
-    const auto* const blob = static_cast<const unsigned char*>(sqlite3_column_blob(row, 4));
-    const auto bytes = static_cast<std::size_t>(sqlite3_column_bytes(row, 4));
-    const bool fits = sqlite3_column_type(row, 4) == SQLITE_BLOB && bytes == count;
-    if (fits) intensity = blob;
+  if (row.type(4) != Type::kNull) {
+    const auto values = row.Blob(4);
+    const bool fits = row.type(4) == Type::kBlob && values.size() == count;
+    if (fits) intensity = values.data();
     if (!fits) ++intensities_ignored_;
   }
   profile.points.clear();
   profile.intensity.clear();
   for (std::size_t i = 0; i < count; ++i) {
-    const unsigned char* const bytes = points + i * kSessionPointBytes;
+    const unsigned char* const bytes = points.data() + i * kSessionPointBytes;
     const hal::ProfilePoint point{LoadFloat32(bytes), LoadFloat32(bytes + sizeof(float))};
     if (!std::isfinite(point.x_mm) || !std::isfinite(point.z_mm)) {
       ++points_left_out_;
@@ -303,24 +303,23 @@ Result<void> SessionReader::DecodeProfile(hal::LaserProfile& profile) {
     profile.points.push_back(point);
     if (intensity != nullptr) profile.intensity.push_back(intensity[i]);
   }
-  return {};
 }
 
 Result<bool> SessionReader::NextEvent(hal::ScanEvent& event) {
-  if (auto moved = Advance(select_event_.get(), event_cursor_, "event"); !moved) {
+  if (auto moved = Advance(select_event_, event_cursor_, "event"); !moved) {
     return Fail(moved.error());
   }
   if (event_cursor_ == Cursor::kEnd) return false;
   event_cursor_ = Cursor::kBeforeRow;
-  sqlite3_stmt* const row = select_event_.get();
-  if (sqlite3_column_type(row, 0) != SQLITE_INTEGER) {
+  const Statement& row = select_event_;
+  if (row.type(0) != Type::kInteger) {
     return Fail(ErrorKind::kBadInput, path_ + ": table event, row " +
                                           std::to_string(events_read_ + 1) + ": t_ns is " +
                                           TypeName(row, 0) + ", expected an integer");
   }
-  event.t_ns = sqlite3_column_int64(row, 0);
-  const std::string_view kind = TextColumn(row, 1);
-  const std::string_view detail = TextColumn(row, 2);
+  event.t_ns = row.Integer(0);
+  const std::string_view kind = row.Text(1);
+  const std::string_view detail = row.Text(2);
   event.kind = hal::ScanEventKindFromName(kind);
   if (event.kind == hal::ScanEventKind::kOther && kind != hal::Name(event.kind)) {
     event.set_detail(std::string(kind.substr(0, 200)) + ": " + std::string(detail.substr(0, 200)));

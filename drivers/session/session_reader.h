@@ -48,7 +48,7 @@ class SessionReader {
   // seq of the last row reached; -1 before the first.
   std::int64_t last_sequence() const { return last_sequence_; }
   const std::string& path() const { return path_; }
-  sqlite3* database() const { return database_.get(); }
+  const Database& database() const { return database_; }
 
  private:
   // Where a statement stands: a row is stepped to at most once.
@@ -58,15 +58,15 @@ class SessionReader {
   hal::Result<void> CheckHead();
   hal::Result<void> CheckTable(const char* table, std::initializer_list<const char*> columns);
   hal::Result<void> ReadMeta();
-  hal::Result<std::int64_t> ReadNumber(const char* sql);
   void FindMaxPoints();
-  hal::Result<void> Advance(sqlite3_stmt* statement, Cursor& cursor, const char* table);
+  hal::Result<void> Advance(Statement& statement, Cursor& cursor, const char* table);
   hal::Result<void> DecodeProfile(hal::LaserProfile& profile);
+  void DecodePoints(const Statement& row, hal::LaserProfile& profile);
 
   std::string path_;
-  DatabasePtr database_;
-  StatementPtr select_profile_;
-  StatementPtr select_event_;
+  Database database_;
+  Statement select_profile_;
+  Statement select_event_;
   Cursor profile_cursor_ = Cursor::kBeforeRow;
   Cursor event_cursor_ = Cursor::kBeforeRow;
   std::map<std::string, std::string> meta_;

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <span>
 #include <string_view>
 #include <system_error>
 
@@ -77,7 +78,6 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
   auto database = OpenSessionForWriting(path);
   if (!database) return Fail(database.error());
   writer.database_ = std::move(*database);
-  sqlite3* const raw = writer.database_.get();
   // The empty tables are in the file itself before the log begins, so that the file alone is
   // always a session. One fsync a commit (FULL): NORMAL would lose more than the last interval.
   const std::string set_up =
@@ -86,10 +86,10 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
       "; PRAGMA user_version=" + std::to_string(kSessionVersion) + "; BEGIN; " + kSessionTables +
       " INSERT INTO meta VALUES('units', 'mm'); COMMIT; "
       "PRAGMA journal_mode=WAL;";
-  if (auto done = Execute(raw, path, set_up.c_str()); !done) return Fail(done.error());
+  if (auto done = writer.database_.Execute(set_up); !done) return Fail(done.error());
 
-  const auto prepare = [&](StatementPtr& statement, const char* sql) -> Result<void> {
-    auto prepared = Prepare(raw, path, sql);
+  const auto prepare = [&](Statement& statement, const char* sql) -> Result<void> {
+    auto prepared = writer.database_.Prepare(sql);
     if (!prepared) return Fail(prepared.error());
     statement = std::move(*prepared);
     return {};
@@ -110,30 +110,24 @@ Result<void> SessionWriter::Begin() {
     return Fail(ErrorKind::kInternal, path_ + ": the session is finished; nothing can be written");
   }
   if (in_transaction_) return {};
-  if (auto begun = Execute(database_.get(), path_, "BEGIN"); !begun) return begun;
+  if (auto begun = database_.Execute("BEGIN"); !begun) return begun;
   in_transaction_ = true;
   begun_ = clock_->Now();
   waiting_ = 0;
   return {};
 }
 
-Result<void> SessionWriter::Step(sqlite3_stmt* statement, const std::string& what) {
-  const int code = sqlite3_step(statement);
-  Result<void> result;
-  if (code != SQLITE_DONE) result = Fail(DatabaseError(database_.get(), path_, what));
-  sqlite3_reset(statement);
-  sqlite3_clear_bindings(statement);
+Result<void> SessionWriter::Run(Statement& statement, const std::string& what) {
+  auto done = database_.Run(statement, what);
   // Some errors (a full disk) end the transaction by themselves.
-  if (sqlite3_get_autocommit(database_.get()) != 0) in_transaction_ = false;
-  return result;
+  if (!database_.in_transaction()) in_transaction_ = false;
+  return done;
 }
 
 Result<void> SessionWriter::SetMeta(const std::string& key, const std::string& value) {
   if (auto begun = Begin(); !begun) return begun;
-  sqlite3_bind_text64(insert_meta_.get(), 1, key.data(), key.size(), SQLITE_STATIC, SQLITE_UTF8);
-  sqlite3_bind_text64(insert_meta_.get(), 2, value.data(), value.size(), SQLITE_STATIC,
-                      SQLITE_UTF8);
-  if (auto done = Step(insert_meta_.get(), "table meta, key " + key); !done) return done;
+  insert_meta_.Bind(key).Bind(value);
+  if (auto done = Run(insert_meta_, "table meta, key " + key); !done) return done;
   return Tick();
 }
 
@@ -161,22 +155,16 @@ Result<void> SessionWriter::Write(const hal::LaserProfile& profile) {
     StoreFloat32(profile.points[i].z_mm, bytes + sizeof(float));
   }
 
-  sqlite3_stmt* const insert = insert_profile_.get();
-  sqlite3_bind_int64(insert, 1, static_cast<std::int64_t>(profile.sequence));
-  sqlite3_bind_int64(insert, 2, profile.t_ns);
-  sqlite3_bind_blob64(insert, 3, pose.data(), pose.size(), SQLITE_STATIC);
-  if (points_bytes_.empty()) {
-    sqlite3_bind_zeroblob(insert, 4, 0);  // a null pointer would be NULL
-  } else {
-    sqlite3_bind_blob64(insert, 4, points_bytes_.data(), points_bytes_.size(), SQLITE_STATIC);
-  }
+  insert_profile_.Bind(static_cast<std::int64_t>(profile.sequence))
+      .Bind(profile.t_ns)
+      .Bind(std::span<const unsigned char>(pose))
+      .Bind(std::span<const unsigned char>(points_bytes_));
   if (profile.intensity.empty()) {
-    sqlite3_bind_null(insert, 5);
+    insert_profile_.BindNull();
   } else {
-    sqlite3_bind_blob64(insert, 5, profile.intensity.data(), profile.intensity.size(),
-                        SQLITE_STATIC);
+    insert_profile_.Bind(std::span<const unsigned char>(profile.intensity));
   }
-  auto done = Step(insert, "table profile, seq " + std::to_string(profile.sequence));
+  auto done = Run(insert_profile_, "table profile, seq " + std::to_string(profile.sequence));
   if (!done) return done;
   ++profiles_;
   ++waiting_;
@@ -187,15 +175,13 @@ Result<void> SessionWriter::Write(const hal::ScanEvent& event) {
   if (auto begun = Begin(); !begun) return begun;
   const std::string_view kind = hal::Name(event.kind);
   const std::string_view detail = event.detail();
-  sqlite3_stmt* const insert = insert_event_.get();
-  sqlite3_bind_int64(insert, 1, event.t_ns);
-  sqlite3_bind_text64(insert, 2, kind.data(), kind.size(), SQLITE_STATIC, SQLITE_UTF8);
+  insert_event_.Bind(event.t_ns).Bind(kind);
   if (detail.empty()) {
-    sqlite3_bind_null(insert, 3);
+    insert_event_.BindNull();
   } else {
-    sqlite3_bind_text64(insert, 3, detail.data(), detail.size(), SQLITE_STATIC, SQLITE_UTF8);
+    insert_event_.Bind(detail);
   }
-  if (auto done = Step(insert, "table event"); !done) return done;
+  if (auto done = Run(insert_event_, "table event"); !done) return done;
   ++events_;
   return Tick();
 }
@@ -210,9 +196,9 @@ Result<void> SessionWriter::Tick() {
 
 Result<void> SessionWriter::Commit() {
   if (!in_transaction_) return {};
-  auto committed = Execute(database_.get(), path_, "COMMIT");
-  if (!committed && sqlite3_get_autocommit(database_.get()) == 0) {
-    (void)Execute(database_.get(), path_, "ROLLBACK");
+  auto committed = database_.Execute("COMMIT");
+  if (!committed && database_.in_transaction()) {
+    (void)database_.Execute("ROLLBACK");
   }
   in_transaction_ = false;
   waiting_ = 0;
@@ -222,14 +208,12 @@ Result<void> SessionWriter::Commit() {
 Result<void> SessionWriter::Finish() {
   if (!database_) return {};
   auto result = Commit();
-  insert_meta_.reset();
-  insert_profile_.reset();
-  insert_event_.reset();
+  for (Statement* insert : {&insert_meta_, &insert_profile_, &insert_event_}) *insert = {};
   // Leaving log mode moves the whole log into the file and removes it and its index.
-  const auto left = Execute(database_.get(), path_,
-                            "PRAGMA wal_checkpoint(TRUNCATE); PRAGMA journal_mode=DELETE");
+  const auto left =
+      database_.Execute("PRAGMA wal_checkpoint(TRUNCATE); PRAGMA journal_mode=DELETE");
   if (result && !left) result = left;
-  database_.reset();
+  database_ = {};
   return result;
 }
 

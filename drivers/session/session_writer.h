@@ -62,15 +62,15 @@ class SessionWriter {
  private:
   SessionWriter() = default;
   hal::Result<void> Begin();
-  hal::Result<void> Step(sqlite3_stmt* statement, const std::string& what);
+  hal::Result<void> Run(Statement& statement, const std::string& what);
 
   std::string path_;
   const hal::Clock* clock_ = nullptr;
   SessionWriterOptions options_;
-  DatabasePtr database_;
-  StatementPtr insert_meta_;
-  StatementPtr insert_profile_;
-  StatementPtr insert_event_;
+  Database database_;  // none once it is finished
+  Statement insert_meta_;
+  Statement insert_profile_;
+  Statement insert_event_;
   bool in_transaction_ = false;
   std::chrono::nanoseconds begun_{0};
   std::size_t waiting_ = 0;

@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "drivers/sqlite/database.h"
 #include "firmware-host/result/run_result.h"
 #include "hal/result.h"
-
-struct sqlite3;
 
 namespace bendloop::host {
 
@@ -25,17 +25,13 @@ struct HistoryPart {
 
 // The parts of a cell in the order in which they were inspected: one SQLite database (WAL, flushed
 // to disk at each part), readable with any SQLite shell. Several processes may read while one adds.
-// Errors: kBadInput for a file that is not a history or of a newer version, else kInternal with
-// SQLite's words.
+// Errors: kBadInput for a file that is not a history or of a newer version, kDevice for the disk,
+// else kInternal with SQLite's words.
 class History {
  public:
   // Creates the file if there is none. ":memory:" for tests.
   static hal::Result<History> Open(const std::filesystem::path& path,
                                    const HistoryOptions& options = {});
-  History(History&& other) noexcept;
-  History& operator=(History&& other) noexcept;
-  ~History();
-
   // Adds a part and drops what is older than the newest `most_parts`, both or neither.
   hal::Result<std::int64_t> Add(const RunResult& result);
   // The newest `count` parts, oldest first; only those with this name if `part` is not empty.
@@ -43,14 +39,13 @@ class History {
   hal::Result<std::size_t> Count() const;
 
  private:
-  History(sqlite3* db, std::string name, HistoryOptions options)
-      : db_(db), name_(std::move(name)), options_(options) {}
+  History(drivers::Database database, HistoryOptions options)
+      : database_(std::move(database)), options_(options) {}
   hal::Result<void> Prepare();
-  hal::Result<void> Execute(const char* sql) const;
-  hal::Error Broken(const char* doing) const;
+  hal::Result<void> CheckOrCreate();
+  hal::Result<std::int64_t> Insert(const RunResult& result);
 
-  sqlite3* db_ = nullptr;
-  std::string name_;
+  drivers::Database database_;
   HistoryOptions options_;
 };
 

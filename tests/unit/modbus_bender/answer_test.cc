@@ -119,29 +119,51 @@ TEST_P(TcpAnswer, OfAReadIsChecked) {
   exchanges.CheckRead(GetParam().words);
 }
 
+class RtuAnswer : public testing::TestWithParam<BadAnswer> {};
+
+TEST_P(RtuAnswer, OfAReadIsChecked) {
+  Exchanges exchanges(ScriptedPeer::Carrier::kRtu, GetParam().spoil);
+  exchanges.CheckRead(GetParam().words);
+}
+
+// What may happen on any carrier.
+std::vector<BadAnswer> AnyAnswers() {
+  return {{"Good", [](Bytes good) { return ScriptedAnswer{good}; }, ""},
+          {"ByteByByte",
+           [](Bytes good) {
+             return ScriptedAnswer{good, true};
+           },
+           ""},
+          // Found before the next request goes out.
+          {"ExtraBytes",
+           [](Bytes good) {
+             good.insert(good.end(), {0, 0, 0});
+             return ScriptedAnswer{good};
+           },
+           ""},
+          {"Twice",
+           [](Bytes good) {
+             const Bytes again = good;
+             good.insert(good.end(), again.begin(), again.end());
+             return ScriptedAnswer{good};
+           },
+           ""},
+          {"Silence", [](Bytes) { return ScriptedAnswer{}; }, "no complete answer within 300 ms"},
+          // However the bytes come, the whole answer must be there in time.
+          {"CutOff",
+           [](Bytes good) {
+             good.pop_back();
+             return ScriptedAnswer{good, true};
+           },
+           "no complete answer within 300 ms"}};
+}
+
+INSTANTIATE_TEST_SUITE_P(Any, TcpAnswer, testing::ValuesIn(AnyAnswers()), NameOf);
+INSTANTIATE_TEST_SUITE_P(Any, RtuAnswer, testing::ValuesIn(AnyAnswers()), NameOf);
+
 INSTANTIATE_TEST_SUITE_P(
     Tcp, TcpAnswer,
-    testing::Values(BadAnswer{"Good", [](Bytes good) { return ScriptedAnswer{good}; }, ""},
-                    BadAnswer{"ByteByByte",
-                              [](Bytes good) {
-                                return ScriptedAnswer{good, true};
-                              },
-                              ""},
-                    // Found before the next request goes out.
-                    BadAnswer{"ExtraBytes",
-                              [](Bytes good) {
-                                good.insert(good.end(), {0, 0, 0});
-                                return ScriptedAnswer{good};
-                              },
-                              ""},
-                    BadAnswer{"Twice",
-                              [](Bytes good) {
-                                const Bytes again = good;
-                                good.insert(good.end(), again.begin(), again.end());
-                                return ScriptedAnswer{good};
-                              },
-                              ""},
-                    BadAnswer{"WrongUnit", [](Bytes good) { return Patched(good, 6, 2); },
+    testing::Values(BadAnswer{"WrongUnit", [](Bytes good) { return Patched(good, 6, 2); },
                               "answer from unit 2, expected unit 1"},
                     BadAnswer{"WrongTransaction", [](Bytes good) { return Patched(good, 0, 0x7f); },
                               "answer to transaction 32514, expected 2"},
@@ -171,15 +193,6 @@ INSTANTIATE_TEST_SUITE_P(
                                 return ScriptedAnswer{good};
                               },
                               "answer of 4 data bytes, expected 6"},
-                    BadAnswer{"Silence", [](Bytes) { return ScriptedAnswer{}; },
-                              "no complete answer within 300 ms"},
-                    // However the bytes come, the whole answer must be there in time.
-                    BadAnswer{"CutOff",
-                              [](Bytes good) {
-                                good.pop_back();
-                                return ScriptedAnswer{good, true};
-                              },
-                              "no complete answer within 300 ms"},
                     BadAnswer{"CutOffAndHungUp",
                               [](Bytes good) {
                                 good.pop_back();
@@ -227,13 +240,6 @@ TEST(LibmodbusOverTcp, TakesAnAnswerOfAnotherUnitForGood) {
   EXPECT_FALSE(accepts(7, false)) << "function";
 }
 
-class RtuAnswer : public testing::TestWithParam<BadAnswer> {};
-
-TEST_P(RtuAnswer, OfAReadIsChecked) {
-  Exchanges exchanges(ScriptedPeer::Carrier::kRtu, GetParam().spoil);
-  exchanges.CheckRead(GetParam().words);
-}
-
 // A good answer without its crc.
 Bytes Bare(Bytes good) {
   good.resize(good.size() - 2);
@@ -242,19 +248,7 @@ Bytes Bare(Bytes good) {
 
 INSTANTIATE_TEST_SUITE_P(
     Rtu, RtuAnswer,
-    testing::Values(BadAnswer{"Good", [](Bytes good) { return ScriptedAnswer{good}; }, ""},
-                    BadAnswer{"ByteByByte",
-                              [](Bytes good) {
-                                return ScriptedAnswer{good, true};
-                              },
-                              ""},
-                    BadAnswer{"ExtraBytes",
-                              [](Bytes good) {
-                                good.insert(good.end(), {0, 0, 0});
-                                return ScriptedAnswer{good};
-                              },
-                              ""},
-                    BadAnswer{"WrongUnit",
+    testing::Values(BadAnswer{"WrongUnit",
                               [](Bytes good) {
                                 good[0] = 2;
                                 return ScriptedAnswer{WithCrc(Bare(good))};
@@ -277,15 +271,7 @@ INSTANTIATE_TEST_SUITE_P(
                               [](Bytes) {
                                 return ScriptedAnswer{WithCrc({kUnit, 3, 4, 1, 2, 3, 4})};
                               },
-                              "no valid answer: Invalid data"},
-                    BadAnswer{"Silence", [](Bytes) { return ScriptedAnswer{}; },
-                              "no complete answer within 300 ms"},
-                    BadAnswer{"CutOff",
-                              [](Bytes good) {
-                                good.pop_back();
-                                return ScriptedAnswer{good, true};
-                              },
-                              "no complete answer within 300 ms"}),
+                              "no valid answer: Invalid data"}),
     NameOf);
 
 }  // namespace

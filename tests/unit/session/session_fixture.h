@@ -38,7 +38,7 @@ class SessionTest : public ::testing::Test {
   void Sql(const std::string& path, const std::string& sql) const {
     auto database = OpenSessionForWriting(path);
     ASSERT_TRUE(database);
-    const auto done = Execute(database->get(), path, sql.c_str());
+    const auto done = database->Execute(sql);
     ASSERT_TRUE(done) << done.error().message;
   }
 
