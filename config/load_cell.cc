@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <arpa/inet.h>
-
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <iterator>
 #include <optional>
@@ -12,18 +9,13 @@
 #include "config/load.h"
 #include "config/object_dictionary.h"
 #include "config/parse_file.h"
+#include "hal/network_address.h"
 
 namespace bendloop::config {
 namespace {
 
-bool IsNumericAddress(const std::string& host) {
-  std::array<unsigned char, sizeof(in6_addr)> address;
-  return inet_pton(AF_INET, host.c_str(), address.data()) == 1 ||
-         inet_pton(AF_INET6, host.c_str(), address.data()) == 1;
-}
-
 void CheckAddress(TomlDocument& document, const std::string& path, const std::string& host) {
-  if (IsNumericAddress(host)) return;
+  if (hal::IsNumericAddress(host)) return;
   document.Report(path, "found '" + Printable(host) +
                             "', expected a numeric address such as 192.168.0.10 (looking up a "
                             "name has no bounded time)");

@@ -9,28 +9,17 @@
 
 #include "config/load.h"
 #include "config/toml_document.h"
+#include "hal/text.h"
 
 namespace bendloop::config {
 namespace {
 
+using hal::Lower;
+using hal::Trimmed;
+
 constexpr std::size_t kMaxProblems = 20;
 constexpr std::uint64_t kMaxSubs = 254;
 constexpr std::size_t kMaxObjects = 100000;
-
-std::string_view Trim(std::string_view text) {
-  const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
-  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
-  return text;
-}
-
-std::string Lower(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return lower;
-}
 
 std::optional<std::uint64_t> Digits(std::string_view text, int base) {
   std::uint64_t value = 0;
@@ -118,7 +107,7 @@ class EdsReader {
     Section* section = nullptr;
     for (std::uint32_t line = 1; !text.empty(); ++line) {
       const std::size_t end = std::min(text.find('\n'), text.size());
-      const std::string_view content = Trim(text.substr(0, end));
+      const std::string_view content = Trimmed(text.substr(0, end));
       text.remove_prefix(std::min(end + 1, text.size()));
       if (content.empty() || content.front() == ';') continue;
       if (content.front() == '[' && content.back() == ']') {
@@ -147,8 +136,8 @@ class EdsReader {
                               "', expected a [section], then lines of the form key=value; comments "
                               "begin with ;");
     }
-    const std::string key = Lower(Trim(content.substr(0, equals)));
-    const Entry entry{std::string(Trim(content.substr(equals + 1))), line};
+    const std::string key = Lower(Trimmed(content.substr(0, equals)));
+    const Entry entry{std::string(Trimmed(content.substr(equals + 1))), line};
     if (!section->entries.try_emplace(key, entry).second) {
       Report(line,
              "found key '" + Printable(key) + "' a second time in its section, expected it once");

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "drivers/modbus_bender/tcp_carrier.h"
 
-#include <arpa/inet.h>
 #include <sys/socket.h>
 
 #include <cerrno>
@@ -11,6 +10,7 @@
 
 #include "drivers/modbus_bender/frame_carrier.h"
 #include "drivers/modbus_bender/modbus_context.h"
+#include "hal/network_address.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -37,9 +37,7 @@ class TcpCarrier final : public FrameCarrier {
 
  private:
   hal::Result<ModbusHandle> MakeHandle() const {
-    unsigned char address[sizeof(in6_addr)];
-    if (inet_pton(AF_INET, host_.c_str(), address) != 1 &&
-        inet_pton(AF_INET6, host_.c_str(), address) != 1) {
+    if (!hal::IsNumericAddress(host_)) {
       return hal::Fail(
           hal::ErrorKind::kBadInput,
           "bender host \"" + host_ + "\": a numeric address such as 192.168.0.10 was expected");

@@ -10,20 +10,6 @@
 
 namespace bendloop::host {
 
-std::string_view Trimmed(std::string_view text) {
-  while (!text.empty() && (IsBlank(text.front()) || text.front() == '\r')) text.remove_prefix(1);
-  while (!text.empty() && (IsBlank(text.back()) || text.back() == '\r')) text.remove_suffix(1);
-  return text;
-}
-
-std::string Lower(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return lower;
-}
-
 Lines::Lines(std::string_view bytes, std::size_t first_line)
     : bytes_(bytes), number_(first_line - 1) {
   // The first line's end tells the file's style: a lone CR counts only where no LF follows, as

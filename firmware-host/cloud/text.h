@@ -6,12 +6,14 @@
 #include <string>
 #include <string_view>
 
+#include "hal/text.h"
+
 // What all readers of text need; numbers as scanners and spreadsheets write them.
 namespace bendloop::host {
 
 inline bool IsBlank(char c) { return c == ' ' || c == '\t'; }
-std::string_view Trimmed(std::string_view text);
-std::string Lower(std::string_view text);
+using hal::Lower;
+using hal::Trimmed;
 
 // Lines that end in LF, CRLF or, in old files, CR alone; counts them from 1.
 class Lines {
