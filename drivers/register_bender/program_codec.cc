@@ -104,6 +104,54 @@ hal::Result<void> PutRotation(const RegisterMap& map, const RegisterField& field
   return {};
 }
 
+// Row i as the controller wants to see it.
+hal::Result<void> PutRow(const RegisterMap& map, const hal::ProgramArea& area, std::size_t i,
+                         const hal::BendRow& row, RegisterImage& image) {
+  auto ok = PutField(map, AtRow(map, area, map.row_length_mm, i), row.length_mm,
+                     RowName(i, "length_mm"), image);
+  if (ok) {
+    ok = PutRotation(map, AtRow(map, area, map.row_rotation_deg, i), row.rotation_deg,
+                     RowName(i, "rotation_deg"), image);
+  }
+  if (ok) {
+    ok = PutField(map, AtRow(map, area, map.row_angle_deg, i), row.angle_deg,
+                  RowName(i, "angle_deg"), image);
+  }
+  if (!ok || !map.row_bend_radius_mm) return ok;
+  const RegisterField radius = AtRow(map, area, *map.row_bend_radius_mm, i);
+  const std::string name = RowName(i, "bend_radius_mm");
+  ok = PutField(map, radius, row.bend_radius_mm.value_or(0), name, image);
+  if (!ok) return ok;
+  if (row.bend_radius_mm && !(GetField(map, radius, name, image).value_or(0) > 0)) {
+    return hal::Fail(ErrorKind::kBadInput,
+                     name + ": " + std::to_string(*row.bend_radius_mm) +
+                         " is 0 or less at the bender's resolution; a radius above 0 was "
+                         "expected");
+  }
+  return {};
+}
+
+// After the rows, of which the crc is.
+hal::Result<void> PutHead(const RegisterMap& map, const hal::ProgramArea& area,
+                          const hal::ProgramBlock& block, RegisterImage& image) {
+  const auto count = static_cast<std::uint32_t>(block.program.rows.size());
+  const std::pair<const RegisterField*, std::pair<std::uint32_t, const char*>> heads[] = {
+      {&area.part_number, {block.part_number, "part_number"}},
+      {&area.sequence, {block.sequence, "sequence"}},
+      {&area.row_count, {count, "row_count"}},
+      {&area.crc, {ProgramCrc(map, area, block.part_number, block.sequence, count, image), "crc"}}};
+  for (const auto& [field, value] : heads) {
+    if (auto ok = PutField(map, *field, value.first, value.second, image); !ok) return ok;
+    const auto back = GetInteger(map, *field, value.second, image);
+    if (!back || *back != value.first) {
+      return hal::Fail(ErrorKind::kBadInput, std::string(value.second) + ": " +
+                                                 std::to_string(value.first) + " loses digits in " +
+                                                 PlaceOf(*field));
+    }
+  }
+  return {};
+}
+
 void CrcByte(std::uint32_t& crc, std::uint8_t byte) {
   constexpr std::uint32_t kReversedPolynomial = 0xEDB88320u;
   crc ^= byte;
@@ -180,50 +228,12 @@ hal::Result<void> EncodeProgram(const RegisterMap& map, const hal::ProgramArea& 
   double feed_mm = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     feed_mm = map.length_cumulative ? feed_mm + rows[i].length_mm : rows[i].length_mm;
-    if (auto ok = PutField(map, AtRow(map, area, map.row_length_mm, i), feed_mm,
-                           RowName(i, "length_mm"), image);
-        !ok) {
-      return ok;
-    }
-    if (auto ok = PutRotation(map, AtRow(map, area, map.row_rotation_deg, i), rotations[i],
-                              RowName(i, "rotation_deg"), image);
-        !ok) {
-      return ok;
-    }
-    if (auto ok = PutField(map, AtRow(map, area, map.row_angle_deg, i), rows[i].angle_deg,
-                           RowName(i, "angle_deg"), image);
-        !ok) {
-      return ok;
-    }
-    if (!map.row_bend_radius_mm) continue;
-    const RegisterField radius = AtRow(map, area, *map.row_bend_radius_mm, i);
-    const std::string name = RowName(i, "bend_radius_mm");
-    if (auto ok = PutField(map, radius, rows[i].bend_radius_mm.value_or(0), name, image); !ok) {
-      return ok;
-    }
-    if (rows[i].bend_radius_mm && !(GetField(map, radius, name, image).value_or(0) > 0)) {
-      return hal::Fail(ErrorKind::kBadInput,
-                       name + ": " + std::to_string(*rows[i].bend_radius_mm) +
-                           " is 0 or less at the bender's resolution; a radius above 0 was "
-                           "expected");
-    }
+    hal::BendRow out = rows[i];
+    out.length_mm = feed_mm;
+    out.rotation_deg = rotations[i];
+    if (auto ok = PutRow(map, area, i, out, image); !ok) return ok;
   }
-  const auto count = static_cast<std::uint32_t>(rows.size());
-  const std::pair<const RegisterField*, std::pair<std::uint32_t, const char*>> heads[] = {
-      {&area.part_number, {block.part_number, "part_number"}},
-      {&area.sequence, {block.sequence, "sequence"}},
-      {&area.row_count, {count, "row_count"}},
-      {&area.crc, {ProgramCrc(map, area, block.part_number, block.sequence, count, image), "crc"}}};
-  for (const auto& [field, value] : heads) {
-    if (auto ok = PutField(map, *field, value.first, value.second, image); !ok) return ok;
-    const auto back = GetInteger(map, *field, value.second, image);
-    if (!back || *back != value.first) {
-      return hal::Fail(ErrorKind::kBadInput, std::string(value.second) + ": " +
-                                                 std::to_string(value.first) + " loses digits in " +
-                                                 PlaceOf(*field));
-    }
-  }
-  return {};
+  return PutHead(map, area, block, image);
 }
 
 hal::Result<hal::ProgramBlock> DecodeProgram(const RegisterMap& map, const hal::ProgramArea& area,

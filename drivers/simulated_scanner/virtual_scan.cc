@@ -111,6 +111,46 @@ hal::ScanEvent VirtualScan::EndEvent() const {
   return event;
 }
 
+// What one profile sees, ray by ray.
+struct VirtualScan::View {
+  Random random;
+  Vector3d camera;
+  double least_cosine;
+  const std::vector<Scene::Piece>& in_laser_plane;
+  const std::vector<Scene::Piece>& before_camera;
+  double along_before_mm = -1;  // of the last ray's surface, -1: none
+};
+
+std::optional<VirtualScan::Spot> VirtualScan::SpotOf(const Ray& ray, double depth,
+                                                     View& view) const {
+  Random& random = view.random;
+  const auto hit = scene_.FirstHit(view.in_laser_plane, ray, options_.far_mm / depth);
+  double along_mm = hit ? hit->along_mm : -1;
+  const double before_mm = std::exchange(view.along_before_mm, along_mm);
+  if (random.Chance(options_.outlier_fraction)) {
+    constexpr double kWeak = 0.05;  // fliers are
+    return Spot{random.Uniform(options_.near_mm, options_.far_mm) / depth, kWeak};
+  }
+  if (!hit) return std::nullopt;
+  const double cosine = -ray.direction.dot(hit->normal);
+  if (along_mm * depth < options_.near_mm || cosine < view.least_cosine) return std::nullopt;
+  const Vector3d point = ray.At(along_mm);
+  const Vector3d to_camera = view.camera - point;
+  if (to_camera.dot(hit->normal) <= 0) return std::nullopt;
+  const double camera_mm = to_camera.norm();
+  if (scene_.IsBlocked(view.before_camera, {point, to_camera / camera_mm}, kSelfMm, camera_mm)) {
+    return std::nullopt;
+  }
+  if (random.Chance(options_.dropout_fraction)) return std::nullopt;
+  // Where the ray before met something else the spot lies on both.
+  const bool is_edge = before_mm >= 0 && std::abs(before_mm - along_mm) > 2.0;
+  if (is_edge && random.Chance(options_.mixed_pixel_fraction)) {
+    along_mm += (before_mm - along_mm) * random.Uniform();
+  }
+  along_mm += options_.noise_mm / std::pow(cosine, options_.noise_growth) * random.Normal();
+  return Spot{along_mm, cosine};
+}
+
 void VirtualScan::Make(std::size_t index, hal::LaserProfile& profile) const {
   const hal::Pose& X_WS = poses_[index];
   profile.sequence = index;
@@ -118,18 +158,10 @@ void VirtualScan::Make(std::size_t index, hal::LaserProfile& profile) const {
   profile.X_WS = X_WS;
   profile.points.clear();
   profile.intensity.clear();
-  Random random(options_.seed, index);
-  if (options_.pose_noise_mm > 0) {
-    for (int axis = 0; axis < 3; ++axis) {
-      profile.X_WS.position_mm[axis] += options_.pose_noise_mm * random.Normal();
-    }
-  }
-
   const Eigen::Matrix3d R_WS = X_WS.orientation.toRotationMatrix();
   const Vector3d y_W = R_WS.col(1);
   const double plane_mm = y_W.dot(X_WS.position_mm);
   const double baseline_mm = options_.camera_baseline_mm;
-  const Vector3d camera = X_WS.position_mm + baseline_mm * y_W;
   // Thread-local so that a scan may be made by several threads and allocates only once.
   thread_local std::vector<Scene::Piece> in_laser_plane;
   thread_local std::vector<Scene::Piece> before_camera;
@@ -137,45 +169,25 @@ void VirtualScan::Make(std::size_t index, hal::LaserProfile& profile) const {
   scene_.PiecesIn(
       {y_W, plane_mm + std::min(baseline_mm, 0.0), plane_mm + std::max(baseline_mm, 0.0)},
       before_camera);
-  const double least_cosine = std::cos(options_.max_incidence_deg * kRadiansPerDegree);
-
-  double along_before_mm = -1;  // of the last ray's surface, -1: none
+  View view{Random(options_.seed, index), X_WS.position_mm + baseline_mm * y_W,
+            std::cos(options_.max_incidence_deg * kRadiansPerDegree), in_laser_plane,
+            before_camera};
+  if (options_.pose_noise_mm > 0) {
+    for (int axis = 0; axis < 3; ++axis) {
+      profile.X_WS.position_mm[axis] += options_.pose_noise_mm * view.random.Normal();
+    }
+  }
   for (const Eigen::Vector2d& ray_S : fan_) {
     const Ray ray{X_WS.position_mm, R_WS.col(0) * ray_S.x() + R_WS.col(2) * ray_S.y()};
-    const double to_mm = options_.far_mm / ray_S.y();
-    const auto hit = scene_.FirstHit(in_laser_plane, ray, to_mm);
-    double along_mm = hit ? hit->along_mm : -1;
-    const double before_mm = std::exchange(along_before_mm, along_mm);
-    const bool is_flier = random.Chance(options_.outlier_fraction);
-    if (!hit && !is_flier) continue;
-    double cosine = 0.05;  // fliers are weak
-    if (is_flier) {
-      along_mm = random.Uniform(options_.near_mm, options_.far_mm) / ray_S.y();
-    } else {
-      cosine = -ray.direction.dot(hit->normal);
-      if (along_mm * ray_S.y() < options_.near_mm || cosine < least_cosine) continue;
-      const Vector3d point = ray.At(along_mm);
-      const Vector3d to_camera = camera - point;
-      if (to_camera.dot(hit->normal) <= 0) continue;
-      const double camera_mm = to_camera.norm();
-      if (scene_.IsBlocked(before_camera, {point, to_camera / camera_mm}, kSelfMm, camera_mm)) {
-        continue;
-      }
-      if (random.Chance(options_.dropout_fraction)) continue;
-      // Where the ray before met something else the spot lies on both.
-      const bool is_edge = before_mm >= 0 && std::abs(before_mm - along_mm) > 2.0;
-      if (is_edge && random.Chance(options_.mixed_pixel_fraction)) {
-        along_mm += (before_mm - along_mm) * random.Uniform();
-      }
-      along_mm += options_.noise_mm / std::pow(cosine, options_.noise_growth) * random.Normal();
-    }
-    const double x_mm = along_mm * ray_S.x();
-    const double z_mm = along_mm * ray_S.y();
+    const auto spot = SpotOf(ray, ray_S.y(), view);
+    if (!spot) continue;
+    const double x_mm = spot->along_mm * ray_S.x();
+    const double z_mm = spot->along_mm * ray_S.y();
     profile.points.push_back(
         options_.quantise ? hal::ProfilePoint{RoundToWire(x_mm), RoundToWire(z_mm)}
                           : hal::ProfilePoint{static_cast<float>(x_mm), static_cast<float>(z_mm)});
     profile.intensity.push_back(
-        static_cast<std::uint8_t>(std::lround(20 + 230 * std::clamp(cosine, 0.0, 1.0))));
+        static_cast<std::uint8_t>(std::lround(20 + 230 * std::clamp(spot->cosine, 0.0, 1.0))));
   }
 }
 

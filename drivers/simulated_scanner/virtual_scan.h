@@ -71,6 +71,14 @@ class VirtualScan {
   hal::ScanEvent EndEvent() const;
 
  private:
+  struct View;
+  struct Spot {
+    double along_mm;  // the ray
+    double cosine;    // of the angle between ray and surface normal
+  };
+  // What the sensor sees of a ray; `depth`: its direction's z in S.
+  std::optional<Spot> SpotOf(const Ray& ray, double depth, View& view) const;
+
   VirtualScanOptions options_;
   Scene scene_;
   std::vector<hal::Pose> poses_;

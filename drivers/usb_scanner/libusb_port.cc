@@ -8,7 +8,11 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <optional>
+#include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "drivers/scanner_wire/wire_format.h"
 #include "hal/clock.h"
@@ -70,6 +74,67 @@ UsbEnd EndOf(const libusb_transfer& usb) {
   }
 }
 
+// A device that fits, opened.
+struct Candidate {
+  libusb_device* device;
+  libusb_device_handle* handle;
+  std::string serial;
+};
+
+// What was seen on the bus.
+struct Look {
+  std::vector<Candidate> found;
+  std::string others;                // serial numbers of those that do not fit
+  std::optional<hal::Error> closed;  // one that might, but does not open
+
+  // What to say where not exactly one was found.
+  hal::Error Trouble(const std::string& name) const {
+    if (found.size() > 1) {
+      std::string serials;
+      for (const Candidate& one : found) {
+        serials += (serials.empty() ? "'" : ", '") + one.serial + "'";
+      }
+      return {ErrorKind::kDevice, name + ": " + std::to_string(found.size()) +
+                                      " are plugged in (serial " + serials +
+                                      "); say which with [scanner] serial in the cell file"};
+    }
+    if (closed) return *closed;
+    return {ErrorKind::kDevice,
+            name + ": is not plugged in" +
+                (others.empty()
+                     ? std::string("; check its cable and power, and [scanner] usb_id in the cell "
+                                   "file")
+                     : " (but serial " + others + "); check [scanner] serial in the cell file")};
+  }
+};
+
+Look LookFor(const UsbMatch& match, const std::string& name, std::span<libusb_device*> bus) {
+  Look look;
+  for (libusb_device* const device : bus) {
+    libusb_device_descriptor about{};
+    if (libusb_get_device_descriptor(device, &about) != 0) continue;
+    if (about.idVendor != match.vendor || about.idProduct != match.product) continue;
+    libusb_device_handle* handle = nullptr;
+    if (const int code = libusb_open(device, &handle); code != 0) {
+      look.closed =
+          code == LIBUSB_ERROR_ACCESS
+              ? hal::Error{ErrorKind::kDevice, name + ": no access to " + Where(device) +
+                                                   "; install config/70-bendloop-scanner.rules "
+                                                   "and run as a member of group bendloop"}
+              : UsbError(name, "cannot open " + Where(device), code);
+      continue;
+    }
+    std::string serial = SerialOf(handle, about.iSerialNumber);
+    if (!match.serial.empty() && serial != match.serial) {
+      look.others += (look.others.empty() ? "" : ", ") + ("'" + serial + "'");
+      libusb_close(handle);
+      continue;
+    }
+    look.found.push_back({device, handle, std::move(serial)});
+  }
+  return look;
+}
+
 }  // namespace
 
 LibusbPort::LibusbPort() : wake_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) { out_.port = this; }
@@ -109,44 +174,9 @@ Result<std::string> LibusbPort::OpenOnce(const UsbMatch& match, const std::strin
   libusb_device** list = nullptr;
   const ssize_t count = libusb_get_device_list(context_, &list);
   if (count < 0) return Fail(UsbError(name, "no look at the bus", static_cast<int>(count)));
-  struct Found {
-    libusb_device* device;
-    libusb_device_handle* handle;
-    std::string serial;
-  };
-  std::vector<Found> found;
-  std::string others;
-  std::optional<hal::Error> closed;
-  for (ssize_t i = 0; i < count; ++i) {
-    libusb_device_descriptor about{};
-    if (libusb_get_device_descriptor(list[i], &about) != 0) continue;
-    if (about.idVendor != match.vendor || about.idProduct != match.product) continue;
-    libusb_device_handle* handle = nullptr;
-    if (const int code = libusb_open(list[i], &handle); code != 0) {
-      closed =
-          code == LIBUSB_ERROR_ACCESS
-              ? hal::Error{ErrorKind::kDevice, name + ": no access to " + Where(list[i]) +
-                                                   "; install config/70-bendloop-scanner.rules "
-                                                   "and run as a member of group bendloop"}
-              : UsbError(name, "cannot open " + Where(list[i]), code);
-      continue;
-    }
-    std::string serial = SerialOf(handle, about.iSerialNumber);
-    if (!match.serial.empty() && serial != match.serial) {
-      others += (others.empty() ? "" : ", ") + ("'" + serial + "'");
-      libusb_close(handle);
-      continue;
-    }
-    found.push_back({list[i], handle, std::move(serial)});
-  }
-  Result<std::string> result = Fail(
-      closed ? *closed
-             : hal::Error{ErrorKind::kDevice,
-                          name + ": is not plugged in" +
-                              (others.empty() ? std::string("; check its cable and power, and "
-                                                            "[scanner] usb_id in the cell file")
-                                              : " (but serial " + others +
-                                                    "); check [scanner] serial in the cell file")});
+  Look look = LookFor(match, name, {list, static_cast<std::size_t>(count)});
+  std::vector<Candidate>& found = look.found;
+  Result<std::string> result = Fail(look.Trouble(name));
   if (found.size() == 1) {
     auto taken = Take(found[0].device, found[0].handle, name);
     if (taken) {
@@ -155,14 +185,8 @@ Result<std::string> LibusbPort::OpenOnce(const UsbMatch& match, const std::strin
     } else {
       result = Fail(taken.error());
     }
-  } else if (found.size() > 1) {
-    std::string serials;
-    for (const Found& one : found) serials += (serials.empty() ? "'" : ", '") + one.serial + "'";
-    result = Fail(ErrorKind::kDevice, name + ": " + std::to_string(found.size()) +
-                                          " are plugged in (serial " + serials +
-                                          "); say which with [scanner] serial in the cell file");
   }
-  for (const Found& one : found) libusb_close(one.handle);
+  for (const Candidate& one : found) libusb_close(one.handle);
   libusb_free_device_list(list, 1);
   return result;
 }

@@ -102,11 +102,60 @@ hal::Result<Property> ParseProperty(std::string_view rest, std::string_view name
   return property;
 }
 
+// One line of the header each: what follows the keyword.
+hal::Result<void> TakeFormat(std::string_view rest, std::string_view name, std::size_t line,
+                             Header& header) {
+  header.encoding_name = std::string(NextWord(rest));
+  if (header.encoding_name == "ascii") {
+    header.encoding = Encoding::kAscii;
+  } else if (header.encoding_name == "binary_little_endian") {
+    header.encoding = Encoding::kLittleEndian;
+  } else if (header.encoding_name == "binary_big_endian") {
+    header.encoding = Encoding::kBigEndian;
+  } else {
+    return BadLine(name, line,
+                   "format " + Found(header.encoding_name) +
+                       ", expected ascii, binary_little_endian or binary_big_endian");
+  }
+  return {};
+}
+
+hal::Result<void> TakeElement(std::string_view rest, std::string_view name, std::size_t line,
+                              Header& header) {
+  Element element;
+  element.line = line;
+  element.name = std::string(NextWord(rest));
+  const std::string_view count_text = NextWord(rest);
+  const auto count = CountFrom(count_text);
+  if (!count) {
+    return BadLine(name, line, "element count " + Found(count_text) + ", expected a whole number");
+  }
+  element.count = *count;
+  header.elements.push_back(std::move(element));
+  return {};
+}
+
+hal::Result<void> TakeProperty(std::string_view rest, std::string_view name, std::size_t line,
+                               Header& header) {
+  if (header.elements.empty()) return BadLine(name, line, "property before any element");
+  auto property = ParseProperty(rest, name, line);
+  if (!property) return hal::Fail(property.error());
+  Element& element = header.elements.back();
+  for (const Property& other : element.properties) {
+    if (other.name == property->name) {
+      return BadLine(name, line,
+                     "property " + Found(property->name) + " stands twice in element " +
+                         Found(element.name) + ", expected it once");
+    }
+  }
+  element.properties.push_back(std::move(*property));
+  return {};
+}
+
 hal::Result<Header> ParseHeader(Lines& lines, std::string_view name) {
   Header header;
   std::string_view line;
   lines.Next(line);  // "ply"
-  bool format_seen = false;
   while (true) {
     if (!lines.Next(line)) {
       return BadLine(name, lines.number(),
@@ -120,54 +169,16 @@ hal::Result<Header> ParseHeader(Lines& lines, std::string_view name) {
     const std::string_view keyword = NextWord(rest);
     if (keyword.empty() || keyword == "comment" || keyword == "obj_info") continue;
     if (keyword == "end_header") break;
-    if (keyword == "format") {
-      header.encoding_name = std::string(NextWord(rest));
-      format_seen = true;
-      if (header.encoding_name == "ascii") {
-        header.encoding = Encoding::kAscii;
-      } else if (header.encoding_name == "binary_little_endian") {
-        header.encoding = Encoding::kLittleEndian;
-      } else if (header.encoding_name == "binary_big_endian") {
-        header.encoding = Encoding::kBigEndian;
-      } else {
-        return BadLine(name, number,
-                       "format " + Found(header.encoding_name) +
-                           ", expected ascii, binary_little_endian or binary_big_endian");
-      }
-    } else if (keyword == "element") {
-      Element element;
-      element.line = number;
-      element.name = std::string(NextWord(rest));
-      const std::string_view count_text = NextWord(rest);
-      const auto count = CountFrom(count_text);
-      if (!count) {
-        return BadLine(name, number,
-                       "element count " + Found(count_text) + ", expected a whole number");
-      }
-      element.count = *count;
-      header.elements.push_back(std::move(element));
-    } else if (keyword == "property") {
-      if (header.elements.empty()) {
-        return BadLine(name, number, "property before any element");
-      }
-      auto property = ParseProperty(rest, name, number);
-      if (!property) return hal::Fail(property.error());
-      auto& properties = header.elements.back().properties;
-      for (const Property& other : properties) {
-        if (other.name == property->name) {
-          return BadLine(name, number,
-                         "property " + Found(property->name) + " stands twice in element " +
-                             Found(header.elements.back().name) + ", expected it once");
-        }
-      }
-      properties.push_back(std::move(*property));
-    } else {
-      return BadLine(name, number,
-                     "found " + Found(keyword) +
-                         ", expected format, element, property, comment or end_header");
-    }
+    const auto taken = keyword == "format"     ? TakeFormat(rest, name, number, header)
+                       : keyword == "element"  ? TakeElement(rest, name, number, header)
+                       : keyword == "property" ? TakeProperty(rest, name, number, header)
+                                               : BadLine(name, number,
+                                                         "found " + Found(keyword) +
+                                                             ", expected format, element, "
+                                                             "property, comment or end_header");
+    if (!taken) return hal::Fail(taken.error());
   }
-  if (!format_seen) {
+  if (header.encoding_name.empty()) {
     return BadLine(name, lines.number(),
                    "the header has no format line, expected e.g. \"format ascii 1.0\"");
   }

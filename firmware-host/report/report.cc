@@ -121,6 +121,58 @@ std::string ViewerHtml(const std::string& bars, bool compared) {
          "move. Point at the tube to read a deviation.</p></section>\n";
 }
 
+std::string HeadHtml(const std::string& title) {
+  std::string html =
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"";
+  html += kPolicy;
+  html += "\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
+          title + " - tube report</title>\n<style>\n";
+  html += ReportCss();
+  html += "</style>\n</head>\n<body>\n";
+  html += kThreeLicence;
+  return html;
+}
+
+std::string HeaderHtml(const std::string& title, const RunResult& last, std::size_t parts) {
+  std::string html = "<header><div><h1>" + title + "</h1><p>" + Escape(OutcomeText(last)) +
+                     "</p></div>" + Badge(last) + "<dl>";
+  const auto fact = [&](const char* name, const std::string& value) {
+    if (!value.empty()) {
+      html += "<div><dt>" + std::string(name) + "</dt><dd>" + Escape(value) + "</dd></div>";
+    }
+  };
+  fact("Scan", ReadableTime(last.time));
+  fact("Session", last.session);
+  fact("Parts in this report", std::to_string(parts));
+  fact("Software", last.software);
+  return html + "</dl></header>\n";
+}
+
+// The colour bar that all parts share, and each part's own.
+std::string BarsHtml(const std::vector<Scene>& scenes, double scale_mm, double tolerance_mm) {
+  std::string bars = "<div data-bar=\"shared\">" + ColourBarSvg(scale_mm, tolerance_mm) + "</div>";
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    bars += "<div data-bar=\"" + std::to_string(i) + "\" hidden>" +
+            ColourBarSvg(ScaleMm(scenes[i]), tolerance_mm) + "</div>";
+  }
+  return bars;
+}
+
+std::string ScriptsHtml(const std::vector<Scene>& scenes, double scale_mm) {
+  Json data = {{"scale_mm", scale_mm}, {"parts", Json::array()}};
+  for (const Scene& scene : scenes) data["parts"].push_back(SceneJson(scene));
+  std::string html = "<script type=\"application/json\" id=\"data\">" + ScriptSafe(Dump(data)) +
+                     "</script>\n<script>";
+  html += ThreeJs();
+  html += "</script>\n<script>";
+  html += OrbitJs();
+  html += "</script>\n<script>";
+  html += ReportJs();
+  html += "</script>\n";
+  return html;
+}
+
 }  // namespace
 
 std::string ReportHtml(std::span<const RunResult> runs, const ReportOptions& options) {
@@ -138,35 +190,9 @@ std::string ReportHtml(std::span<const RunResult> runs, const ReportOptions& opt
                                    : last.part.empty()    ? "Tube"
                                                           : last.part);
 
-  std::string html =
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"";
-  html += kPolicy;
-  html += "\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
-          title + " - tube report</title>\n<style>\n";
-  html += ReportCss();
-  html += "</style>\n</head>\n<body>\n";
-  html += kThreeLicence;
-
-  html += "<header><div><h1>" + title + "</h1><p>" + Escape(OutcomeText(last)) + "</p></div>" +
-          Badge(last) + "<dl>";
-  const auto fact = [&](const char* name, const std::string& value) {
-    if (!value.empty()) {
-      html += "<div><dt>" + std::string(name) + "</dt><dd>" + Escape(value) + "</dd></div>";
-    }
-  };
-  fact("Scan", ReadableTime(last.time));
-  fact("Session", last.session);
-  fact("Parts in this report", std::to_string(runs.size()));
-  fact("Software", last.software);
-  html += "</dl></header>\n<main>\n";
+  std::string html = HeadHtml(title) + HeaderHtml(title, last, runs.size()) + "<main>\n";
   if (runs.size() > 1) html += SelectorHtml(runs);
-  std::string bars = "<div data-bar=\"shared\">" + ColourBarSvg(scale_mm, tolerance_mm) + "</div>";
-  for (std::size_t i = 0; i < scenes.size(); ++i) {
-    bars += "<div data-bar=\"" + std::to_string(i) + "\" hidden>" +
-            ColourBarSvg(ScaleMm(scenes[i]), tolerance_mm) + "</div>";
-  }
-  html += ViewerHtml(bars, compared);
+  html += ViewerHtml(BarsHtml(scenes, scale_mm, tolerance_mm), compared);
   for (std::size_t i = 0; i < runs.size(); ++i) {
     html += PartHtml(runs[i], scenes[i], i, i + 1 == runs.size(), scale_mm);
   }
@@ -180,18 +206,7 @@ std::string ReportHtml(std::span<const RunResult> runs, const ReportOptions& opt
       "</main>\n<footer>Lengths in mm, angles in degrees; &#177; is 1 sigma. Rotation is "
       "right-handed about the feed direction. Frame: the first straight along x, the first "
       "bend in the xy plane.</footer>\n";
-
-  Json data = {{"scale_mm", scale_mm}, {"parts", Json::array()}};
-  for (const Scene& scene : scenes) data["parts"].push_back(SceneJson(scene));
-  html += "<script type=\"application/json\" id=\"data\">" + ScriptSafe(Dump(data)) +
-          "</script>\n<script>";
-  html += ThreeJs();
-  html += "</script>\n<script>";
-  html += OrbitJs();
-  html += "</script>\n<script>";
-  html += ReportJs();
-  html += "</script>\n</body>\n</html>\n";
-  return html;
+  return html + ScriptsHtml(scenes, scale_mm) + "</body>\n</html>\n";
 }
 
 }  // namespace bendloop::host

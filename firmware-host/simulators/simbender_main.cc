@@ -76,13 +76,19 @@ bool Obey(SimulatedBender& bender, const std::string& line) {
   return true;
 }
 
-hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
-  drivers::SimulatedBenderOptions options;
-  options.program.sequence = 1;
+struct Options {
+  drivers::SimulatedBenderOptions bender;
+  drivers::IsotpChannel can;
+  drivers::SimulatedNode node;
+  std::string eds_file;
+  unsigned heartbeat_ms = 100;
   std::string map_file;
   std::string program_file;
   std::vector<std::string> faults;
   unsigned cycle_ms = 200;
+};
+
+void Describe(CLI::App& app) {
   app.description(
       "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) or a CANopen node "
       "with\n"
@@ -99,51 +105,56 @@ hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
              "\nExample:\n"
              "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
              "      --pipe-radius 10 --springback-20 0.8 --springback-120 3.1 --tray /tmp/tray");
-  app.add_option("--port", options.port, "TCP port on 127.0.0.1; 0 picks a free one")
+}
+
+void AddCarrierOptions(CLI::App& app, Options& options) {
+  app.add_option("--port", options.bender.port, "TCP port on 127.0.0.1; 0 picks a free one")
       ->capture_default_str();
-  app.add_flag("--rtu", options.rtu,
+  app.add_flag("--rtu", options.bender.rtu,
                "Modbus RTU on a pseudo-terminal; prints \"listening /dev/pts/N\", which a cell "
                "file\nnames as its bender's device");
-  drivers::IsotpChannel can;
-  auto* can_interface = app.add_option("--can", can.interface,
-                                       "Modbus in ISO-TP messages on this CAN interface; prints "
-                                       "\"listening can0\"");
-  app.add_option("--can-request-id", can.request_id,
+  app.add_option("--can", options.can.interface,
+                 "Modbus in ISO-TP messages on this CAN interface; prints "
+                 "\"listening can0\"");
+  app.add_option("--can-request-id", options.can.request_id,
                  "CAN identifier of requests; above 0x7ff extended")
       ->capture_default_str()
       ->check(CLI::Range(0, 0x1fffffff));
-  app.add_option("--can-reply-id", can.reply_id, "of replies")
+  app.add_option("--can-reply-id", options.can.reply_id, "of replies")
       ->capture_default_str()
       ->check(CLI::Range(0, 0x1fffffff));
-  drivers::SimulatedNode node;
-  std::string eds_file;
-  unsigned heartbeat_ms = 100;
   auto* node_interface =
-      app.add_option("--canopen", node.interface,
+      app.add_option("--canopen", options.node.interface,
                      "a CANopen node on this CAN interface; prints \"listening can0\"");
-  app.add_option("--node", node.node_id, "with --canopen: its id")
+  app.add_option("--node", options.node.node_id, "with --canopen: its id")
       ->default_str("1")
       ->check(CLI::Range(1, 127));
   node_interface->needs(
-      app.add_option("--object-dictionary", eds_file, "with --canopen: EDS file"));
-  app.add_option("--heartbeat-ms", heartbeat_ms, "with --canopen: between heartbeats; 0: none")
+      app.add_option("--object-dictionary", options.eds_file, "with --canopen: EDS file"));
+  app.add_option("--heartbeat-ms", options.heartbeat_ms,
+                 "with --canopen: between heartbeats; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0u, 60000u));
-  app.add_flag("!--no-block", node.sdo.block, "with --canopen: decline SDO block transfer");
-  app.add_option("--unit", options.unit_id, "with --rtu: its unit id")
+  app.add_flag("!--no-block", options.node.sdo.block, "with --canopen: decline SDO block transfer");
+  app.add_option("--unit", options.bender.unit_id, "with --rtu: its unit id")
       ->capture_default_str()
       ->check(CLI::Range(1, 247));
-  app.add_option("--map", map_file, "register map (TOML)")->required();
-  app.add_option("--program", program_file,
+}
+
+void AddBenderOptions(CLI::App& app, Options& options) {
+  app.add_option("--map", options.map_file, "register map (TOML)")->required();
+  app.add_option("--program", options.program_file,
                  "program that is active at start: JSON with \"rows\" or \"tube\", as in a result")
       ->required();
-  app.add_option("--part-number", options.program.part_number, "of that program")->default_val(1u);
-  app.add_option("--sequence", options.program.sequence, "of that program; 0: keyed in by hand")
+  app.add_option("--part-number", options.bender.program.part_number, "of that program")
+      ->default_val(1u);
+  app.add_option("--sequence", options.bender.program.sequence,
+                 "of that program; 0: keyed in by hand")
       ->capture_default_str();
-  app.add_option("--pipe-radius", options.pipe_radius_mm, "of the tube [mm]")
+  app.add_option("--pipe-radius", options.bender.pipe_radius_mm, "of the tube [mm]")
       ->required()
       ->check(CLI::Range(0.1, 1000.0).description("0.1 to 1000"));
-  auto& physics = options.physics;
+  auto& physics = options.bender.physics;
   app.add_option("--springback-20", physics.springback_20_deg, "of a bend of 20 degrees [deg]");
   app.add_option("--springback-120", physics.springback_120_deg, "of a bend of 120 degrees [deg]");
   app.add_option("--elongation", physics.elongation_percent, "of the arcs [%]");
@@ -155,41 +166,61 @@ hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
   app.add_option("--bend-radius", physics.default_bend_radius_mm,
                  "of the tool, where the program says none [mm]; default: the first one it says");
   app.add_option("--seed", physics.seed, "of the scatter")->capture_default_str();
-  app.add_option("--tray", options.tray, "folder for bent parts");
-  app.add_option("--cycle-ms", cycle_ms, "time that one part takes")
+  app.add_option("--tray", options.bender.tray, "folder for bent parts");
+  app.add_option("--cycle-ms", options.cycle_ms, "time that one part takes")
       ->default_val(200u)
       ->check(CLI::Range(0u, 600000u));
-  app.add_option("--misbehave", faults, "a fault from the start, e.g. --misbehave \"late 500\"");
-  app.parse(argc, argv);
-  options.cycle = std::chrono::milliseconds(cycle_ms);
-  if (*can_interface) options.can = can;
-  node.heartbeat = std::chrono::milliseconds(heartbeat_ms);
+  app.add_option("--misbehave", options.faults,
+                 "a fault from the start, e.g. --misbehave \"late 500\"");
+}
 
-  auto map = config::LoadRegisterMap(map_file);
+// The CANopen node, its map bound to its dictionary.
+hal::Result<drivers::SimulatedNode> NodeOf(const Options& options, hal::RegisterMap& map) {
+  const auto dictionary = config::LoadObjectDictionary(options.eds_file);
+  if (!dictionary) return hal::Fail(dictionary.error());
+  if (auto bound = config::BindObjects(map, *dictionary); !bound) return hal::Fail(bound.error());
+  drivers::SimulatedNode node = options.node;
+  node.heartbeat = std::chrono::milliseconds(options.heartbeat_ms);
+  node.vendor_id = dictionary->vendor_number;
+  node.product_code = dictionary->product_number;
+  return node;
+}
+
+hal::Result<std::unique_ptr<SimulatedBender>> Start(Options options) {
+  drivers::SimulatedBenderOptions& bender = options.bender;
+  bender.cycle = std::chrono::milliseconds(options.cycle_ms);
+  if (!options.can.interface.empty()) bender.can = options.can;
+  auto map = config::LoadRegisterMap(options.map_file);
   if (!map) return hal::Fail(map.error());
-  if (map->of_objects() != (node_interface->count() > 0)) {
-    return hal::Fail(hal::ErrorKind::kUsage, map_file +
+  const bool is_node = !options.node.interface.empty();
+  if (map->of_objects() != is_node) {
+    return hal::Fail(hal::ErrorKind::kUsage, options.map_file +
                                                  ": a map of CANopen objects goes with "
                                                  "--canopen and --object-dictionary, one of "
                                                  "registers with all others");
   }
-  if (*node_interface) {
-    const auto dictionary = config::LoadObjectDictionary(eds_file);
-    if (!dictionary) return hal::Fail(dictionary.error());
-    if (auto bound = config::BindObjects(*map, *dictionary); !bound)
-      return hal::Fail(bound.error());
-    node.vendor_id = dictionary->vendor_number;
-    node.product_code = dictionary->product_number;
-    options.canopen = node;
+  if (is_node) {
+    auto node = NodeOf(options, *map);
+    if (!node) return hal::Fail(node.error());
+    bender.canopen = std::move(*node);
   }
-  options.map = std::move(*map);
-  auto program = ReadProgram(program_file);
+  bender.map = std::move(*map);
+  auto program = ReadProgram(options.program_file);
   if (!program) return hal::Fail(program.error());
-  options.program.program = std::move(*program);
+  bender.program.program = std::move(*program);
+  return SimulatedBender::Start(std::move(bender));
+}
 
-  auto bender = SimulatedBender::Start(std::move(options));
+hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
+  Options options;
+  options.bender.program.sequence = 1;
+  Describe(app);
+  AddCarrierOptions(app, options);
+  AddBenderOptions(app, options);
+  app.parse(argc, argv);
+  auto bender = Start(options);
   if (!bender) return hal::Fail(bender.error());
-  for (const std::string& fault : faults) {
+  for (const std::string& fault : options.faults) {
     if (auto done = (*bender)->Misbehave(fault); !done) return hal::Fail(done.error());
   }
   if ((*bender)->device().empty()) {

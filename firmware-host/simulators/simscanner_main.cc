@@ -134,9 +134,8 @@ Result<void> Serve(SimulatedScanner& scanner, Operator& person) {
   }
 }
 
-Result<void> Run(CLI::App& app, int argc, char** argv) {
-  VirtualScanOptions options;
-  drivers::WireIdentity identity{"bendloop simulated arm scanner", "SIM-0001", "1.0", "none", 0};
+struct Options {
+  VirtualScanOptions scan;
   std::uint16_t port = 0;
   int views = 1;
   bool all_around = false;
@@ -145,6 +144,12 @@ Result<void> Run(CLI::App& app, int argc, char** argv) {
   std::vector<std::string> clutter;
   int clamps = 2;
 
+  bool has(const char* what) const {
+    return std::find(clutter.begin(), clutter.end(), what) != clutter.end();
+  }
+};
+
+void Describe(CLI::App& app) {
   app.description(
       "An arm scanner that is not there: serves the scanner's wire protocol on a TCP port and\n"
       "scans the tubes that it is given. Prints \"listening PORT\", then obeys one command a line\n"
@@ -159,45 +164,55 @@ Result<void> Run(CLI::App& app, int argc, char** argv) {
       "Faults:\n" + drivers::ScannerFaultHelp(false) +
       "Example:\n"
       "  (echo scan tray/part-0001.json; cat) | bendloop-simscanner --views 2 --clutter table");
-  app.add_option("--port", port, "TCP port on 127.0.0.1; 0 picks a free one")
+}
+
+void AddOptions(CLI::App& app, Options& options) {
+  app.add_option("--port", options.port, "TCP port on 127.0.0.1; 0 picks a free one")
       ->capture_default_str();
-  app.add_option("--seed", options.seed, "Of pose, noise and fliers")->capture_default_str();
-  AddScanOptions(app, options);
-  app.add_option("--views", views, "Passes along the tube")
+  app.add_option("--seed", options.scan.seed, "Of pose, noise and fliers")->capture_default_str();
+  AddScanOptions(app, options.scan);
+  app.add_option("--views", options.views, "Passes along the tube")
       ->check(CLI::Range(1, 36))
       ->capture_default_str();
-  app.add_flag("--all-around", all_around, "Spread the views over the whole turn, not the upside");
-  app.add_option("--rate", options.profiles_per_second, "Profiles per second")
+  app.add_flag("--all-around", options.all_around,
+               "Spread the views over the whole turn, not the upside");
+  app.add_option("--rate", options.scan.profiles_per_second, "Profiles per second")
       ->check(Within(drivers::kProfilesPerSecond))
       ->capture_default_str();
-  app.add_option("--pace", pace, "real: at the rate; max: as fast as the host takes them")
+  app.add_option("--pace", options.pace, "real: at the rate; max: as fast as the host takes them")
       ->check(CLI::IsMember({"real", "max"}))
       ->capture_default_str();
-  app.add_option("--clutter", clutter, "In view: table, clamps, second-tube (with commas)")
+  app.add_option("--clutter", options.clutter, "In view: table, clamps, second-tube (with commas)")
       ->delimiter(',')
       ->check(CLI::IsMember({"table", "clamps", "second-tube"}));
-  app.add_option("--clamps", clamps, "How many, if they are in view")
+  app.add_option("--clamps", options.clamps, "How many, if they are in view")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
-  app.add_option("--pose", pose, "table: a seeded pose on the table; origin: begins at the origin")
+  app.add_option("--pose", options.pose,
+                 "table: a seeded pose on the table; origin: begins at the origin")
       ->check(CLI::IsMember({"table", "origin"}))
       ->capture_default_str();
-  app.add_flag("--reverse", options.path.reverse, "Begin at the tube's end");
+  app.add_flag("--reverse", options.scan.path.reverse, "Begin at the tube's end");
+}
+
+Result<void> Run(CLI::App& app, int argc, char** argv) {
+  Options options;
+  Describe(app);
+  AddOptions(app, options);
   app.parse(argc, argv);
-  options.path.views_deg = drivers::SpreadViewsDeg(views, all_around);
-  const auto has = [&](const char* name) {
-    return std::find(clutter.begin(), clutter.end(), name) != clutter.end();
-  };
-  options.clutter.table = has("table");
-  options.clutter.clamps = has("clamps") ? clamps : 0;
-  options.clutter.second_tube = has("second-tube");
-  identity.max_points = static_cast<std::uint32_t>(options.rays);
+  VirtualScanOptions& scan = options.scan;
+  scan.path.views_deg = drivers::SpreadViewsDeg(options.views, options.all_around);
+  scan.clutter.table = options.has("table");
+  scan.clutter.clamps = options.has("clamps") ? options.clamps : 0;
+  scan.clutter.second_tube = options.has("second-tube");
+  drivers::WireIdentity identity{"bendloop simulated arm scanner", "SIM-0001", "1.0", "none", 0};
+  identity.max_points = static_cast<std::uint32_t>(scan.rays);
   hal::SteadyClock clock;
-  auto scanner = SimulatedScanner::Listen(port, identity, clock);
+  auto scanner = SimulatedScanner::Listen(options.port, identity, clock);
   if (!scanner) return Fail(scanner.error());
   std::cout << "listening " << (*scanner)->port() << std::endl;
-  Operator person(**scanner, options, pace == "max" ? ScanPace::kMax : ScanPace::kRealTime,
-                  pose == "table");
+  Operator person(**scanner, scan, options.pace == "max" ? ScanPace::kMax : ScanPace::kRealTime,
+                  options.pose == "table");
   return Serve(**scanner, person);
 }
 

@@ -38,6 +38,8 @@ struct Options {
   std::string firmware = "1.0";
   std::string calibration = "none";
   std::uint32_t max_points = 4096;
+  std::string usb_id = "1209:0001";
+  std::string pace_name = "real";
   ScanPace pace = ScanPace::kRealTime;
   std::vector<std::string> sessions;
   bool forever = false;
@@ -169,10 +171,7 @@ void Serve(Operator& person, int signals, bool forever) {
   }
 }
 
-Result<void> Run(CLI::App& app, int argc, char** argv) {
-  Options options;
-  std::string id = "1209:0001";
-  std::string pace = "real";
+void Describe(CLI::App& app) {
   app.description(
       "A laser scanner that is really on USB: makes this machine's USB device port (a Raspberry "
       "Pi's,\n"
@@ -191,16 +190,20 @@ Result<void> Run(CLI::App& app, int argc, char** argv) {
              "Examples:\n"
              "  bendloop-usbscanner --session part.session --forever </dev/null\n"
              "  (echo scan part.session; cat) | bendloop-usbscanner --serial CELL3 --pace max");
+}
+
+void AddOptions(CLI::App& app, Options& options) {
   app.add_option("--session", options.sessions, "sessions to play at once, one after the other")
       ->type_name("FILE");
   app.add_flag("--forever", options.forever,
                "play each session again and again; go on when standard input ends");
-  app.add_option("--pace", pace, "real: as recorded; max: as fast as the host takes them")
+  app.add_option("--pace", options.pace_name,
+                 "real: as recorded; max: as fast as the host takes them")
       ->check(CLI::IsMember({"real", "max"}))
       ->capture_default_str();
   app.add_option("--serial", options.gadget.serial, "serial number")->capture_default_str();
   app.add_option("--model", options.gadget.model, "what it says it is")->capture_default_str();
-  app.add_option("--usb-id", id, "vendor and product number, in hexadecimal")
+  app.add_option("--usb-id", options.usb_id, "vendor and product number, in hexadecimal")
       ->type_name("VVVV:PPPP")
       ->capture_default_str();
   app.add_option("--max-points", options.max_points, "most points of a profile")
@@ -212,17 +215,29 @@ Result<void> Run(CLI::App& app, int argc, char** argv) {
       ->type_name("FILE");
   app.add_option("--udc", options.gadget.udc,
                  "device port, of /sys/class/udc (default: the first)");
-  app.parse(argc, argv);
+}
+
+// What the options mean that are written as one word.
+Result<void> Understand(Options& options) {
   unsigned vendor = 0;
   unsigned product = 0;
   char more = 0;
-  if (std::sscanf(id.c_str(), "%4x:%4x%c", &vendor, &product, &more) != 2) {
+  if (std::sscanf(options.usb_id.c_str(), "%4x:%4x%c", &vendor, &product, &more) != 2) {
     return Fail(ErrorKind::kUsage,
-                "--usb-id: found '" + id + "', expected VVVV:PPPP, e.g. 1209:0001");
+                "--usb-id: found '" + options.usb_id + "', expected VVVV:PPPP, e.g. 1209:0001");
   }
   options.gadget.vendor = static_cast<std::uint16_t>(vendor);
   options.gadget.product = static_cast<std::uint16_t>(product);
-  options.pace = pace == "max" ? ScanPace::kMax : ScanPace::kRealTime;
+  options.pace = options.pace_name == "max" ? ScanPace::kMax : ScanPace::kRealTime;
+  return {};
+}
+
+Result<void> Run(CLI::App& app, int argc, char** argv) {
+  Options options;
+  Describe(app);
+  AddOptions(app, options);
+  app.parse(argc, argv);
+  if (auto understood = Understand(options); !understood) return understood;
 
   // The device must not outlive us, so a signal ends us in order. Before any thread.
   sigset_t ends;

@@ -111,6 +111,36 @@ bool Refused(const pipeline::InterlockReport& report) {
                       [](const pipeline::Interlock& check) { return check.passed; });
 }
 
+std::string FitText(const pipeline::Measurement& m) {
+  std::string out =
+      "  pipe radius " +
+      Fixed(m.tube.pipe_radius_mm, SigmaDecimals(m.pipe_radius_sigma_mm, kDecimals)) + " +- " +
+      ShowSigma(m.pipe_radius_sigma_mm) + " mm; " +
+      (m.tube.program.rows.empty() ? "" : Plural(m.tube.program.bend_count(), "bend") + "; ") +
+      "+- is 1 sigma\n";
+  out += "  fit: " + Plural(m.fit.samples, "sample") + ", " + Plural(m.fit.outliers, "outlier") +
+         "; distance median " + Fixed(m.fit.median_abs_distance_mm, kDecimals) + ", rms " +
+         Fixed(m.fit.rms_distance_mm, kDecimals) + ", 95 % below " +
+         Fixed(m.fit.p95_abs_distance_mm, kDecimals) + " mm\n";
+  if (m.coverage > 0) {
+    out += "  coverage " + Fixed(100 * m.coverage, 1) + " % of the spine, longest gap " +
+           Fixed(m.longest_gap_mm, 1) + " mm\n";
+  }
+  return out;
+}
+
+std::string BendShapesText(const std::vector<pipeline::BendShape>& shapes) {
+  std::string out;
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    const pipeline::BendShape& shape = shapes[i];
+    out += "  bend " + std::to_string(i + 1) + ": ovality " + Fixed(shape.ovality_percent, 2) +
+           " +- " + Fixed(shape.ovality_sigma_percent, 2) + " %, outer wall sunk in by " +
+           Fixed(shape.outer_wall_mm, kDecimals) + " +- " +
+           Fixed(shape.outer_wall_sigma_mm, kDecimals) + " mm\n";
+  }
+  return out;
+}
+
 }  // namespace
 
 ShownValue ShowValue(RowValueKind kind, double value, double sigma) {
@@ -209,28 +239,8 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
   }
   std::string out = rows.empty() ? "  no rows: see the spine\n" : table.Render(colour);
   if (unknown) out += std::string("  ") + kUnknownLegend + "\n";
-  out += TogetherText(TogetherLines(m.joint, m.tube.program.bend_count()));
-  out += "\n  pipe radius " +
-         Fixed(m.tube.pipe_radius_mm, SigmaDecimals(m.pipe_radius_sigma_mm, kDecimals)) + " +- " +
-         ShowSigma(m.pipe_radius_sigma_mm) + " mm; " +
-         (rows.empty() ? "" : Plural(m.tube.program.bend_count(), "bend") + "; ") +
-         "+- is 1 sigma\n";
-  out += "  fit: " + Plural(m.fit.samples, "sample") + ", " + Plural(m.fit.outliers, "outlier") +
-         "; distance median " + Fixed(m.fit.median_abs_distance_mm, kDecimals) + ", rms " +
-         Fixed(m.fit.rms_distance_mm, kDecimals) + ", 95 % below " +
-         Fixed(m.fit.p95_abs_distance_mm, kDecimals) + " mm\n";
-  if (m.coverage > 0) {
-    out += "  coverage " + Fixed(100 * m.coverage, 1) + " % of the spine, longest gap " +
-           Fixed(m.longest_gap_mm, 1) + " mm\n";
-  }
-  for (std::size_t i = 0; i < m.bend_shapes.size(); ++i) {
-    const pipeline::BendShape& shape = m.bend_shapes[i];
-    out += "  bend " + std::to_string(i + 1) + ": ovality " + Fixed(shape.ovality_percent, 2) +
-           " +- " + Fixed(shape.ovality_sigma_percent, 2) + " %, outer wall sunk in by " +
-           Fixed(shape.outer_wall_mm, kDecimals) + " +- " +
-           Fixed(shape.outer_wall_sigma_mm, kDecimals) + " mm\n";
-  }
-  return out;
+  return out + TogetherText(TogetherLines(m.joint, m.tube.program.bend_count())) + "\n" +
+         FitText(m) + BendShapesText(m.bend_shapes);
 }
 
 std::string ComparisonText(const RunResult& result, bool colour) {

@@ -22,6 +22,53 @@ std::size_t Whole(const std::string& text) { return std::min(text.find('.'), tex
 
 std::string Blanks(std::size_t count) { return std::string(count, ' '); }
 
+// A cell's text and the blanks around it.
+struct Placed {
+  std::size_t before;
+  std::string text;
+  std::size_t after;
+};
+
+// A column's place on the line, in characters.
+struct Extent {
+  std::size_t whole = 0;  // left of the decimal point
+  std::size_t rest = 0;   // the point and right of it
+  std::size_t all = 0;
+
+  Placed Place(const std::string& text, Align align, std::string painted) const {
+    const std::size_t blank = all - std::min(all, Width(text));
+    switch (align) {
+      case Align::kLeft:
+        break;
+      case Align::kRight:
+        return {blank, std::move(painted), 0};
+      case Align::kDecimal: {
+        const std::size_t after = std::min(rest - (text.size() - Whole(text)), blank);
+        return {blank - after, std::move(painted), after};
+      }
+    }
+    return {0, std::move(painted), blank};
+  }
+};
+
+std::vector<Extent> Extents(const std::vector<Column>& columns,
+                            const std::vector<std::vector<Cell>>& rows) {
+  std::vector<Extent> extents(columns.size());
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    Extent& extent = extents[c];
+    for (const auto& row : rows) {
+      if (row.empty()) continue;
+      const std::string& text = row[c].text;
+      extent.all = std::max(extent.all, Width(text));
+      extent.whole = std::max(extent.whole, Whole(text));
+      extent.rest = std::max(extent.rest, text.size() - Whole(text));
+    }
+    if (columns[c].align == Align::kDecimal) extent.all = extent.whole + extent.rest;
+    extent.all = std::max(extent.all, Width(columns[c].title));
+  }
+  return extents;
+}
+
 }  // namespace
 
 void Table::Add(std::vector<Cell> cells) {
@@ -31,24 +78,12 @@ void Table::Add(std::vector<Cell> cells) {
 }
 
 std::string Table::Render(bool colour, std::size_t indent) const {
-  std::vector<std::size_t> whole(columns_.size()), rest(columns_.size()), width(columns_.size());
-  for (std::size_t c = 0; c < columns_.size(); ++c) {
-    for (const auto& row : rows_) {
-      if (row.empty()) continue;
-      const std::string& text = row[c].text;
-      width[c] = std::max(width[c], Width(text));
-      whole[c] = std::max(whole[c], Whole(text));
-      rest[c] = std::max(rest[c], text.size() - Whole(text));
-    }
-    if (columns_[c].align == Align::kDecimal) width[c] = whole[c] + rest[c];
-    width[c] = std::max(width[c], Width(columns_[c].title));
-  }
-
+  const std::vector<Extent> widths = Extents(columns_, rows_);
   std::string out;
-  const auto add_line = [&](const auto& cell_text) {
+  const auto add_line = [&](const auto& cell) {
     std::string line, gap = Blanks(indent);
     for (std::size_t c = 0; c < columns_.size(); ++c) {
-      const auto [before, text, after] = cell_text(c);
+      const auto [before, text, after] = cell(c);
       gap += Blanks(before);
       if (!text.empty()) {
         line += gap + text;  // blanks are only written before something: none trail
@@ -58,41 +93,22 @@ std::string Table::Render(bool colour, std::size_t indent) const {
     }
     out += line + "\n";
   };
-  struct Placed {
-    std::size_t before;
-    std::string text;
-    std::size_t after;
-  };
-
-  add_line([&](std::size_t c) -> Placed {
-    const std::size_t blank = width[c] - Width(columns_[c].title);
-    const std::string text = Paint(columns_[c].title, Style::kStrong, colour);
-    if (columns_[c].align == Align::kLeft) return {0, text, blank};
-    return {blank, text, 0};
+  add_line([&](std::size_t c) {
+    const Column& column = columns_[c];
+    const Align align = column.align == Align::kLeft ? Align::kLeft : Align::kRight;
+    return widths[c].Place(column.title, align, Paint(column.title, Style::kStrong, colour));
   });
-  add_line([&](std::size_t c) -> Placed {
-    return {0, Paint(std::string(width[c], '-'), Style::kFaint, colour), 0};
+  add_line([&](std::size_t c) {
+    return Placed{0, Paint(std::string(widths[c].all, '-'), Style::kFaint, colour), 0};
   });
   for (const auto& row : rows_) {
     if (row.empty()) {
       out += "\n";
       continue;
     }
-    add_line([&](std::size_t c) -> Placed {
-      const std::string& text = row[c].text;
-      const std::string painted = Paint(text, row[c].style, colour);
-      const std::size_t blank = width[c] - std::min(width[c], Width(text));
-      switch (columns_[c].align) {
-        case Align::kLeft:
-          return {0, painted, blank};
-        case Align::kRight:
-          return {blank, painted, 0};
-        case Align::kDecimal: {
-          const std::size_t after = std::min(rest[c] - (text.size() - Whole(text)), blank);
-          return {blank - after, painted, after};
-        }
-      }
-      return {0, painted, blank};
+    add_line([&](std::size_t c) {
+      const Cell& cell = row[c];
+      return widths[c].Place(cell.text, columns_[c].align, Paint(cell.text, cell.style, colour));
     });
   }
   return out;
