@@ -6,6 +6,9 @@
 // A program is its number; `bends` is the active one. Everything that goes wrong costs one of FAULTS: an exchange lost before
 // or after its effect, late or repeated, a torn staging, a journal that cannot be written, a crash
 // of ours, a reboot of the bender, a deed of another master.
+//
+// holds with: -DFAULTS=3
+// fails with: -DFAULTS=3
 
 #ifndef FAULTS
 #define FAULTS 3
