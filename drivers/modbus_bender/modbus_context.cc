@@ -94,7 +94,12 @@ hal::Result<void> ModbusContext::TryConnect() {
 
 std::string ModbusContext::Trouble(int error) const {
   if (error == ETIMEDOUT) {
-    return "no complete answer within " + std::to_string(options_.response_timeout.count()) + " ms";
+    std::string why =
+        "no complete answer within " + std::to_string(options_.response_timeout.count()) + " ms";
+    if (options_.byte_timeout.count() > 0) {
+      why += ", or none of its bytes for " + std::to_string(options_.byte_timeout.count()) + " ms";
+    }
+    return why;
   }
   if (error == ECONNRESET) return "the bender closed the connection";
   if (error > MODBUS_ENOBASE && error < EMBBADCRC) {

@@ -43,7 +43,9 @@ ScriptedAnswer Patched(Bytes good, std::size_t at, std::uint8_t value) {
 // A carrier to a peer that spoils the first answer of each `Exchange`.
 class Exchanges {
  public:
-  Exchanges(ScriptedPeer::Carrier carrier, const Spoil& spoil)
+  Exchanges(ScriptedPeer::Carrier carrier, const Spoil& spoil,
+            std::chrono::milliseconds response_timeout = std::chrono::milliseconds(300),
+            std::chrono::milliseconds byte_timeout = {})
       : header_(carrier == ScriptedPeer::Carrier::kTcp ? 7 : 1),
         peer_(carrier, [this, spoil](const Bytes& request) {
           Bytes good = GoodAnswer(request, header_);
@@ -54,7 +56,8 @@ class Exchanges {
     options.port = peer_.port();
     options.unit_id = kUnit;
     options.connect_timeout = std::chrono::seconds(20);
-    options.response_timeout = std::chrono::milliseconds(300);
+    options.response_timeout = response_timeout;
+    options.byte_timeout = byte_timeout;
     options.max_backoff = std::chrono::milliseconds(1);
     if (header_ == 1) options.serial = drivers::SerialLine{.device = peer_.device()};
     carrier_ = header_ == 7 ? drivers::MakeTcpCarrier(PlainMap(), options, clock_)
@@ -200,6 +203,20 @@ INSTANTIATE_TEST_SUITE_P(
                               },
                               "the bender closed the connection"}),
     NameOf);
+
+// A pause in the middle of an answer ends it long before the response timeout does.
+TEST(ByteTimeout, EndsAnAnswerThatStops) {
+  for (const auto carrier : {ScriptedPeer::Carrier::kTcp, ScriptedPeer::Carrier::kRtu}) {
+    Exchanges exchanges(
+        carrier,
+        [](Bytes good) {
+          good.pop_back();
+          return ScriptedAnswer{good};
+        },
+        std::chrono::seconds(2), std::chrono::milliseconds(50));
+    exchanges.CheckRead("no complete answer within 2000 ms, or none of its bytes for 50 ms");
+  }
+}
 
 TEST(TcpEcho, IsTheRequests) {
   const auto check = [](const RegisterRange& range, std::size_t at, const char* words) {
