@@ -196,6 +196,58 @@ void SayWhy(const std::string& why, Measurement& measurement) {
   measurement.warnings.insert(measurement.warnings.begin(), why);
 }
 
+// All points may lie on one pipe that the projection lost: noise of a tenth of the radius lays
+// cylinders on from outside. Empty: that is not so, or shrinking does not find it either.
+std::optional<Measurement> TubeByShrinking(std::span<const Eigen::Vector3d> points,
+                                           const CanalScan& pipe, const std::string& without,
+                                           ReconstructionOptions options, const hal::Clock& clock,
+                                           Workers* workers) {
+  const double nearly_all = kNearlyAll * static_cast<double>(points.size());
+  if (!(static_cast<double>(Explained(pipe)) > nearly_all)) return std::nullopt;
+  options.spine_method = SpineMethod::kShrinking;
+  auto tube = Reconstruct(points, options, clock, workers);
+  if (!tube || !(static_cast<double>(tube->fit.samples) > nearly_all)) return std::nullopt;
+  SayWhy("moving least squares did not find one spine (" + without + "), shrinking did.", *tube);
+  return std::move(*tube);
+}
+
+// Where there is no tube: a canal, if it is long, holds most points and its radius certainly
+// varies.
+std::optional<Measurement> CanalWithoutTube(std::size_t points, const CanalScan& scan,
+                                            const std::string& without, const hal::Clock& clock) {
+  const std::vector<double> radii = Radii(scan);
+  const double length_mm = scan.to_mm - scan.from_mm;
+  const double range_mm = Range(radii);
+  if (static_cast<double>(Explained(scan)) < kExplained * static_cast<double>(points) ||
+      length_mm < kMinLength * Median(radii) ||
+      range_mm < std::max(kOnStraights * Median(radii), 6 * scan.fit.pipe_radius_sigma_mm)) {
+    return std::nullopt;
+  }
+  Measurement measurement = DescribeCanal(scan, false, clock);
+  SayWhy("no tube of one radius (" + without + "), but one whose pipe radius varies by " +
+             Mm(range_mm) + "; measured as a canal, see --model.",
+         measurement);
+  return measurement;
+}
+
+// A canal or a free form, where it explains the points of this tube clearly better.
+std::optional<Measurement> BetterThanTube(std::span<const Eigen::Vector3d> points,
+                                          const Measurement& tube, const CanalScan& varying,
+                                          CanalOptions options, const hal::Clock& clock) {
+  if (const std::string why = WhyCanal(tube, varying); !why.empty()) {
+    Measurement measurement = DescribeCanal(varying, false, clock);
+    SayWhy(why, measurement);
+    return measurement;
+  }
+  options.freeform = true;
+  const auto freeform = FitCanalScan(points, options, clock);
+  const std::string why = freeform ? WhyFreeform(tube, *freeform) : std::string();
+  if (why.empty()) return std::nullopt;
+  Measurement measurement = DescribeCanal(*freeform, true, clock);
+  SayWhy(why, measurement);
+  return measurement;
+}
+
 hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
                                 const ReconstructionOptions& options, const hal::Clock& clock,
                                 Workers* workers) {
@@ -204,59 +256,19 @@ hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
   if (!tube && tube.error().kind != hal::ErrorKind::kBadInput) return tube;
 
   StageTimer timer(clock);
-  CanalOptions canal{options.pipe_radius_mm, options.spine_method, false};
+  const CanalOptions canal{options.pipe_radius_mm, options.spine_method, false};
   const auto varying = FitCanalScan(points, canal, clock);
-  if (!tube && varying && options.spine_method == SpineMethod::kMls &&
-      static_cast<double>(Explained(*varying)) > kNearlyAll * static_cast<double>(points.size())) {
-    // All the points lie on one pipe, so the projection lost it: noise of a tenth of the radius
-    // lays cylinders on from outside.
-    ReconstructionOptions other = options;
-    other.spine_method = SpineMethod::kShrinking;
-    auto shrunk = Reconstruct(points, other, clock, workers);
-    if (shrunk && static_cast<double>(shrunk->fit.samples) >
-                      kNearlyAll * static_cast<double>(points.size())) {
-      SayWhy("moving least squares did not find one spine (" + tube.error().message +
-                 "), shrinking did.",
-             *shrunk);
-      tube = std::move(shrunk);
-      if (!WorthALook(*tube)) return tube;
-    }
-  }
-  if (!tube) {
-    if (!varying) return tube;
-    const std::vector<double> radii = Radii(*varying);
-    const double length_mm = varying->to_mm - varying->from_mm;
-    const double range_mm = Range(radii);
-    if (static_cast<double>(Explained(*varying)) <
-            kExplained * static_cast<double>(points.size()) ||
-        length_mm < kMinLength * Median(radii) ||
-        range_mm < std::max(kOnStraights * Median(radii), 6 * varying->fit.pipe_radius_sigma_mm)) {
-      return tube;
-    }
-    Measurement measurement = DescribeCanal(*varying, false, clock);
-    SayWhy("no tube of one radius (" + tube.error().message +
-               "), but one whose pipe radius varies "
-               "by " +
-               Mm(range_mm) + "; measured as a canal, see --model.",
-           measurement);
-    return measurement;
+  if (!tube && varying && options.spine_method == SpineMethod::kMls) {
+    auto shrunk = TubeByShrinking(points, *varying, tube.error().message, options, clock, workers);
+    if (shrunk) tube = std::move(*shrunk);
+    if (tube && !WorthALook(*tube)) return tube;
   }
   if (varying) {
-    const std::string why = WhyCanal(*tube, *varying);
-    if (!why.empty()) {
-      Measurement measurement = DescribeCanal(*varying, false, clock);
-      SayWhy(why, measurement);
-      return measurement;
-    }
-    canal.freeform = true;
-    const auto freeform = FitCanalScan(points, canal, clock);
-    const std::string lines = freeform ? WhyFreeform(*tube, *freeform) : std::string();
-    if (!lines.empty()) {
-      Measurement measurement = DescribeCanal(*freeform, true, clock);
-      SayWhy(lines, measurement);
-      return measurement;
-    }
+    auto other = tube ? BetterThanTube(points, *tube, *varying, canal, clock)
+                      : CanalWithoutTube(points.size(), *varying, tube.error().message, clock);
+    if (other) return std::move(*other);
   }
+  if (!tube) return tube;
   timer.Done("other_models");
   tube->timing.insert(tube->timing.end(), timer.times.begin(), timer.times.end());
   return tube;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "pipeline/canal/canal_feet.h"
 #include "pipeline/math/quantiles.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/points/point_index.h"
@@ -180,19 +181,17 @@ bool IsOfItsOwn(const SpinePolygon& polygon, const CanalFit& fit, const SampleGr
   return 2 * strangers > points.size();
 }
 
-}  // namespace
-
-hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
-                                    const CanalOptions& options, const hal::Clock& clock) {
-  StageTimer timer(clock);
+// Those that are somewhere, and no more than a grid holds.
+std::vector<Eigen::Vector3d> Places(std::span<const Eigen::Vector3d> all_points) {
   std::vector<Eigen::Vector3d> points;
   points.reserve(std::min(all_points.size(), SampleGrid::kMaxPoints));
   for (const Eigen::Vector3d& p : all_points) {
-    if (IsPlace(p) && points.size() < SampleGrid::kMaxPoints) {
-      points.push_back(p);
-    }
+    if (IsPlace(p) && points.size() < SampleGrid::kMaxPoints) points.push_back(p);
   }
-  if (const auto shape = CheckShape(points); !shape) return hal::Fail(shape.error());
+  return points;
+}
+
+hal::Result<double> RadiusOf(std::span<const Eigen::Vector3d> points, const CanalOptions& options) {
   double radius_mm = options.pipe_radius_mm.value_or(0.0);
   if (!options.pipe_radius_mm) {
     const auto radius = EstimatePipeRadius(points);
@@ -200,45 +199,34 @@ hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
     radius_mm = radius->radius_mm;
   }
   if (const auto units = CheckUnits(radius_mm); !units) return hal::Fail(units.error());
-  timer.Done("pipe_radius");
+  return radius_mm;
+}
 
-  SampleGrid grid(kBlock * radius_mm);
-  std::int32_t block = 0;
-  for (const Eigen::Vector3d& p : points) grid.Insert(p, block);
-  timer.Done("samples");
-
+// Samples to pieces of spine, the longest first.
+std::vector<SpinePolygon> SpinesOf(const SampleGrid& grid, double radius_mm, SpineMethod method) {
   const std::vector<OrientedSample> samples =
       OrientSamples(grid, radius_mm, kWidest, kShrinkSamples);
-  std::vector<SpinePolygon> polygons;
-  if (options.spine_method == SpineMethod::kShrinking) {
-    polygons = SpinePolygons(
+  if (method == SpineMethod::kShrinking) {
+    return SpinePolygons(
         WithoutSideNodes(
             ShrinkCanal(samples, {.radius_mm = radius_mm, .most = 1.1 * kWidest}).nodes),
         radius_mm);
-  } else {
-    for (const double support : kSupports) {
-      std::vector<SpinePolygon> found = SpinePolygons(
-          WithoutSideNodes(ProjectWithFreeRadius(grid, samples, radius_mm, support)), radius_mm);
-      if (found.empty()) continue;
-      if (polygons.empty() || LengthOf(found.front()) > 1.05 * LengthOf(polygons.front())) {
-        polygons = std::move(found);
-      }
+  }
+  std::vector<SpinePolygon> polygons;
+  for (const double support : kSupports) {
+    std::vector<SpinePolygon> found = SpinePolygons(
+        WithoutSideNodes(ProjectWithFreeRadius(grid, samples, radius_mm, support)), radius_mm);
+    if (found.empty()) continue;
+    if (polygons.empty() || LengthOf(found.front()) > 1.05 * LengthOf(polygons.front())) {
+      polygons = std::move(found);
     }
   }
-  timer.Done("projection");
+  return polygons;
+}
 
-  if (polygons.empty()) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     "no pipe of about " + Mm(radius_mm) +
-                         " radius in the points: expected a surface curved like that");
-  }
-  const std::vector<Eigen::Vector4d> spine = Extended(polygons.front(), radius_mm);
-  timer.Done("curve");
-
-  CanalScan scan;
-  scan.radius_mm = radius_mm;
-  scan.all_points = all_points.size();
-  std::vector<Eigen::Vector3d> places;
+std::vector<Eigen::Vector3d> PointsNear(std::span<const Eigen::Vector4d> spine,
+                                        const SampleGrid& grid, double radius_mm) {
+  std::vector<Eigen::Vector3d> places, points;
   double widest_mm = radius_mm;
   for (const Eigen::Vector4d& c : spine) {
     places.emplace_back(c.head<3>());
@@ -246,39 +234,86 @@ hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
   }
   for (const std::int32_t near : grid.BlocksNear(places, 1.5 * widest_mm)) {
     const SampleGrid::Block& found = grid.blocks()[static_cast<std::size_t>(near)];
-    scan.points.insert(scan.points.end(), found.points.begin(), found.points.end());
+    points.insert(points.end(), found.points.begin(), found.points.end());
   }
+  return points;
+}
+
+// The canal surface next to the scan's points; of a free form one of constant radius, if that does.
+void FitSurfaceTo(CanalScan& scan, std::span<const Eigen::Vector4d> spine, bool freeform) {
   std::vector<Eigen::Vector3d> fitted;
   const std::size_t stride = scan.points.size() / kFitPoints + 1;
   for (std::size_t i = 0; i < scan.points.size(); i += stride) fitted.push_back(scan.points[i]);
-  scan.fit = FitCanal(spine, fitted, {.varying_radius = true, .radius_mm = radius_mm});
-  if (options.freeform) {
-    CanalFit constant = FitCanal(spine, fitted, {.varying_radius = false, .radius_mm = radius_mm});
-    if (constant.criterion <= scan.fit.criterion) {
-      scan.fit = std::move(constant);
-      scan.varying_radius = false;
-    }
-  }
+  scan.fit = FitCanal(spine, fitted, {.varying_radius = true, .radius_mm = scan.radius_mm});
+  if (!freeform) return;
+  CanalFit constant =
+      FitCanal(spine, fitted, {.varying_radius = false, .radius_mm = scan.radius_mm});
+  if (constant.criterion > scan.fit.criterion) return;
+  scan.fit = std::move(constant);
+  scan.varying_radius = false;
+}
+
+// kBadInput: another piece of spine is nearly as long, and its points are its own.
+hal::Result<void> CheckIsOne(std::span<const SpinePolygon> polygons, const CanalFit& fit,
+                             const SampleGrid& grid, double radius_mm) {
   const double first_mm = LengthOf(polygons.front());
-  for (std::size_t i = 1; i < polygons.size(); ++i) {
-    const double other_mm = LengthOf(polygons[i]);
+  for (const SpinePolygon& polygon : polygons.subspan(1)) {
+    const double other_mm = LengthOf(polygon);
     if (other_mm <= kSecondTube * first_mm) break;  // they are sorted
-    if (!IsOfItsOwn(polygons[i], scan.fit, grid, radius_mm)) continue;
+    if (!IsOfItsOwn(polygon, fit, grid, radius_mm)) continue;
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "two tubes in the points (" + Mm(first_mm) + " and " + Mm(other_mm) +
                          " long), or one with a gap that is too long to bridge: scan one tube "
                          "at a time, and the gap again");
   }
-  timer.Done("fit");
-  scan.feet = FindFeet(scan.fit.surface, scan.points, radius_mm, kReach);
-  PlaceEndsAndSpine(scan);
-  timer.Done("ends");
+  return {};
+}
+
+// kBadInput: the surface shrinks to nothing somewhere.
+hal::Result<void> CheckIsPipe(const CanalScan& scan) {
   double least_mm = std::numeric_limits<double>::infinity();
   for (const SpineSample& sample : scan.spine) least_mm = std::min(least_mm, sample.pipe_radius_mm);
-  if (!(scan.to_mm - scan.from_mm > radius_mm) || !(least_mm > 0)) {
+  if (scan.to_mm - scan.from_mm > scan.radius_mm && least_mm > 0) return {};
+  return hal::Fail(hal::ErrorKind::kBadInput,
+                   "no pipe found in the points: the surface next to them shrinks to nothing");
+}
+
+}  // namespace
+
+hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
+                                    const CanalOptions& options, const hal::Clock& clock) {
+  StageTimer timer(clock);
+  const std::vector<Eigen::Vector3d> points = Places(all_points);
+  if (const auto shape = CheckShape(points); !shape) return hal::Fail(shape.error());
+  const auto radius = RadiusOf(points, options);
+  if (!radius) return hal::Fail(radius.error());
+  CanalScan scan;
+  scan.radius_mm = *radius;
+  scan.all_points = all_points.size();
+  timer.Done("pipe_radius");
+  SampleGrid grid(kBlock * scan.radius_mm);
+  std::int32_t block = 0;
+  for (const Eigen::Vector3d& p : points) grid.Insert(p, block);
+  timer.Done("samples");
+  const std::vector<SpinePolygon> polygons = SpinesOf(grid, scan.radius_mm, options.spine_method);
+  timer.Done("projection");
+  if (polygons.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput,
-                     "no pipe found in the points: the surface next to them shrinks to nothing");
+                     "no pipe of about " + Mm(scan.radius_mm) +
+                         " radius in the points: expected a surface curved like that");
   }
+  const std::vector<Eigen::Vector4d> spine = Extended(polygons.front(), scan.radius_mm);
+  timer.Done("curve");
+  scan.points = PointsNear(spine, grid, scan.radius_mm);
+  FitSurfaceTo(scan, spine, options.freeform);
+  if (const auto one = CheckIsOne(polygons, scan.fit, grid, scan.radius_mm); !one) {
+    return hal::Fail(one.error());
+  }
+  timer.Done("fit");
+  scan.feet = FindFeet(scan.fit.surface, scan.points, scan.radius_mm, kReach);
+  PlaceEndsAndSpine(scan);
+  timer.Done("ends");
+  if (const auto pipe = CheckIsPipe(scan); !pipe) return hal::Fail(pipe.error());
   scan.timing = std::move(timer.times);
   return scan;
 }

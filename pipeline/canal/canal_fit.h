@@ -36,10 +36,4 @@ struct CanalFit {
 CanalFit FitCanal(std::span<const Eigen::Vector4d> spine, std::span<const Eigen::Vector3d> points,
                   const CanalFitOptions& options);
 
-// Feet of the points from nowhere: the nearest of densely sampled spheres, then Newton. Points
-// further than `reach` (as a part of the radius there) get `beyond`.
-std::vector<CanalFoot> FindFeet(const CanalSurface& surface,
-                                std::span<const Eigen::Vector3d> points, double radius_mm,
-                                double reach);
-
 }  // namespace bendloop::pipeline
