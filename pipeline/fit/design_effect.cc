@@ -47,10 +47,10 @@ BENDLOOP_LOOP void NumberPatchesBody(const PatchRows& grid, const double* x, con
     }
   }
 }
-BENDLOOP_WIDE(void, NumberPatches,
-              (const PatchRows& grid, const double* x, const double* y, const double* z,
-               std::size_t count, std::int32_t* number),
-              (grid, x, y, z, count, number))
+BENDLOOP_MULTIVERSION(void, NumberPatches,
+                      (const PatchRows& grid, const double* x, const double* y, const double* z,
+                       std::size_t count, std::int32_t* number),
+                      (grid, x, y, z, count, number))
 
 struct Range {
   double low, high;
@@ -64,7 +64,7 @@ BENDLOOP_LOOP Range RangeOfBody(const double* values, std::size_t count) {
   }
   return {low, high};
 }
-BENDLOOP_WIDE(Range, RangeOf, (const double* values, std::size_t count), (values, count))
+BENDLOOP_MULTIVERSION(Range, RangeOf, (const double* values, std::size_t count), (values, count))
 
 PatchRows RowsOf(const SegmentPoints& points, double bend_radius_mm, double patch_mm) {
   const auto rows = [patch_mm](double long_mm) {

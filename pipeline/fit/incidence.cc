@@ -76,8 +76,9 @@ BENDLOOP_LOOP void UnpackBody(const SensorDirection* from, std::size_t count, Po
     to.z[i] = direction.z;
   }
 }
-BENDLOOP_WIDE(void, Unpack, (const SensorDirection* from, std::size_t count, PointLanes& to),
-              (from, count, to))
+BENDLOOP_MULTIVERSION(void, Unpack,
+                      (const SensorDirection* from, std::size_t count, PointLanes& to),
+                      (from, count, to))
 
 // The incidence of the rays from points to the sensor on the segment's pipe, from how far they pass
 // by its axis: noise along the ray does not move them, and so a point's certainty does not depend
@@ -105,10 +106,11 @@ BENDLOOP_LOOP void CosinesBody(const SegmentFrame& frame, const LocalLanes& loca
     cosines[i] = std::sqrt(cosine2 > least * least ? cosine2 : least * least);
   }
 }
-BENDLOOP_WIDE(void, Cosines,
-              (const SegmentFrame& frame, const LocalLanes& local, const PointLanes& to_sensor,
-               double inverse_radius, double least, double* cosines),
-              (frame, local, to_sensor, inverse_radius, least, cosines))
+BENDLOOP_MULTIVERSION(void, Cosines,
+                      (const SegmentFrame& frame, const LocalLanes& local,
+                       const PointLanes& to_sensor, double inverse_radius, double least,
+                       double* cosines),
+                      (frame, local, to_sensor, inverse_radius, least, cosines))
 
 // Codes of the blocks' points, and the noise by them.
 class IncidenceWalk {

@@ -34,10 +34,10 @@ BENDLOOP_LOOP void TurnsBody(const LocalLanes& local, std::size_t count, double 
     along_mm[i] = bend_radius_mm * (turn < angle ? turn : angle);
   }
 }
-BENDLOOP_WIDE(void, Turns,
-              (const LocalLanes& local, std::size_t count, double opposite, double angle,
-               double bend_radius_mm, double* along_mm),
-              (local, count, opposite, angle, bend_radius_mm, along_mm))
+BENDLOOP_MULTIVERSION(void, Turns,
+                      (const LocalLanes& local, std::size_t count, double opposite, double angle,
+                       double bend_radius_mm, double* along_mm),
+                      (local, count, opposite, angle, bend_radius_mm, along_mm))
 
 }  // namespace
 

@@ -70,10 +70,10 @@ BENDLOOP_LOOP void ToLineBody(const SegmentFrame& frame, const PointLanes& point
     local.distance[i] = x < cut_low || x > cut_high ? never : distance;
   }
 }
-BENDLOOP_WIDE(void, ToLine,
-              (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
-               LocalLanes& local),
-              (frame, points, count, local))
+BENDLOOP_MULTIVERSION(void, ToLine,
+                      (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+                       LocalLanes& local),
+                      (frame, points, count, local))
 
 BENDLOOP_LOOP void ToArcBody(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
                              LocalLanes& local) {
@@ -103,10 +103,10 @@ BENDLOOP_LOOP void ToArcBody(const SegmentFrame& frame, const PointLanes& points
     local.distance[i] = std::sqrt(across2 + z * z);
   }
 }
-BENDLOOP_WIDE(void, ToArc,
-              (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
-               LocalLanes& local),
-              (frame, points, count, local))
+BENDLOOP_MULTIVERSION(void, ToArc,
+                      (const SegmentFrame& frame, const PointLanes& points, std::size_t count,
+                       LocalLanes& local),
+                      (frame, points, count, local))
 
 // Up to kBatch points of a segment; those that are missing have no weight.
 struct Batch {
@@ -173,10 +173,10 @@ BENDLOOP_LOOP void AddLineBody(const Batch& p, double pipe_radius_mm, double inv
   }
   AddProducts<kLineFunctions>(sums);
 }
-BENDLOOP_WIDE(void, AddLine,
-              (const Batch& p, double pipe_radius_mm, double inverse_sigma,
-               Sums<kLineFunctions>& sums),
-              (p, pipe_radius_mm, inverse_sigma, sums))
+BENDLOOP_MULTIVERSION(void, AddLine,
+                      (const Batch& p, double pipe_radius_mm, double inverse_sigma,
+                       Sums<kLineFunctions>& sums),
+                      (p, pipe_radius_mm, inverse_sigma, sums))
 
 enum ArcFunction { kCa, kCb, kC, kSa, kSb, kS, kArcOne, kArcDistance, kArcFunctions };
 
@@ -205,10 +205,10 @@ BENDLOOP_LOOP void AddArcBody(const Batch& p, double bend_radius_mm, double pipe
   }
   AddProducts<kArcFunctions>(sums);
 }
-BENDLOOP_WIDE(void, AddArc,
-              (const Batch& p, double bend_radius_mm, double pipe_radius_mm, double inverse_sigma,
-               Sums<kArcFunctions>& sums),
-              (p, bend_radius_mm, pipe_radius_mm, inverse_sigma, sums))
+BENDLOOP_MULTIVERSION(void, AddArc,
+                      (const Batch& p, double bend_radius_mm, double pipe_radius_mm,
+                       double inverse_sigma, Sums<kArcFunctions>& sums),
+                      (p, bend_radius_mm, pipe_radius_mm, inverse_sigma, sums))
 
 // The rows are linear in few functions of the point; these are summed by `add`, batch after batch,
 // and `rows_of` takes them to the rows.
@@ -345,10 +345,10 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
   }
   AddProducts<kOvalFunctions>(sums);
 }
-BENDLOOP_WIDE(void, AddOvalArc,
-              (const Batch& p, const OvalBend& oval, double inverse_sigma,
-               Sums<kOvalFunctions>& sums),
-              (p, oval, inverse_sigma, sums))
+BENDLOOP_MULTIVERSION(void, AddOvalArc,
+                      (const Batch& p, const OvalBend& oval, double inverse_sigma,
+                       Sums<kOvalFunctions>& sums),
+                      (p, oval, inverse_sigma, sums))
 
 BENDLOOP_LOOP void InsideOfBody(const OvalBend& oval, const LocalLanes& local, double* inside) {
   for (std::size_t l = 0; l < kBatch; ++l) {
@@ -363,8 +363,9 @@ BENDLOOP_LOOP void InsideOfBody(const OvalBend& oval, const LocalLanes& local, d
         (oval.constant + oval.bump * bump) * (u2 - z2) * inverse + oval.collapse * bump * outer;
   }
 }
-BENDLOOP_WIDE(void, InsideOf, (const OvalBend& oval, const LocalLanes& local, double* inside),
-              (oval, local, inside))
+BENDLOOP_MULTIVERSION(void, InsideOf,
+                      (const OvalBend& oval, const LocalLanes& local, double* inside),
+                      (oval, local, inside))
 
 CondensedSum SumOfOvalArc(const SegmentPoints& points, const SegmentFrame& frame,
                           double pipe_radius_mm, double inverse_sigma) {
@@ -387,9 +388,9 @@ BENDLOOP_LOOP double RobustSumOfBody(const double* distances_mm, std::size_t cou
   for (std::size_t i = 0; i < count; ++i) sum += Robust(std::abs(distances_mm[i]), inverse_sigma);
   return sum;
 }
-BENDLOOP_WIDE(double, RobustSumOf,
-              (const double* distances_mm, std::size_t count, double inverse_sigma),
-              (distances_mm, count, inverse_sigma))
+BENDLOOP_MULTIVERSION(double, RobustSumOf,
+                      (const double* distances_mm, std::size_t count, double inverse_sigma),
+                      (distances_mm, count, inverse_sigma))
 
 }  // namespace
 

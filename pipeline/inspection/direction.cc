@@ -81,6 +81,29 @@ std::string Differs(const DirectionFit& fit) {
          " expected variations off";
 }
 
+// Says why neither way round is this part. `mirrored`: against the mirror image of the nominal.
+void Refuse(const DirectionFit& mirrored, const DirectionOptions& options, DirectionMatch& match) {
+  const DirectionFit& chosen = match.reversed ? match.reverse : match.forward;
+  const DirectionFit& other = match.reversed ? match.forward : match.reverse;
+  match.state = DirectionState::kNoMatch;
+  if (other.plausible) {
+    match.message = std::string("the tube fits only when measured ") +
+                    (match.reversed ? "from the nominal's start" : "from the nominal's end") +
+                    ", but the cell's direction says the other end (" + Differs(chosen) +
+                    "): turn the tube or correct the direction in the cell file";
+  } else if (mirrored.plausible &&
+             std::min(chosen.cost, other.cost) - mirrored.cost > options.decisive_difference) {
+    match.state = DirectionState::kMirrored;
+    match.message =
+        "the tube is the mirror image of the nominal (the sign of every rotation is opposite): "
+        "wrong hand of the part, or the rotation sign of the program is not ours";
+  } else {
+    match.message = "this is not the part: " + Differs(chosen) +
+                    " even the better way round (rotations, lengths and angles of the nominal "
+                    "against the scan)";
+  }
+}
+
 }  // namespace
 
 std::string_view Name(DirectionState state) {
@@ -127,25 +150,7 @@ DirectionMatch MatchDirection(const hal::BendProgram& nominal, const hal::BendPr
     const hal::BendProgram mirrored = Mirrored(nominal);
     const DirectionFit forward = FitOneWay(mirrored, measured, sigma, options);
     const DirectionFit reverse = FitOneWay(mirrored, turned, turned_sigma, options);
-    const DirectionFit& better = reverse.cost < forward.cost ? reverse : forward;
-    if (other.plausible) {
-      match.state = DirectionState::kNoMatch;
-      match.message = std::string("the tube fits only when measured ") +
-                      (match.reversed ? "from the nominal's start" : "from the nominal's end") +
-                      ", but the cell's direction says the other end (" + Differs(chosen) +
-                      "): turn the tube or correct the direction in the cell file";
-    } else if (better.plausible &&
-               std::min(chosen.cost, other.cost) - better.cost > options.decisive_difference) {
-      match.state = DirectionState::kMirrored;
-      match.message =
-          "the tube is the mirror image of the nominal (the sign of every rotation is opposite): "
-          "wrong hand of the part, or the rotation sign of the program is not ours";
-    } else {
-      match.state = DirectionState::kNoMatch;
-      match.message = "this is not the part: " + Differs(chosen) +
-                      " even the better way round (rotations, lengths and angles of the nominal "
-                      "against the scan)";
-    }
+    Refuse(reverse.cost < forward.cost ? reverse : forward, options, match);
     return match;
   }
   // A tube without bends is the same from both ends: nothing can be mistaken.

@@ -109,8 +109,8 @@ BENDLOOP_LOOP CylinderSums SumCylinderBody(const Cylinder& c, Candidates& candid
   return {xx0, xx1, xx2, xy0, xy1, xy2, yy0,    yy1, yy2, x0, x1,     y0,
           y1,  dx0, dx1, dy0, dy1, d0,  weight, d2,  t1,  t2, inliers};
 }
-BENDLOOP_WIDE(CylinderSums, SumCylinder, (const Cylinder& c, Candidates& candidates),
-              (c, candidates))
+BENDLOOP_MULTIVERSION(CylinderSums, SumCylinder, (const Cylinder& c, Candidates& candidates),
+                      (c, candidates))
 
 // Part of the circumference that has inliers.
 double AngularCoverage(Candidates& candidates) {

@@ -81,7 +81,7 @@ BENDLOOP_LOOP Covariance SumCovarianceBody(const Neighbours& points) {
   }
   return {w0, sx, sy, sz, xx, xy, xz, yy, yz, zz};
 }
-BENDLOOP_WIDE(Covariance, SumCovariance, (const Neighbours& points), (points))
+BENDLOOP_MULTIVERSION(Covariance, SumCovariance, (const Neighbours& points), (points))
 
 // Weighted moments: m_ij of x^i y^j, z_ij of z x^i y^j.
 struct Moments {
@@ -119,8 +119,8 @@ BENDLOOP_LOOP Moments SumMomentsBody(const Neighbours& points, const Eigen::Matr
   return {m00, m10, m01, m20, m11, m02, m30, m21, m12, m03, m40,
           m31, m22, m13, m04, z00, z10, z01, z20, z11, z02, zz};
 }
-BENDLOOP_WIDE(Moments, SumMoments, (const Neighbours& points, const Eigen::Matrix3d& axes),
-              (points, axes))
+BENDLOOP_MULTIVERSION(Moments, SumMoments, (const Neighbours& points, const Eigen::Matrix3d& axes),
+                      (points, axes))
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;

@@ -62,6 +62,35 @@ struct Edge {
   double error2 = 0;
 };
 
+struct RadiusError {
+  double radius_mm = 0;
+  double error2 = 0;  // sum of squared distances [mm^2]
+};
+
+// Least squares within the range (section 4.5): a coarse look, then a finer one around the best.
+RadiusError ClosestRadius(const TangentCircles& circles, std::span<const Eigen::Vector2d> points,
+                          const RadiusRange& valid) {
+  const auto error_of = [&](double radius) {
+    double sum = 0;
+    for (const Eigen::Vector2d& p : points) sum += std::pow(circles.Distance(p, radius), 2);
+    return sum;
+  };
+  const double middle_mm = 0.5 * (valid.low + valid.high);
+  RadiusError best{middle_mm, error_of(middle_mm)};
+  double span = valid.high - valid.low;
+  for (int level = 0; level < 3; ++level) {
+    const double middle = level == 0 ? middle_mm : best.radius_mm;
+    for (int step = -6; step <= 6; ++step) {
+      const double radius = middle + span * step / 12.0;
+      if (radius < valid.low || radius > valid.high || radius <= 0) continue;
+      const double error = error_of(radius);
+      if (error < best.error2) best = {radius, error};
+    }
+    span /= 6.0;
+  }
+  return best;
+}
+
 std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
                              std::span<const TangentLine> tangents, const TangentLine& first,
                              const Eigen::Vector3d& straight_from, std::size_t i, std::size_t j,
@@ -116,31 +145,9 @@ std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
   limit(reach2 + 0.5 * epsilon, -slope2);
   if (valid.empty() || valid.high <= 0) return std::nullopt;
 
-  // Least squares within the range (section 4.5): a coarse look, then a finer one around the best.
-  const auto error_of = [&](double radius) {
-    double sum = 0;
-    for (const Eigen::Vector2d& p : points) sum += std::pow(circles->Distance(p, radius), 2);
-    return sum;
-  };
   // The corner of a turn beyond a half lies behind: its reaches may be negative.
-  const double top =
-      std::min(valid.high, valid.low + 1e4 * (1.0 + std::abs(reach1) + std::abs(reach2)));
-  double best_radius = 0.5 * (valid.low + top);
-  double best = error_of(best_radius);
-  double span = top - valid.low;
-  for (int level = 0; level < 3; ++level) {
-    const double middle = level == 0 ? 0.5 * (valid.low + top) : best_radius;
-    for (int step = -6; step <= 6; ++step) {
-      const double radius = middle + span * step / 12.0;
-      if (radius < valid.low || radius > top || radius <= 0) continue;
-      const double error = error_of(radius);
-      if (error < best) {
-        best = error;
-        best_radius = radius;
-      }
-    }
-    span /= 6.0;
-  }
+  valid.high = std::min(valid.high, valid.low + 1e4 * (1.0 + std::abs(reach1) + std::abs(reach2)));
+  const auto [best_radius, best] = ClosestRadius(*circles, points, valid);
   if (!(best_radius > 0)) return std::nullopt;
 
   Edge edge;
