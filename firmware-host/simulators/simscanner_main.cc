@@ -4,15 +4,16 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <iostream>
 #include <memory>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "drivers/simulated_scanner/simulate_session.h"
 #include "drivers/simulated_scanner/simulated_scanner.h"
+#include "firmware-host/simulators/scan_operator.h"
 #include "firmware-host/simulators/scan_options.h"
 #include "firmware-host/simulators/simulator_main.h"
 #include "firmware-host/simulators/tray_file.h"
@@ -28,7 +29,6 @@ using hal::ErrorKind;
 using hal::Fail;
 using hal::Result;
 
-constexpr std::size_t kMaxLineBytes = 1 << 16;
 constexpr std::int64_t kBetweenScansNs = 1'000'000'000;
 
 // The simulated scanner and who stands beside it.
@@ -60,8 +60,9 @@ class Operator {
   }
 
   void Report() {
-    for (; finished_ < scanner_.scans_finished(); ++finished_) Say("scanned ");
-    for (; abandoned_ < scanner_.scans_abandoned(); ++abandoned_) Say("abandoned ");
+    tally_.Report(
+        scanner_.scans_finished(), scanner_.scans_abandoned(),
+        [](const char* what, const std::string& name) { std::cout << what << name << std::endl; });
   }
 
  private:
@@ -77,9 +78,9 @@ class Operator {
     if (lay_on_table_) part->tube = drivers::LayOnTable(part->tube, options.seed);
     auto scan = std::make_shared<const VirtualScan>(part->tube, options);
     next_t_ns_ = scan->EndEvent().t_ns + kBetweenScansNs;
-    names_.push_back(std::filesystem::path(file).filename().string());
-    std::cout << "scanning " << names_.back() << " " << scan->profile_count() << " profiles"
-              << std::endl;
+    const std::string name = std::filesystem::path(file).filename().string();
+    tally_.Begin(name);
+    std::cout << "scanning " << name << " " << scan->profile_count() << " profiles" << std::endl;
     scanner_.Trigger(std::move(scan), pace_);
     return {};
   }
@@ -96,27 +97,18 @@ class Operator {
     std::cout << "ok" << std::endl;
   }
 
-  void Say(const char* what) {
-    if (names_.empty()) return;
-    std::cout << what << names_.front() << std::endl;
-    names_.erase(names_.begin());
-  }
-
   SimulatedScanner& scanner_;
   VirtualScanOptions options_;
   ScanPace pace_;
   bool lay_on_table_;
   std::int64_t next_t_ns_ = kBetweenScansNs;
-  std::vector<std::string> names_;
-  std::size_t finished_ = 0;
-  std::size_t abandoned_ = 0;
+  ScanTally tally_;
 };
 
 // Serves the host and obeys standard input until it ends or says quit.
 Result<void> Serve(SimulatedScanner& scanner, Operator& person) {
   scanner.WakeOn(STDIN_FILENO);
-  std::string input;
-  std::array<char, 4096> block{};
+  CommandLines lines;
   while (true) {
     if (auto served = scanner.Poll(std::chrono::seconds(1)); !served) {
       return Fail(served.error());
@@ -124,13 +116,8 @@ Result<void> Serve(SimulatedScanner& scanner, Operator& person) {
     person.Report();
     pollfd waiting{STDIN_FILENO, POLLIN, 0};
     if (poll(&waiting, 1, 0) <= 0) continue;
-    const ssize_t got = read(STDIN_FILENO, block.data(), block.size());
-    if (got > 0) input.append(block.data(), static_cast<std::size_t>(got));
-    for (std::size_t end = input.find('\n'); end != std::string::npos; end = input.find('\n')) {
-      if (!person.Obey(input.substr(0, end))) return {};
-      input.erase(0, end + 1);
-    }
-    if (got == 0 || input.size() > kMaxLineBytes) return {};
+    const auto obey = [&person](const std::string& line) { return person.Obey(line); };
+    if (lines.Read(obey) != CommandLines::State::kMore) return {};
   }
 }
 

@@ -17,6 +17,7 @@
 
 #include "drivers/session/session_source.h"
 #include "firmware-host/simulators/gadget_service.h"
+#include "firmware-host/simulators/scan_operator.h"
 #include "firmware-host/simulators/simulator_main.h"
 
 namespace bendloop::host {
@@ -30,7 +31,6 @@ using hal::ErrorKind;
 using hal::Fail;
 using hal::Result;
 
-constexpr std::size_t kMaxLineBytes = 1 << 16;
 constexpr int kReportMs = 20;
 
 struct Options {
@@ -64,7 +64,7 @@ class Operator {
                       "; raise --max-points");
     }
     (void)session->Start();
-    names_.push_back(file);
+    tally_.Begin(file);
     std::cout << "scanning " << Name(file) << std::endl;
     service_.WithDevice(
         [&](ScannerDevice& device) { device.Trigger(std::move(session), options_.pace); });
@@ -113,8 +113,8 @@ class Operator {
       finished = device.scans_finished();
       abandoned = device.scans_abandoned();
     });
-    for (; finished_ < finished; ++finished_) Say("scanned ");
-    for (; abandoned_ < abandoned; ++abandoned_) Say("abandoned ");
+    tally_.Report(finished, abandoned,
+                  [this](const char* what, const std::string& file) { Say(what, file); });
   }
 
  private:
@@ -122,10 +122,7 @@ class Operator {
     return std::filesystem::path(file).filename().string();
   }
 
-  void Say(const char* what) {
-    if (names_.empty()) return;
-    const std::string file = names_.front();
-    names_.erase(names_.begin());
+  void Say(const char* what, const std::string& file) {
     std::cout << what << Name(file) << std::endl;
     if (!options_.forever) return;
     if (auto again = Scan(file); !again)
@@ -144,28 +141,21 @@ class Operator {
   GadgetService& service_;
   const Options& options_;
   hal::Clock& clock_;
-  std::vector<std::string> names_;
-  std::size_t finished_ = 0;
-  std::size_t abandoned_ = 0;
+  ScanTally tally_;
 };
 
 // Obeys standard input until it ends or says quit, or a signal comes.
 void Serve(Operator& person, int signals, bool forever) {
-  std::string input;
-  std::array<char, 4096> block{};
+  CommandLines lines;
   std::array<pollfd, 2> waiting = {pollfd{STDIN_FILENO, POLLIN, 0}, pollfd{signals, POLLIN, 0}};
   while (true) {
     poll(waiting.data(), waiting.size(), kReportMs);
     person.Report();
     if (waiting[1].revents != 0) return;
     if (waiting[0].revents == 0) continue;
-    const ssize_t got = read(STDIN_FILENO, block.data(), block.size());
-    if (got > 0) input.append(block.data(), static_cast<std::size_t>(got));
-    for (std::size_t end = input.find('\n'); end != std::string::npos; end = input.find('\n')) {
-      if (!person.Obey(input.substr(0, end))) return;
-      input.erase(0, end + 1);
-    }
-    if (got > 0 && input.size() <= kMaxLineBytes) continue;
+    const auto state = lines.Read([&](const std::string& line) { return person.Obey(line); });
+    if (state == CommandLines::State::kQuit) return;
+    if (state == CommandLines::State::kMore) continue;
     if (!forever) return;
     waiting[0].fd = -1;  // nobody there to listen to
   }
