@@ -123,6 +123,17 @@ double AngularCoverage(Candidates& candidates) {
   return static_cast<double>(std::popcount(sectors)) / kSectors;
 }
 
+// Of the unknowns shift along e1 and e2, tilt along them, radius.
+Matrix5d NormalMatrix(const CylinderSums& s) {
+  Matrix5d normal_matrix;
+  normal_matrix << s.xx0, s.xy0, s.xx1, s.xy1, s.x0,  //
+      s.xy0, s.yy0, s.xy1, s.yy1, s.y0,               //
+      s.xx1, s.xy1, s.xx2, s.xy2, s.x1,               //
+      s.xy1, s.yy1, s.xy2, s.yy2, s.y1,               //
+      s.x0, s.y0, s.x1, s.y1, s.weight;
+  return normal_matrix;
+}
+
 }  // namespace
 
 std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eigen::Vector3d& axis,
@@ -153,12 +164,7 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
 
     Vector5d step = Vector5d::Zero();
     const int unknowns = options.free_radius ? 5 : 4;
-    Matrix5d normal_matrix;
-    normal_matrix << s.xx0, s.xy0, s.xx1, s.xy1, s.x0,  //
-        s.xy0, s.yy0, s.xy1, s.yy1, s.y0,               //
-        s.xx1, s.xy1, s.xx2, s.xy2, s.x1,               //
-        s.xy1, s.yy1, s.xy2, s.yy2, s.y1,               //
-        s.x0, s.y0, s.x1, s.y1, s.weight;
+    const Matrix5d normal_matrix = NormalMatrix(s);
     Vector5d right;
     right << s.dx0, s.dy0, s.dx1, s.dy1, s.d0;
     const SmallMatrix lower = normal_matrix.topLeftCorner(unknowns, unknowns);

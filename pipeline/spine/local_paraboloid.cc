@@ -167,6 +167,45 @@ bool SolveWellConditioned(const Matrix6d& a, const Vector6d& b, double least_con
   return norm * inverse_norm * least_condition < 1.0 && x.allFinite();
 }
 
+// Principal curvatures and directions of z = k0 x^2 + k1 y^2 + k2 xy + k3 x + k4 y + k5, all in
+// units of the radius, at its foot. Shape operator S = G^-1 H (2.2): H in an orthonormal frame of
+// the tangent plane, one vector of which goes uphill, where the plane of x and y turns into it by a
+// stretch alone.
+void SetCurvature(const Vector6d& k, const Eigen::Matrix3d& axes, double radius_mm,
+                  LocalParaboloid& fit) {
+  const Eigen::Vector3d ex = axes.col(0), ey = axes.col(1), nu = axes.col(2);
+  const double d = k[3];
+  const double e = k[4];
+  const double rise = std::hypot(d, e), stretch = std::hypot(1.0, rise);
+  const double ux = rise > 0 ? d / rise : 1.0;
+  const double uy = rise > 0 ? e / rise : 0.0;
+  const Eigen::Vector3d uphill = (ux * ex + uy * ey + rise * nu) / stretch;
+  const Eigen::Vector3d level = ux * ey - uy * ex;
+  const double unit = 1.0 / (radius_mm * stretch);
+  const double hxx = 2.0 * k[0] * unit, hxy = k[2] * unit, hyy = 2.0 * k[1] * unit;
+  const double h_uphill =
+      (hxx * ux * ux + 2.0 * hxy * ux * uy + hyy * uy * uy) / (stretch * stretch);
+  const double h_mixed = ((hyy - hxx) * ux * uy + hxy * (ux * ux - uy * uy)) / stretch;
+  const double h_level = hxx * uy * uy - 2.0 * hxy * ux * uy + hyy * ux * ux;
+  const double mean_curvature = 0.5 * (h_uphill + h_level);
+  const double half = 0.5 * (h_uphill - h_level);
+  const double apart = std::hypot(half, h_mixed);
+  // The direction of the greater eigenvalue, computed without a difference of like numbers.
+  Eigen::Vector2d v =
+      half >= 0 ? Eigen::Vector2d(apart + half, h_mixed) : Eigen::Vector2d(h_mixed, apart - half);
+  const double length = v.norm();
+  v = length > 0 ? Eigen::Vector2d(v / length) : Eigen::Vector2d(1.0, 0.0);
+  const Eigen::Vector3d greater = v.x() * uphill + v.y() * level;
+  const Eigen::Vector3d lesser = v.x() * level - v.y() * uphill;
+  if (mean_curvature >= 0) {
+    fit.curvature = {mean_curvature + apart, mean_curvature - apart};
+    fit.direction = {greater, lesser};
+  } else {
+    fit.curvature = {mean_curvature - apart, mean_curvature + apart};
+    fit.direction = {lesser, greater};
+  }
+}
+
 }  // namespace
 
 std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
@@ -213,36 +252,7 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   fit.foot_mm = point + radius_mm * k[5] * nu;
   fit.normal = (nu - d * ex - e * ey).normalized();
 
-  // Shape operator S = G^-1 H (2.2): H in an orthonormal frame of the tangent plane, one vector of
-  // which goes uphill, where the plane of x and y turns into it by a stretch alone.
-  const double rise = std::hypot(d, e), stretch = std::hypot(1.0, rise);
-  const double ux = rise > 0 ? d / rise : 1.0;
-  const double uy = rise > 0 ? e / rise : 0.0;
-  const Eigen::Vector3d uphill = (ux * ex + uy * ey + rise * nu) / stretch;
-  const Eigen::Vector3d level = ux * ey - uy * ex;
-  const double unit = 1.0 / (radius_mm * stretch);
-  const double hxx = 2.0 * k[0] * unit, hxy = k[2] * unit, hyy = 2.0 * k[1] * unit;
-  const double h_uphill =
-      (hxx * ux * ux + 2.0 * hxy * ux * uy + hyy * uy * uy) / (stretch * stretch);
-  const double h_mixed = ((hyy - hxx) * ux * uy + hxy * (ux * ux - uy * uy)) / stretch;
-  const double h_level = hxx * uy * uy - 2.0 * hxy * ux * uy + hyy * ux * ux;
-  const double mean_curvature = 0.5 * (h_uphill + h_level);
-  const double half = 0.5 * (h_uphill - h_level);
-  const double apart = std::hypot(half, h_mixed);
-  // The direction of the greater eigenvalue, computed without a difference of like numbers.
-  Eigen::Vector2d v =
-      half >= 0 ? Eigen::Vector2d(apart + half, h_mixed) : Eigen::Vector2d(h_mixed, apart - half);
-  const double length = v.norm();
-  v = length > 0 ? Eigen::Vector2d(v / length) : Eigen::Vector2d(1.0, 0.0);
-  const Eigen::Vector3d greater = v.x() * uphill + v.y() * level;
-  const Eigen::Vector3d lesser = v.x() * level - v.y() * uphill;
-  if (mean_curvature >= 0) {
-    fit.curvature = {mean_curvature + apart, mean_curvature - apart};
-    fit.direction = {greater, lesser};
-  } else {
-    fit.curvature = {mean_curvature - apart, mean_curvature + apart};
-    fit.direction = {lesser, greater};
-  }
+  SetCurvature(k, axes, radius_mm, fit);
   return fit;
 }
 

@@ -91,6 +91,50 @@ RadiusError ClosestRadius(const TangentCircles& circles, std::span<const Eigen::
   return best;
 }
 
+// Vertices in the plane of an arc, and how far from them it may pass there.
+struct PassedVertices {
+  std::vector<Eigen::Vector2d> points;
+  std::vector<double> room;  // epsilon'_k
+};
+
+// Empty: one of them lies further than epsilon from the plane.
+std::optional<PassedVertices> VerticesIn(const Plane& plane,
+                                         std::span<const Eigen::Vector3d> vertices,
+                                         double epsilon) {
+  PassedVertices passed;
+  passed.points.reserve(vertices.size());
+  passed.room.reserve(vertices.size());
+  for (const Eigen::Vector3d& vertex : vertices) {
+    const double height = plane.Height(vertex);
+    if (std::abs(height) > epsilon) return std::nullopt;
+    passed.points.push_back(plane.To(vertex));
+    passed.room.push_back(std::sqrt(epsilon * epsilon - height * height));
+  }
+  return passed;
+}
+
+// Radii of the circles that pass all points within their room.
+RadiusRange RangeWithin(const TangentCircles& circles, std::span<const Eigen::Vector2d> points,
+                        std::span<const double> room) {
+  RadiusRange valid{0.0, 1e9};
+  for (std::size_t k = 0; k < points.size() && !valid.empty(); ++k) {
+    const RadiusRange range = ApolloniusRange(circles, points[k], room[k]);
+    valid = {std::max(valid.low, range.low), std::min(valid.high, range.high)};
+    if (range.empty()) return range;
+  }
+  return valid;
+}
+
+Edge EdgeWith(const Plane& plane, const TangentCircles& circles, double radius_mm, double turn) {
+  Edge edge;
+  edge.arc.begin_mm = plane.From(circles.Begin(radius_mm));
+  edge.arc.end_mm = plane.From(circles.End(radius_mm));
+  edge.arc.normal = turn > 0 ? plane.normal : Eigen::Vector3d(-plane.normal);
+  edge.arc.radius_mm = radius_mm;
+  edge.arc.angle_rad = std::abs(turn);
+  return edge;
+}
+
 std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
                              std::span<const TangentLine> tangents, const TangentLine& first,
                              const Eigen::Vector3d& straight_from, std::size_t i, std::size_t j,
@@ -98,16 +142,9 @@ std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
   // The far vertex of edge j fixes the plane (section 4.1).
   const auto plane = PlaneThrough(first, vertices[j + 1]);
   if (!plane) return std::nullopt;
-  std::vector<Eigen::Vector2d> points;
-  std::vector<double> room;  // epsilon'_k
-  points.reserve(j - i);
-  room.reserve(j - i);
-  for (std::size_t k = i + 1; k <= j; ++k) {
-    const double height = plane->Height(vertices[k]);
-    if (std::abs(height) > epsilon) return std::nullopt;
-    points.push_back(plane->To(vertices[k]));
-    room.push_back(std::sqrt(epsilon * epsilon - height * height));
-  }
+  const auto passed = VerticesIn(*plane, vertices.subspan(i + 1, j - i), epsilon);
+  if (!passed) return std::nullopt;
+  const auto& [points, room] = *passed;
   const TangentLine& second = tangents[j];
   if (std::abs(plane->Height(second.point_mm)) > epsilon) return std::nullopt;
   const Eigen::Vector2d projected(second.direction.dot(plane->ex), second.direction.dot(plane->ey));
@@ -124,12 +161,8 @@ std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
       MakeTangentCircles(Eigen::Vector2d::Zero(), direction1, point2, direction2, turn);
   if (!circles) return std::nullopt;
 
-  RadiusRange valid{0.0, 1e9};
-  for (std::size_t k = 0; k < points.size(); ++k) {
-    const RadiusRange range = ApolloniusRange(*circles, points[k], room[k]);
-    valid = {std::max(valid.low, range.low), std::min(valid.high, range.high)};
-    if (range.empty() || valid.empty()) return std::nullopt;
-  }
+  RadiusRange valid = RangeWithin(*circles, points, room);
+  if (valid.empty()) return std::nullopt;
   // The first straight starts where the arc before it ended, the second ends at p_{j+1}: the
   // touching points must lie between. Both move linearly with the radius.
   const double start = plane->To(straight_from).x();
@@ -150,16 +183,11 @@ std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
   const auto [best_radius, best] = ClosestRadius(*circles, points, valid);
   if (!(best_radius > 0)) return std::nullopt;
 
-  Edge edge;
+  Edge edge = EdgeWith(*plane, *circles, best_radius, turn);
   edge.error2 = best;
-  edge.modified = {plane->From(point2), plane->Vector(direction2)};
-  edge.arc.begin_mm = plane->From(circles->Begin(best_radius));
-  edge.arc.end_mm = plane->From(circles->End(best_radius));
   edge.arc.tangent_in = first.direction;
+  edge.modified = {plane->From(point2), plane->Vector(direction2)};
   edge.arc.tangent_out = edge.modified.direction;
-  edge.arc.normal = turn > 0 ? plane->normal : Eigen::Vector3d(-plane->normal);
-  edge.arc.radius_mm = best_radius;
-  edge.arc.angle_rad = std::abs(turn);
   for (std::size_t k = i + 1; k <= j; ++k) {
     edge.error2 += std::pow(plane->Height(vertices[k]), 2);
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <span>
 #include <string>
 
 namespace bendloop::pipeline {
@@ -92,6 +93,52 @@ std::string RadiusMissing(std::size_t row) {
          "bend radius (CLR) in mm";
 }
 
+auto BadPolygon(const std::string& message) {
+  return hal::Fail(hal::ErrorKind::kBadInput, message);
+}
+
+// The way from each point of a control polygon to the next.
+struct PolygonLegs {
+  std::vector<Vector3d> tangents;
+  std::vector<double> lengths_mm;
+};
+
+hal::Result<PolygonLegs> LegsOf(std::span<const Vector3d> points_mm) {
+  PolygonLegs legs;
+  for (std::size_t i = 0; i + 1 < points_mm.size(); ++i) {
+    const Vector3d leg_mm = points_mm[i + 1] - points_mm[i];
+    const double length_mm = leg_mm.norm();
+    if (!std::isfinite(length_mm)) {
+      return BadPolygon("point " + std::to_string(points_mm[i].allFinite() ? i + 2 : i + 1) +
+                        " is not a finite number of millimetres");
+    }
+    if (length_mm <= 0) {
+      return BadPolygon("points " + std::to_string(i + 1) + " and " + std::to_string(i + 2) +
+                        " coincide; remove one of them");
+    }
+    legs.tangents.push_back(leg_mm / length_mm);
+    legs.lengths_mm.push_back(length_mm);
+  }
+  return legs;
+}
+
+// What the bends leave of the legs. `setbacks_mm`: tangent length of each point.
+hal::Result<void> SetStraights(std::span<const double> legs_mm, std::span<const double> setbacks_mm,
+                               hal::BendProgram& program) {
+  for (std::size_t i = 0; i < legs_mm.size(); ++i) {
+    const double length_mm = legs_mm[i] - setbacks_mm[i] - setbacks_mm[i + 1];
+    if (length_mm < -kOverlapTolerance_mm) {
+      return BadPolygon("points " + std::to_string(i + 1) + " and " + std::to_string(i + 2) +
+                        " are " + Number(legs_mm[i]) + " mm apart, but the bends at them take " +
+                        Number(setbacks_mm[i]) + " and " + Number(setbacks_mm[i + 1]) +
+                        " mm of that; expected a straight of at least 0 mm between them, check the "
+                        "bend radius");
+    }
+    program.rows[i].length_mm = std::max(0.0, length_mm);
+  }
+  return {};
+}
+
 }  // namespace
 
 hal::BendProgram ReverseProgram(const hal::BendProgram& program) {
@@ -161,20 +208,9 @@ hal::Result<hal::Tube> TubeFromPolygon(const ControlPolygon& polygon) {
     return bad(std::to_string(polygon.bend_radii_mm.size()) + " bend radii for " +
                std::to_string(bends) + " inner points; expected one for each");
   }
-  std::vector<Vector3d> tangents(bends + 1);
-  std::vector<double> legs_mm(bends + 1);
-  for (std::size_t i = 0; i <= bends; ++i) {
-    legs_mm[i] = (points[i + 1] - points[i]).norm();
-    if (!std::isfinite(legs_mm[i])) {
-      return bad("point " + std::to_string(points[i].allFinite() ? i + 2 : i + 1) +
-                 " is not a finite number of millimetres");
-    }
-    if (legs_mm[i] <= 0) {
-      return bad("points " + std::to_string(i + 1) + " and " + std::to_string(i + 2) +
-                 " coincide; remove one of them");
-    }
-    tangents[i] = (points[i + 1] - points[i]) / legs_mm[i];
-  }
+  const auto legs = LegsOf(points);
+  if (!legs) return hal::Fail(legs.error());
+  const auto& [tangents, legs_mm] = *legs;
 
   hal::Tube tube;
   tube.program.rows.resize(bends + 1);
@@ -209,17 +245,8 @@ hal::Result<hal::Tube> TubeFromPolygon(const ControlPolygon& polygon) {
   if (!normal) tube.X_WT.orientation = TubeOrientation(tangents[0], AnyNormalOf(tangents[0]));
   tube.X_WT.position_mm = points[0];
 
-  for (std::size_t i = 0; i <= bends; ++i) {
-    const double length_mm = legs_mm[i] - setbacks_mm[i] - setbacks_mm[i + 1];
-    if (length_mm < -kOverlapTolerance_mm) {
-      return bad("points " + std::to_string(i + 1) + " and " + std::to_string(i + 2) + " are " +
-                 Number(legs_mm[i]) + " mm apart, but the bends at them take " +
-                 Number(setbacks_mm[i]) + " and " + Number(setbacks_mm[i + 1]) +
-                 " mm of that; expected a straight of at least 0 mm between them, check the bend "
-                 "radius");
-    }
-    tube.program.rows[i].length_mm = std::max(0.0, length_mm);
-  }
+  const auto fitted = SetStraights(legs_mm, setbacks_mm, tube.program);
+  if (!fitted) return hal::Fail(fitted.error());
   return tube;
 }
 

@@ -34,11 +34,7 @@ const std::set<std::string> kToBeCut = {
     "pipeline/fit/surface_fit.cc: FitFew",
     "pipeline/fit/tube_parameters.cc: TubeParameters::FrameDerivatives",
     "pipeline/points/sample_grid.cc: SampleGrid::InsertAll",
-    "pipeline/spine/cylinder_fit.cc: FitCylinder",
-    "pipeline/spine/local_paraboloid.cc: FitLocalParaboloid",
-    "pipeline/spline/shortcut_graph.cc: MakeEdge",
     "pipeline/structure/structure_score.cc: FindMissingBends",
-    "pipeline/tube/representations.cc: TubeFromPolygon",
 };
 
 TEST(FunctionLength, IsOneScreen) {
