@@ -2,6 +2,7 @@
 // Random tubes: how often the number of bends is right, and how the errors compare with the
 // Cramer-Rao bound and with the sigma that the measurement reports.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
@@ -17,6 +18,7 @@
 #include "tests/bench/bench_table.h"
 #include "tests/bench/comparison.h"
 #include "tests/bench/montecarlo_cases.h"
+#include "tests/bench/montecarlo_real.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/tube_runs.h"
 
@@ -26,6 +28,7 @@ namespace {
 struct Options {
   TubeRuns runs{.tubes = 1000};
   std::string kind;
+  std::string real;  // real tubes instead of ideal ones: with "part" or with "no" nominal
   Drawing drawing = Drawing::kOfKind;
   std::optional<std::uint64_t> only;
   std::string json_path;
@@ -201,7 +204,32 @@ constexpr std::array<Column, 18> kColumns = {{
     {"ms", [](const Summary& s) { return s.ms / std::max(1, s.Tubes()); }},
 }};
 
+int RunRealTubes(const Options& options) {
+  const auto& kinds = RealKinds();
+  RealRun run{.seeds = {},
+              .threads = options.runs.threads,
+              .with_nominal = options.real == "part",
+              .verbose = options.only.has_value(),
+              .json_path = options.json_path};
+  if (options.only) {
+    run.seeds = {*options.only};
+    return RunReal(run);
+  }
+  if (!options.kind.empty() && std::find(kinds.begin(), kinds.end(), options.kind) == kinds.end()) {
+    std::cerr << "bendloop_montecarlo: " << options.kind << " is no kind of real tubes\n";
+    return 2;
+  }
+  for (std::uint64_t seed = options.runs.first_seed(); run.seeds.size() < options.runs.tubes;
+       ++seed) {
+    if (options.kind.empty() || kinds[seed % kinds.size()] == options.kind) {
+      run.seeds.push_back(seed);
+    }
+  }
+  return RunReal(run);
+}
+
 int Run(const Options& options) {
+  if (!options.real.empty()) return RunRealTubes(options);
   if (options.only) {
     const TubeResult tube = RunTube(*options.only, options.drawing, true);
     std::cout << kOutcomes[static_cast<std::size_t>(tube.outcome)] << ' ' << tube.note << '\n';
@@ -272,12 +300,19 @@ int main(int argc, char** argv) {
       "Examples:\n"
       "  bendloop_montecarlo --tubes 200\n"
       "  bendloop_montecarlo --kind stripes --tubes 50 --json stripes.json\n"
+      "  bendloop_montecarlo --real no --tubes 280\n"
       "  bendloop_montecarlo --drawing fewer    parts with a bend that their drawing does not "
       "show\n"
       "  bendloop_montecarlo --only 1000117     one tube in detail");
   options.runs.AddOptions(app);
-  app.add_option("--kind", options.kind, "Only this kind")
-      ->check(CLI::IsMember(bendloop::bench::MonteCarloKinds()));
+  std::vector<std::string> kinds = bendloop::bench::MonteCarloKinds();
+  const auto& real_kinds = bendloop::bench::RealKinds();
+  kinds.insert(kinds.end(), real_kinds.begin(), real_kinds.end());
+  app.add_option("--kind", options.kind, "Only this kind")->check(CLI::IsMember(kinds));
+  app.add_option("--real", options.real,
+                 "Tubes as benders make them: bowed, eased, dented, scanned with drift; with the "
+                 "nominal or without")
+      ->check(CLI::IsMember({"part", "no"}));
   using bendloop::bench::kDrawings;
   app.add_option("--drawing", options.drawing,
                  "The nominal: that of the part for every tube, or with a bend more or fewer than "

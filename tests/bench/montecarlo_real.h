@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/bend_program.h"
+#include "tests/support/real_tube.h"
+
+namespace bendloop::bench {
+
+// A random scan of a tube as benders make them: bowed, eased, dented, drifting, thin in places.
+struct RealCase {
+  std::string kind;
+  std::uint64_t seed = 0;
+  tests::RealCloud cloud;
+  hal::BendProgram nominal;  // the truth, bent a little off
+};
+
+// Their kinds, in the order of the seeds: seed modulo their number is the kind.
+const std::vector<std::string>& RealKinds();
+
+RealCase DrawRealCase(std::uint64_t seed);
+
+struct RealRun {
+  std::vector<std::uint64_t> seeds;
+  unsigned threads = 1;
+  bool with_nominal = false;
+  bool verbose = false;  // every tube with what was found and what is true
+  std::string json_path;
+};
+
+// Measures them and prints a table. 0: done.
+int RunReal(const RealRun& run);
+
+}  // namespace bendloop::bench

@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/support/real_tube.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "hal/spine.h"
+
+namespace bendloop::tests {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kStep = 0.02;  // of the pipe radius, between the places of a spine
+
+double Uniform(std::mt19937_64& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+Eigen::Vector3d RandomUnit(std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
+}
+
+// A spine as places close together, with a frame that does not twist.
+struct Spine {
+  double step_mm = 0;
+  std::vector<Eigen::Vector3d> place, tangent, across;
+  std::vector<Eigen::Vector2d> curvature;  // (across, tangent x across)
+  std::vector<double> bentness;            // 0 on straights, 1 in bends
+  double length_mm() const { return step_mm * static_cast<double>(place.size() - 1); }
+};
+
+// What follows bend after bend in the frame that does not twist: its direction, and curvature.
+std::vector<Eigen::Vector2d> Curvatures(const hal::Tube& tube, const Form& form, double step_mm,
+                                        std::vector<double>& bentness, std::mt19937_64& random) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const double total_mm = hal::SpineLength(tube.program);
+  const auto count = static_cast<std::size_t>(total_mm / step_mm) + 1;
+  std::vector<Eigen::Vector2d> curvature(count, Eigen::Vector2d::Zero());
+  bentness.assign(count, 0.0);
+  double plane = 0;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const auto& segment = segments[k];
+    const auto from = static_cast<std::size_t>(std::ceil(segment.from_start_mm / step_mm));
+    const auto to = std::min(
+        count, static_cast<std::size_t>((segment.from_start_mm + segment.length_mm) / step_mm) + 1);
+    if (segment.is_arc()) {
+      if (k > 1) plane += tube.program.rows[k / 2].rotation_deg * kPi / 180.0;
+      const Eigen::Vector2d turn(std::cos(plane), std::sin(plane));
+      for (std::size_t i = from; i < to; ++i) {
+        curvature[i] = turn / segment.bend_radius_mm;
+        bentness[i] = 1.0;
+      }
+      continue;
+    }
+    // Bows of height bow * L have the curvature 8 bow / L; that of a cubic is zero in the middle.
+    const double sign = Uniform(random, 0, 2 * kPi), other = Uniform(random, 0, 2 * kPi);
+    const Eigen::Vector2d bow(std::cos(sign), std::sin(sign)),
+        s_bow(std::cos(other), std::sin(other));
+    for (std::size_t i = from; i < to; ++i) {
+      const double t =
+          (static_cast<double>(i) * step_mm - segment.from_start_mm) / segment.length_mm;
+      curvature[i] +=
+          (8.0 * form.bow * bow + 62.0 * form.s_bow * (t - 0.5) * s_bow) / segment.length_mm;
+    }
+  }
+  return curvature;
+}
+
+template <class Value>
+std::vector<Value> Smoothed(const std::vector<Value>& values, const Form& form, const Value& zero) {
+  if (form.easing_r <= 0) return values;
+  const double sigma = form.easing_r / kStep;  // steps
+  const int reach = static_cast<int>(std::ceil((form.ramps ? 1.0 : 4.0) * sigma));
+  std::vector<double> kernel;
+  double sum = 0;
+  for (int i = -reach; i <= reach; ++i) {
+    kernel.push_back(form.ramps ? 1.0 : std::exp(-0.5 * i * i / (sigma * sigma)));
+    sum += kernel.back();
+  }
+  std::vector<Value> smooth(values.size(), zero);
+  const auto last = static_cast<int>(values.size()) - 1;
+  for (int i = 0; i <= last; ++i) {
+    Value mean = zero;
+    for (int k = -reach; k <= reach; ++k) {
+      if (i + k < 0 || i + k > last) continue;
+      mean += kernel[static_cast<std::size_t>(k + reach)] / sum *
+              values[static_cast<std::size_t>(i + k)];
+    }
+    smooth[static_cast<std::size_t>(i)] = mean;
+  }
+  return smooth;
+}
+
+Spine MakeSpine(const hal::Tube& tube, const Form& form, std::mt19937_64& random) {
+  Spine spine;
+  spine.step_mm = kStep * tube.pipe_radius_mm;
+  std::vector<double> bentness;
+  const auto sharp = Curvatures(tube, form, spine.step_mm, bentness, random);
+  spine.curvature = Smoothed<Eigen::Vector2d>(sharp, form, Eigen::Vector2d::Zero());
+  spine.bentness = Smoothed<double>(bentness, form, 0.0);
+  const Eigen::Matrix3d R = tube.X_WT.orientation.toRotationMatrix();
+  Eigen::Vector3d place = tube.X_WT.position_mm, tangent = R.col(0), across = R.col(1);
+  for (const Eigen::Vector2d& k : spine.curvature) {
+    spine.place.push_back(place);
+    spine.tangent.push_back(tangent);
+    spine.across.push_back(across);
+    const Eigen::Vector3d binormal = tangent.cross(across);
+    // Turned by the curvature's integral about (tangent x direction).
+    const Eigen::Vector3d axis = k.x() * binormal - k.y() * across;
+    const double angle = axis.norm() * spine.step_mm;
+    const Eigen::Quaterniond turn(angle > 0 ? Eigen::AngleAxisd(angle, axis.normalized())
+                                            : Eigen::AngleAxisd::Identity());
+    const Eigen::Vector3d next = turn * tangent;
+    place += 0.5 * spine.step_mm * (tangent + next);
+    tangent = next.normalized();
+    across = (turn * across - (turn * across).dot(tangent) * tangent).normalized();
+  }
+  return spine;
+}
+
+struct Line {
+  Eigen::Vector3d point, direction;
+};
+
+// Least squares over the places of a straight, without an eighth at each end.
+Line BestFitLine(const Spine& spine, double from_mm, double to_mm) {
+  const double off_mm = 0.125 * (to_mm - from_mm);
+  const auto first = static_cast<std::size_t>((from_mm + off_mm) / spine.step_mm);
+  const auto last =
+      std::min(spine.place.size(),
+               std::max(first + 3, static_cast<std::size_t>((to_mm - off_mm) / spine.step_mm)));
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (std::size_t i = first; i < last; ++i) mean += spine.place[i];
+  mean /= static_cast<double>(last - first);
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (std::size_t i = first; i < last; ++i) {
+    const Eigen::Vector3d off = spine.place[i] - mean;
+    spread += off * off.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
+  Eigen::Vector3d direction = eigen.eigenvectors().col(2);
+  if (direction.dot(spine.tangent[first]) < 0) direction = -direction;
+  return {mean, direction};
+}
+
+// The tube whose straights are these lines: corners are halfway between neighbours.
+hal::Tube TradeTube(const hal::Tube& program, const Spine& spine) {
+  const auto segments = hal::SpineSegments(program.program, program.X_WT);
+  std::vector<Line> lines;
+  for (std::size_t k = 0; k < segments.size(); k += 2) {
+    lines.push_back(BestFitLine(spine, segments[k].from_start_mm,
+                                segments[k].from_start_mm + segments[k].length_mm));
+  }
+  const auto onto = [](const Line& line, const Eigen::Vector3d& p) -> Eigen::Vector3d {
+    return line.point + (p - line.point).dot(line.direction) * line.direction;
+  };
+  std::vector<Eigen::Vector3d> corner = {onto(lines.front(), spine.place.front())};
+  for (std::size_t i = 0; i + 1 < lines.size(); ++i) {
+    const Line &a = lines[i], &b = lines[i + 1];
+    const Eigen::Vector3d normal = a.direction.cross(b.direction);
+    const Eigen::Vector3d between = b.point - a.point;
+    const double s = between.cross(b.direction).dot(normal) / normal.squaredNorm();
+    const double t = between.cross(a.direction).dot(normal) / normal.squaredNorm();
+    corner.push_back(0.5 * (a.point + s * a.direction + b.point + t * b.direction));
+  }
+  corner.push_back(onto(lines.back(), spine.place.back()));
+  hal::Tube tube = program;
+  std::vector<double> tangent_mm(corner.size(), 0.0);
+  Eigen::Vector3d last_normal = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i + 1 < lines.size(); ++i) {
+    const Eigen::Vector3d t_in = lines[i].direction, t_out = lines[i + 1].direction;
+    const Eigen::Vector3d normal = t_in.cross(t_out).normalized();
+    hal::BendRow& row = tube.program.rows[i];
+    row.angle_deg = std::atan2(t_in.cross(t_out).norm(), t_in.dot(t_out)) * 180.0 / kPi;
+    tangent_mm[i + 1] = *row.bend_radius_mm * std::tan(0.5 * row.angle_deg * kPi / 180.0);
+    if (i > 0) {
+      row.rotation_deg =
+          std::atan2(last_normal.cross(normal).dot(t_in), last_normal.dot(normal)) * 180.0 / kPi;
+    }
+    last_normal = normal;
+  }
+  for (std::size_t i = 0; i < tube.program.rows.size(); ++i) {
+    tube.program.rows[i].length_mm =
+        (corner[i + 1] - corner[i]).norm() - tangent_mm[i] - tangent_mm[i + 1];
+  }
+  return tube;
+}
+
+class Scanner {
+ public:
+  Scanner(const hal::Tube& tube, const Form& form, const RealScan& scan, const Spine& spine,
+          std::mt19937_64& random)
+      : r_(tube.pipe_radius_mm), form_(form), scan_(scan), spine_(spine), random_(random) {}
+
+  std::vector<Eigen::Vector3d> Pass(const Eigen::Vector3d& to_sensor, std::size_t points) {
+    std::vector<Eigen::Vector3d> cloud;
+    std::normal_distribution<double> noise(0.0, scan_.noise_mm);
+    std::student_t_distribution<double> heavy(2.0);
+    while (cloud.size() < points) {
+      const double s_mm = Uniform(random_, 0, spine_.length_mm());
+      const double part = s_mm / spine_.length_mm();
+      // Gradually over a tenth of the length, from two thirds on.
+      const double thin = std::pow(scan_.thinning, -std::clamp((part - 2.0 / 3.0) / 0.1, 0.0, 1.0));
+      if (Uniform(random_, 0, 1) > thin) continue;
+      const double phi = Uniform(random_, 0, 2 * kPi);
+      Eigen::Vector3d point, normal;
+      if (!Place(s_mm, phi, point, normal) || normal.dot(to_sensor) < 0.1) continue;
+      double off_mm = noise(random_);
+      if (scan_.heavy_tail > 0 && Uniform(random_, 0, 1) < scan_.heavy_tail) {
+        off_mm = scan_.noise_mm * heavy(random_);
+      }
+      cloud.push_back(point + off_mm * normal);
+    }
+    return cloud;
+  }
+
+ private:
+  // A point of the surface with its normal. False: less area there, drawn again.
+  bool Place(double s_mm, double phi, Eigen::Vector3d& point, Eigen::Vector3d& normal) {
+    const double at = s_mm / spine_.step_mm;
+    const auto i = std::min(static_cast<std::size_t>(at), spine_.place.size() - 2);
+    const double f = at - static_cast<double>(i);
+    const Eigen::Vector3d center = (1 - f) * spine_.place[i] + f * spine_.place[i + 1];
+    const Eigen::Vector3d tangent = spine_.tangent[i];
+    const Eigen::Vector3d binormal = tangent.cross(spine_.across[i]);
+    normal = std::cos(phi) * spine_.across[i] + std::sin(phi) * binormal;
+    const Eigen::Vector2d k = spine_.curvature[i];
+    const double area = 1.0 - r_ * (k.x() * std::cos(phi) + k.y() * std::sin(phi));
+    if (Uniform(random_, 0, 1.0 + r_ * k.norm()) > area) return false;
+    double radius_mm = r_;
+    if (form_.ovality > 0 && k.norm() > 0) {
+      const double from_plane = phi - std::atan2(k.y(), k.x());
+      radius_mm *= 1.0 - 0.5 * form_.ovality * spine_.bentness[i] * std::cos(2 * from_plane);
+    }
+    for (const Dent& dent : form_.dents) {
+      const double along = (s_mm - dent.along * spine_.length_mm()) / r_;
+      const double around = std::remainder(phi - dent.around_rad, 2 * kPi);
+      radius_mm -=
+          dent.depth_r * r_ *
+          std::exp(-0.5 * (along * along + around * around) / (dent.width_r * dent.width_r));
+    }
+    const double left = (spine_.length_mm() - s_mm) / r_;
+    if (form_.at_end == EndFitting::kFlare && left < 1.5)
+      radius_mm += 0.4 * r_ * (1.0 - left / 1.5);
+    if (form_.at_end == EndFitting::kNut && left < 2.5) radius_mm = 1.6 * r_;
+    if (form_.at_end == EndFitting::kFlange && left < 0.5) radius_mm = 2.5 * r_;
+    // The face of a nut or flange.
+    const double face = form_.at_end == EndFitting::kNut      ? 2.5
+                        : form_.at_end == EndFitting::kFlange ? 0.5
+                                                              : 0;
+    if (face > 0 && left > face && left < face + 0.3) {
+      const double outer = form_.at_end == EndFitting::kNut ? 1.6 : 2.5;
+      if (Uniform(random_, 0, 1) < 0.5) {
+        point = center - (face - left) * r_ * tangent + Uniform(random_, 1.0, outer) * r_ * normal;
+        normal = -tangent;
+        return true;
+      }
+    }
+    point = center + radius_mm * normal;
+    return true;
+  }
+
+  double r_;
+  const Form& form_;
+  const RealScan& scan_;
+  const Spine& spine_;
+  std::mt19937_64& random_;
+};
+
+}  // namespace
+
+RealCloud ScanRealTube(const hal::Tube& program, const Form& form, const RealScan& scan,
+                       std::mt19937_64& random) {
+  const Spine spine = MakeSpine(program, form, random);
+  RealCloud cloud;
+  cloud.truth = TradeTube(program, spine);
+  Scanner scanner(program, form, scan, spine, random);
+  const Eigen::Vector3d axis = RandomUnit(random), first = axis.unitOrthogonal();
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : spine.place)
+    middle += p / static_cast<double>(spine.place.size());
+  std::normal_distribution<double> normal;
+  const auto drift = [&] {
+    return Eigen::Vector3d(normal(random), normal(random), normal(random));
+  };
+  for (int view = 0; view < scan.views; ++view) {
+    const Eigen::Vector3d to_sensor = Eigen::AngleAxisd(2 * kPi * view / scan.views, axis) * first;
+    auto points = scanner.Pass(to_sensor, scan.points / static_cast<std::size_t>(scan.views));
+    const Eigen::Vector3d turn = scan.drift_deg * kPi / 180.0 * drift();
+    const Eigen::Vector3d move = scan.drift_mm * drift();
+    for (const Eigen::Vector3d& p : points) {
+      cloud.points_W.push_back(p + move + turn.cross(p - middle));
+    }
+  }
+  return cloud;
+}
+
+}  // namespace bendloop::tests
