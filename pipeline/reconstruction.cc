@@ -93,9 +93,9 @@ class Reconstruction::Impl {
   void LookAround(ApproximatedTube& tube) const;
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
-  bool IsAsNominal(const SurfaceFit& structure) const {
-    return options_.nominal &&
-           options_.nominal->bend_count() == structure.tube.program.bend_count();
+  std::optional<std::size_t> NominalBends() const {
+    if (!options_.nominal) return std::nullopt;
+    return options_.nominal->bend_count();
   }
 
   ReconstructionOptions options_;
@@ -125,7 +125,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   timer.Done("fit");
   if (const auto shown = CheckShowsTube(fit); !shown) return hal::Fail(shown.error());
   ReportQuality(tube->structure, fit, CompareHalves(fit, tube->blocks, final.options),
-                IsAsNominal(tube->structure), measurement);
+                NominalBends(), measurement);
   timer.Done("self_check");
   const TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, tube->blocks, workers);
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,

@@ -3,12 +3,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <vector>
 
 #include "hal/spine.h"
 #include "pipeline/canal/canal.h"
+#include "pipeline/fit/nearest_lanes.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/math/quantiles.h"
 #include "pipeline/points/input_checks.h"
@@ -101,23 +104,38 @@ struct Comparison {
   double samples = 0;
 };
 
-// Squared distances of the other model's samples from both.
-Comparison Compare(const hal::Tube& tube, const CanalScan& scan) {
+// Squared distances of the other model's samples from both; from bends as they were fitted, oval
+// ones too.
+Comparison Compare(const Measurement& measured, const CanalScan& scan) {
+  const hal::Tube& tube = measured.tube;
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-  std::vector<std::int32_t> all;
-  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
-  for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
+  const std::vector<SegmentFrame> frames =
+      SegmentFrames(segments, std::numeric_limits<double>::infinity(), measured.flattening);
+  std::vector<std::int32_t> all(frames.size());
+  std::iota(all.begin(), all.end(), 0);
   const double reach_mm = kReach * tube.pipe_radius_mm;
   Comparison result;
   const std::size_t stride = scan.points.size() / 20'000 + 1;
+  NearestLanes nearest;
+  std::vector<Eigen::Vector3d> batch;
+  const auto add_batch = [&] {
+    if (batch.empty()) return;
+    nearest.Find(batch, frames, tube.pipe_radius_mm, all);
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      const double d = nearest.Local(nearest.Candidate(i)).distance[i] - tube.pipe_radius_mm;
+      result.tube_mm2 += std::pow(std::min(std::abs(d), reach_mm), 2);
+    }
+    batch.clear();
+  };
   for (std::size_t i = 0; i < scan.points.size(); i += stride) {
     const CanalFoot& foot = scan.feet[i];
     if (foot.beyond || std::abs(foot.distance_mm) > reach_mm) continue;
-    const double d = NearestSegment(scan.points[i], frames, all).distance_mm - tube.pipe_radius_mm;
-    result.tube_mm2 += std::pow(std::min(std::abs(d), reach_mm), 2);
+    batch.push_back(scan.points[i]);
+    if (batch.size() == kBatch) add_batch();
     result.other_mm2 += foot.distance_mm * foot.distance_mm;
     result.samples += 1;
   }
+  add_batch();
   return result;
 }
 
@@ -154,7 +172,7 @@ std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
   const double range_mm = Range(radii);
   const bool varies = Range(straight) > std::max(kOnStraights * mean_mm, noise_mm) ||
                       range_mm > std::max(kInBends * mean_mm, noise_mm);
-  const Comparison compared = Compare(tube.tube, scan);
+  const Comparison compared = Compare(tube, scan);
   if (!varies || !(compared.tube_mm2 > kBetter * compared.other_mm2) ||
       static_cast<double>(Explained(scan)) < kMinShare * static_cast<double>(tube.fit.samples)) {
     return {};
@@ -167,7 +185,7 @@ std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
 }
 
 std::string WhyFreeform(const Measurement& tube, const CanalScan& scan) {
-  const Comparison compared = Compare(tube.tube, scan);
+  const Comparison compared = Compare(tube, scan);
   if (compared.samples < 1 || !(compared.other_mm2 > 0)) return {};
   const auto bends = static_cast<int>(tube.tube.program.bend_count());
   const int parameters = 5 + 4 * bends;
@@ -190,6 +208,15 @@ std::string WhyFreeform(const Measurement& tube, const CanalScan& scan) {
          "spine " +
          Mm(std::sqrt(compared.other_mm2 / compared.samples)) +
          (simpler ? " with fewer numbers" : "") + "; measured as a free form, see --model.";
+}
+
+// A drawing says lines and arcs. With as many bends as it has, and nearly all of the points on
+// them, nothing contradicts it.
+bool IsAsDrawn(const Measurement& tube, const ReconstructionOptions& options) {
+  const auto all = static_cast<double>(tube.fit.samples + tube.fit.outliers);
+  return options.nominal && options.nominal->bend_count() == tube.tube.program.bend_count() &&
+         static_cast<double>(tube.fit.samples) > (1.0 - kLookOutliers) * all &&
+         SystematicMm(tube) < kSpineOff * tube.tube.pipe_radius_mm;
 }
 
 void SayWhy(const std::string& why, Measurement& measurement) {
@@ -252,7 +279,7 @@ hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
                                 const ReconstructionOptions& options, const hal::Clock& clock,
                                 Workers* workers) {
   auto tube = Reconstruct(points, options, clock, workers);
-  if (tube && !WorthALook(*tube)) return tube;
+  if (tube && (!WorthALook(*tube) || IsAsDrawn(*tube, options))) return tube;
   if (!tube && tube.error().kind != hal::ErrorKind::kBadInput) return tube;
 
   StageTimer timer(clock);

@@ -59,7 +59,11 @@ Eigen::MatrixXd NormalEquations::Covariance(const TubeParameters& parameters, co
   Eigen::MatrixXd informed = scaled;
   informed.diagonal() += variance * scale.cwiseQuotient(range).cwiseAbs2();
   const Eigen::MatrixXd inverse = informed.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
-  return variance * scale.asDiagonal() * inverse * scale.asDiagonal();
+  Eigen::MatrixXd covariance = variance * scale.asDiagonal() * inverse * scale.asDiagonal();
+  for (Eigen::Index i = 0; i < size; ++i) {
+    if (scale[i] == 0) covariance(i, i) = range[i] * range[i];  // no more is known than before
+  }
+  return covariance;
 }
 
 FitBounds::FitBounds(const TubeParameters& parameters, double pipe_radius_mm, double max_length_mm)

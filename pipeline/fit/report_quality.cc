@@ -70,21 +70,28 @@ hal::Result<void> CheckShowsTube(const SurfaceFit& fit) {
 }
 
 void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const HalvesDiffer& halves,
-                   bool as_nominal, Measurement& measurement) {
+                   std::optional<std::size_t> nominal_bends, Measurement& measurement) {
   const double r_mm = fit.tube.pipe_radius_mm;
+  const std::size_t bends = fit.tube.program.bend_count();
+  if (nominal_bends && bends != *nominal_bends) {
+    measurement.warnings.push_back("the samples show " + std::to_string(bends) +
+                                   " bends, the nominal has " + std::to_string(*nominal_bends) +
+                                   ": another part, or one that was bent wrongly");
+  }
   for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
     const Flattening& f = fit.flattening[i];
     const FlatteningSigma& sigma = fit.flattening_sigma[i];
     measurement.bend_shapes.push_back({100.0 * f.OvalityPart(), 100.0 * sigma.ovality_part,
                                        r_mm * f.OuterWallPart(), r_mm * sigma.outer_wall_part});
   }
+  measurement.flattening = fit.flattening;
   measurement.structure_margin = std::clamp(structure.margin, 0.0, kDoubts.most_margin);
   if (measurement.structure_margin < kDoubts.close_call) {
     measurement.warnings.push_back(
         "the number of bends is a close call (margin " + Fixed(measurement.structure_margin, 1) +
         ", clear from 10 on): " +
-        (as_nominal ? "it is the nominal's, which the samples alone do not show"
-                    : "compare it with the drawing, or scan again with more points"));
+        (nominal_bends == bends ? "it is the nominal's, which the samples alone do not show"
+                                : "compare it with the drawing, or scan again with more points"));
   }
   measurement.halves_differ_sigma = halves.sigmas;
   if (halves.sigmas > kDoubts.halves_differ) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <optional>
 
 #include "hal/result.h"
 #include "pipeline/fit/self_check.h"
@@ -16,10 +18,10 @@ namespace bendloop::pipeline {
 // kBadInput: rough points that hardly tell the pipe's radius are no tube.
 hal::Result<void> CheckShowsTube(const SurfaceFit& fit);
 
-// Shapes of the bends, how decisive the structure is, whether two halves agree. `as_nominal`: there
-// is a nominal, with so many bends.
+// Shapes of the bends, how decisive the structure is, whether two halves agree, and whether
+// there are as many bends as the nominal has, if there is one.
 void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const HalvesDiffer& halves,
-                   bool as_nominal, Measurement& measurement);
+                   std::optional<std::size_t> nominal_bends, Measurement& measurement);
 
 // The tube with its ends, and the sigmas with those of the ends. An end that no sample shows is
 // where the nodes stop, `first_node_mm` and `last_node_mm`, and what it hides makes the bend beside

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "hal/spine.h"
 #include "pipeline/fit/normal_equations.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/surface_sums.h"
@@ -90,10 +91,18 @@ double ChiSquareOf(const SurfacePass& pass, double sigma_mm, const SurfaceFitOpt
          out_of_reach * RobustSum(options.reach_mm, sigma_mm);
 }
 
-void Report(const TubeParameters& parameters, const NormalEquations& equations, SurfaceFit& fit) {
-  const double variance_mm2 = equations.Variance() * fit.design_effect;
-  fit.learnt = fit.priors.Learnt(parameters, fit.tube, equations.matrix, variance_mm2);
+double LeastVarianceMm2(const FormDeviation& form, const SurfaceFit& fit) {
+  return form.LeastVariance(static_cast<double>(fit.used), hal::SpineLength(fit.tube.program),
+                            fit.tube.pipe_radius_mm);
+}
+
+void Report(const TubeParameters& parameters, const NormalEquations& equations,
+            const FormDeviation& form, SurfaceFit& fit) {
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
+  SetForm(form, fit);
+  fit.learnt = fit.priors.Learnt(
+      parameters, fit.tube, equations.matrix,
+      std::max(equations.Variance() * fit.design_effect, LeastVarianceMm2(form, fit)));
   fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);
   const Eigen::MatrixXd& covariance = fit.covariance;
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
@@ -203,7 +212,7 @@ SurfaceFit FitFew(const hal::Tube& start, std::vector<Flattening> flattening,
   const TubeParameters parameters = state.Parameters(options);
   if (!equations)
     equations.emplace(parameters, state.segments, state.Sums(), options.priors, state.sigma_mm);
-  Report(parameters, *equations, fit);
+  Report(parameters, *equations, options.form, fit);
   fit.distances_mm = std::move(state.assignment.distances_mm);
   return fit;
 }
@@ -261,7 +270,7 @@ void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coa
       fit.points = pass.total;
       fit.design_effect = pass.design_effect.Value();
       SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
-      Report(parameters, *equations, fit);
+      Report(parameters, *equations, options.form, fit);
       sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * pass.magnitudes.Quantile(0.5));
       fit.sigma_mm = sigma_mm;
       chi_square =
@@ -284,6 +293,12 @@ void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coa
 }
 
 }  // namespace
+
+void SetForm(const FormDeviation& form, SurfaceFit& fit) {
+  fit.form_mm = form.AcrossMm(fit.tube.pipe_radius_mm);
+  fit.variance_mm2 =
+      std::max(fit.sigma_mm * fit.sigma_mm * fit.design_effect, LeastVarianceMm2(form, fit));
+}
 
 // A part of many points leads so near to the solution that all of them hardly need more than one
 // step.

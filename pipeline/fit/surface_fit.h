@@ -8,6 +8,7 @@
 
 #include "hal/tube.h"
 #include "pipeline/fit/fit_priors.h"
+#include "pipeline/fit/form_deviation.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/math/workers.h"
 
@@ -25,7 +26,8 @@ struct SurfaceFitOptions {
   double max_length_mm = 1e6;  // of a straight
   bool flattened = false;      // the bends need not be round
   FitPriors priors = {};
-  int max_steps = 40;  // of Levenberg-Marquardt
+  FormDeviation form = {};  // what samples are worth where structures are compared
+  int max_steps = 40;       // of Levenberg-Marquardt
   // A step that makes chi square less by no more than this part is the last.
   double tolerance = 0;
   // A fit of few points that will not come down to this `cost_mm2` at its present pace is given up.
@@ -45,7 +47,11 @@ struct SurfaceFit {
   double sigma_mm = 0;  // robust standard deviation of the distances
   // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
   double design_effect = 1;
-  std::vector<double> distances_mm;             // of the points within reach, if they are few
+  // Of a sample, where structures are compared: that of the distances with the design effect, or
+  // what the form of real tubes leaves of it, whichever is more.
+  double variance_mm2 = 0;
+  double form_mm = 0;                // how far the form of real tubes moves a place across
+  std::vector<double> distances_mm;  // of the points within reach, if they are few
   std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
   std::vector<double> segment_samples;          // near line, arc, ..., line
   std::size_t used = 0;                         // points with weight
@@ -55,6 +61,9 @@ struct SurfaceFit {
   double learnt = 0;                            // FitPriors::Learnt()
   bool converged = false;
 };
+
+// What the samples of a fit are worth where the tube's form is this (`variance_mm2`, `form_mm`).
+void SetForm(const FormDeviation& form, SurfaceFit& fit);
 
 // Least squares of the orthogonal distance of the tube's surface from the points, in the LRA
 // parameters (start pose across the first tangent, lengths, rotations, angles, bend radii, pipe

@@ -19,6 +19,7 @@ constexpr std::size_t kEnoughSamples = 8000;
 constexpr double kGlanceTolerance = 0.1;
 constexpr std::size_t kGlanceSamples = 2000;
 constexpr int kGlanceSteps = 15;
+constexpr double kTrueForm = 0.3;  // of the usual form: lines and arcs
 // Twice the logarithm of the odds that a part has no bend more than its nominal. Evidence beyond it
 // is a defect; below it Measurement::structure_margin says that it was a close call.
 constexpr double kNominalOdds = 10;
@@ -46,29 +47,40 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
   return found;
 }
 
-// What the samples alone say.
+// What the samples alone say. `form`: becomes what they show of the tube's form.
 SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
                        std::span<const PointBlock> samples, std::span<const PointBlock> all_points,
-                       double caution) {
+                       double caution, FormDeviation& form) {
   const bool few = CountPoints(all_points) <= kEnoughSamples;
   StructureSearch coarse(polygon, pipe_radius_mm, few ? all_points : samples, kEnoughSamples,
                          {.caution = caution});
-  SurfaceFit fit = coarse.Start();
+  // First as if the tube were as far from lines and arcs as usual tubes: what is left then tells
+  // how far it is. One that hardly is begins anew, with all its slight bends.
+  const SurfaceFit start = coarse.Start();
+  SurfaceFit fit = start;
+  coarse.Refine(fit);
+  coarse.LearnForm(fit);
+  const bool is_true = coarse.form().across < kTrueForm * FormDeviation{}.across;
+  fit = coarse.Fit(is_true ? start.tube : fit.tube);
   coarse.Split(fit);
   coarse.Refine(fit);
+  form = coarse.form();
   const auto search = [&](const SearchOptions& options) {
     return StructureSearch(polygon, pipe_radius_mm, all_points, kPointsAtOnce, options);
   };
   // Small bends are seen in more points than the way there needed.
   if (!few) {
-    StructureSearch fine = search({.caution = caution});
+    StructureSearch fine = search({.caution = caution, .form = form});
+    fit = fine.Fit(fit.tube);
+    fine.LearnForm(fit);
     fit = fine.Fit(fit.tube);
     fine.Refine(fit);
+    form = fine.form();
   }
   FitPriors priors;
   if (const auto usual = FindUsualBendRadius(fit)) {
     priors.bend_radius = usual;
-    StructureSearch one_die = search({.priors = priors, .caution = caution});
+    StructureSearch one_die = search({.priors = priors, .caution = caution, .form = form});
     SurfaceFit of_one_die = one_die.Fit(WithUsualRadii(fit, *usual));
     one_die.Refine(of_one_die);
     if (one_die.criterion().IsBetter(of_one_die, fit)) {
@@ -78,7 +90,8 @@ SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
     }
   }
   // Round bends that follow each other may have been put in the place of oval ones.
-  StructureSearch oval = search({.flattened = true, .priors = priors, .caution = caution});
+  StructureSearch oval =
+      search({.flattened = true, .priors = priors, .caution = caution, .form = form});
   SurfaceFit flattened = oval.Fit(fit.tube);
   if (!oval.criterion().IsFlattened(fit, flattened)) return fit;
   oval.Refine(flattened);
@@ -98,10 +111,13 @@ SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
 SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                          std::span<const PointBlock> samples,
                          std::span<const PointBlock> all_points, const StructureOptions& options) {
-  SurfaceFit fit = StructureOf(polygon, pipe_radius_mm, samples, all_points, options.caution);
-  StructureSearch search(
-      polygon, pipe_radius_mm, all_points, kPointsAtOnce,
-      {.flattened = !fit.flattening.empty(), .priors = fit.priors, .caution = options.caution});
+  FormDeviation form;
+  SurfaceFit fit = StructureOf(polygon, pipe_radius_mm, samples, all_points, options.caution, form);
+  StructureSearch search(polygon, pipe_radius_mm, all_points, kPointsAtOnce,
+                         {.flattened = !fit.flattening.empty(),
+                          .priors = fit.priors,
+                          .caution = options.caution,
+                          .form = form});
   search.StartAnew(fit);
   if (!options.nominal || MayBe(*options.nominal, fit.tube, fit.sigma)) return fit;
   return SettleByNominal(search, polygon, *options.nominal, std::move(fit));

@@ -14,9 +14,10 @@ namespace {
 constexpr double kBendPrice = 1;  // in parameters
 // Two straights joined by less than this are one, unless the samples insist.
 constexpr double kSlightDeg = 1.0;
-constexpr double kSlightPrice = 8;  // in parameters, above those of the bend
+constexpr double kSlightPrice = 2;  // in parameters, above those of the bend
 // So are two bends that could be one, or one that the next undoes.
 constexpr double kTwinDeg = 3.0;       // rotation between them
+constexpr double kTwinUnsure = 1.0;    // sigma of it
 constexpr double kTwinStraight = 0.1;  // of r_P, between them
 constexpr double kTwinUnclear = 5.0;   // sigma, of an angle
 constexpr double kTwinPrice = 4;       // in parameters
@@ -35,7 +36,8 @@ double Cost(const SurfaceFit& fit, double limit_mm) {
 bool AreOne(const SurfaceFit& fit, std::size_t bend) {
   const hal::BendRow& row = fit.tube.program.rows[bend];
   if (row.length_mm > kTwinStraight * fit.tube.pipe_radius_mm) return false;
-  const double turned_deg = std::abs(row.rotation_deg);
+  const double unclear_deg = kTwinUnsure * fit.sigma.rows[bend].rotation_deg;
+  const double turned_deg = std::max(0.0, std::abs(row.rotation_deg) - unclear_deg);
   const auto unclear = [&fit](std::size_t i) {
     return fit.tube.program.rows[i].angle_deg < kTwinUnclear * fit.sigma.rows[i].angle_deg;
   };
@@ -48,8 +50,10 @@ bool AreOne(const SurfaceFit& fit, std::size_t bend) {
 StructureCriterion::StructureCriterion(std::size_t samples, double caution)
     : caution_(caution), price_(caution * std::log(static_cast<double>(samples))) {}
 
-double StructureCriterion::Variance(const SurfaceFit& fit) {
-  return fit.sigma_mm * fit.sigma_mm * fit.design_effect;
+double StructureCriterion::Variance(const SurfaceFit& fit) { return fit.variance_mm2; }
+
+double StructureCriterion::LimitMm(const SurfaceFit& fit) {
+  return kTruncated * std::hypot(fit.sigma_mm, fit.form_mm);
 }
 
 double StructureCriterion::Gain(const SurfaceFit& a, const SurfaceFit& b) const {
@@ -59,7 +63,7 @@ double StructureCriterion::Gain(const SurfaceFit& a, const SurfaceFit& b) const 
   if (reached_a < kLost * reached_b) return -kFar;
   if (reached_b < kLost * reached_a) return kFar;
   const double variance = std::min(Variance(a), Variance(b));
-  const double limit_mm = kTruncated * std::min(a.sigma_mm, b.sigma_mm);
+  const double limit_mm = std::min(LimitMm(a), LimitMm(b));
   const auto chi_square = [&](const SurfaceFit& fit) {
     return Cost(fit, limit_mm) / variance + fit.priors.ChiSquare(fit.tube.program, fit.flattening);
   };
@@ -72,8 +76,9 @@ bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& 
   const double more = bends - static_cast<double>(round.tube.program.bend_count());
   const double price = 4.0 * std::max(0.0, more) * price_;
   const double limit_mm = kTruncated * flattened.sigma_mm;
+  const double variance_mm2 = flattened.sigma_mm * flattened.sigma_mm * flattened.design_effect;
   return Cost(round, limit_mm) - Cost(flattened, limit_mm) >
-         Variance(flattened) * (price + freedom + kInsist * std::sqrt(2.0 * freedom));
+         variance_mm2 * (price + freedom + kInsist * std::sqrt(2.0 * freedom));
 }
 
 double StructureCriterion::PriceOf(const SurfaceFit& fit) const {

@@ -29,7 +29,9 @@ class StructureCriterion {
   // chi-squared with the flattening's number of parameters.
   bool IsFlattened(const SurfaceFit& round, const SurfaceFit& flattened) const;
 
+  // Of a sample, and what one costs at most, as a distance.
   static double Variance(const SurfaceFit& fit);
+  static double LimitMm(const SurfaceFit& fit);
 
  private:
   double PriceOf(const SurfaceFit& fit) const;

@@ -217,7 +217,7 @@ std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const
     for (Eigen::Index m = 0; m < (arc ? 3 : 2); ++m)
       bend.turn_rad += step[m] * modes.col(m).tail<3>();
     if (arc) bend.stretch_mm = step[3];
-    bend.gain = -step.dot(pull) / (fit.sigma_mm * fit.sigma_mm);
+    bend.gain = -step.dot(pull) / (fit.sigma_mm * fit.sigma_mm * fit.design_effect);
     all.push_back(bend);
   }
   std::vector<MissingBend> standing_out;

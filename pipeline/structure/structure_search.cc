@@ -13,6 +13,9 @@
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/quantiles.h"
 #include "pipeline/spline/initial_spline.h"
+#include "pipeline/structure/kink_evidence.h"
+#include "pipeline/structure/lateral_profile.h"
+#include "pipeline/structure/local_gain.h"
 #include "pipeline/structure/structure_moves.h"
 
 namespace bendloop::pipeline {
@@ -48,7 +51,18 @@ constexpr int kMostAnew = 4;
 constexpr double kLeastExcess = 100;  // of squared distances, in variances
 constexpr double kClearExcess = 6;    // sigma
 constexpr double kTruncated = 5;      // sigma, of a distance
-constexpr double kTolerance = 2e-5;   // of chi square, far below the price of a parameter
+// Bends that may be bows: those of L / 100, the worst that are straightened, look like one of less.
+constexpr double kSlightDeg = 5.0;
+constexpr double kKinkOdds = 12;  // twice the logarithm of those against a bow
+constexpr double kWidest = 25;    // of r_P: a die for slight bends has less
+// Beside another bend, where a straight is too short to tell: what eases looks like it.
+constexpr double kEasedDeg = 1.5;
+constexpr double kEased = 0.002;     // FormDeviation::across of tubes that do ease
+constexpr double kMostForm = 0.025;  // the same, that is learnt at most
+constexpr double kTrueForm = 0.002;  // of tubes that are lines and arcs
+constexpr double kLessForm = 0.7;    // of what was learnt before, to look again
+constexpr double kOfBend = 4;        // parameters
+constexpr double kTolerance = 2e-5;  // of chi square, far below the price of a parameter
 
 ArcLineSpline Without(const ArcLineSpline& spline, std::size_t first, std::size_t last) {
   ArcLineSpline without = spline;
@@ -97,13 +111,14 @@ std::vector<double> Excess(const SurfaceFit& fit, std::span<const PointBlock> bl
   SurfaceAssignment assignment;
   AssignPoints(SegmentFrames(segments, kBeyond * r, fit.flattening), r, blocks, kReach * r,
                assignment);
-  const double limit_mm = kTruncated * fit.sigma_mm;
+  const double limit_mm = kTruncated * std::hypot(fit.sigma_mm, fit.form_mm);
+  const double scale_mm = std::sqrt(fit.variance_mm2 / fit.design_effect);
   std::vector<double> excess, mean_square;
   for (const SegmentPoints& points : assignment.segments) {
     double sum = 0;
     const auto n = static_cast<double>(points.size);
     for (const double distance : points.distance.head(static_cast<Eigen::Index>(points.size))) {
-      const double d = std::min(std::abs(distance), limit_mm) / fit.sigma_mm;
+      const double d = std::min(std::abs(distance), limit_mm) / scale_mm;
       sum += d * d;
     }
     if (points.size > 0) mean_square.push_back(sum / n);
@@ -175,6 +190,10 @@ StructureSearch::StructureSearch(const SpinePolygon& polygon, double pipe_radius
       blocks_(Gathered(blocks, StrideTo(CountPoints(blocks), enough))),
       criterion_(blocks_.point_count(), options.caution) {}
 
+void StructureSearch::LearnForm(const SurfaceFit& fit) {
+  options_.form = LearntForm(fit, blocks_, kReach * radius_mm_, FormDeviation{.across = kMostForm});
+}
+
 SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(tube, kNoGoal); }
 
 SurfaceFit StructureSearch::Start() const {
@@ -197,8 +216,66 @@ void StructureSearch::Split(SurfaceFit& best) {
   }
 }
 
+bool StructureSearch::IsSeenPlaceByPlace(const SurfaceFit& rival, const SurfaceFit& better) const {
+  const double gain = LocalGain(better, rival, blocks_, StructureCriterion::Variance(better),
+                                StructureCriterion::LimitMm(better));
+  return gain + criterion_.Advantage(better, rival) - criterion_.Gain(better, rival) > 0;
+}
+
+bool StructureSearch::IsBentMore(const SurfaceFit& rival, SurfaceFit& fit) {
+  const double advantage = criterion_.Advantage(fit, rival);
+  const auto holds = [&](const FormDeviation& form) {
+    return IsSeenPlaceByPlace(rival, fit) && !FindBow(fit, form);
+  };
+  if (advantage > 0) return holds(options_.form);
+  const FormDeviation own = LearntForm(fit, blocks_, kReach * radius_mm_, options_.form);
+  if (own.across > std::min(kTrueForm, kLessForm * options_.form.across)) return false;
+  const double before_mm2 = fit.variance_mm2;
+  SetForm(own, fit);
+  const double more = static_cast<double>(fit.tube.program.bend_count()) -
+                      static_cast<double>(rival.tube.program.bend_count());
+  const double learnt_more = kOfBend * more * std::log(before_mm2 / fit.variance_mm2);
+  if (criterion_.Advantage(fit, rival) > learnt_more && holds(own)) {
+    options_.form = own;
+    return true;
+  }
+  SetForm(options_.form, fit);
+  return false;
+}
+
+bool StructureSearch::IsBow(const SurfaceFit& fit, std::size_t bend,
+                            const FormDeviation& form) const {
+  const hal::BendRow& row = fit.tube.program.rows[bend];
+  if (row.angle_deg > kSlightDeg) return false;
+  if (row.angle_deg < options_.least_angle_deg) return true;
+  const double least_mm = *row.bend_radius_mm - fit.sigma.rows[bend].bend_radius_mm.value_or(0.0);
+  if (least_mm > kWidest * fit.tube.pipe_radius_mm) return true;
+  const double evidence = KinkEvidence(fit, bend, blocks_, kReach * radius_mm_, form);
+  if (std::isinf(evidence)) return row.angle_deg < kEasedDeg && form.across > kEased;
+  return evidence < kKinkOdds;
+}
+
+std::optional<std::size_t> StructureSearch::FindBow(const SurfaceFit& fit,
+                                                    const FormDeviation& form) const {
+  std::optional<std::size_t> slightest;
+  const auto& rows = fit.tube.program.rows;
+  for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
+    if (slightest && rows[i].angle_deg >= rows[*slightest].angle_deg) continue;
+    if (IsBow(fit, i, form)) slightest = i;
+  }
+  return slightest;
+}
+
+void StructureSearch::DropBows(SurfaceFit& fit) {
+  while (const auto bow = FindBow(fit, options_.form)) {
+    const ArcLineSpline without = Without(SplineFromTube(fit.tube), *bow, *bow);
+    fit = Fit(TubeFromSpline(without, fit.tube.pipe_radius_mm));
+  }
+}
+
 void StructureSearch::Refine(SurfaceFit& best) {
   nearest_.reset();
+  DropBows(best);
   simpler_.assign(best.tube.program.bend_count(), std::nullopt);
   for (int cycle = 0; cycle < kMaxCycles; ++cycle) {
     // Adding first: what was one by mistake is found before what is two by mistake is joined.
@@ -213,6 +290,7 @@ void StructureSearch::Refine(SurfaceFit& best) {
     }
     if (!simplified) break;
   }
+  DropBows(best);
   best.margin = margin_;
   for (const auto& worse : simpler_) best.margin = std::min(best.margin, worse.value_or(kNoGoal));
 }
@@ -255,6 +333,7 @@ SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal:
                      .max_length_mm = longest_mm_,
                      .flattened = options_.flattened,
                      .priors = options_.priors,
+                     .form = options_.form,
                      .max_steps = options_.max_fit_steps,
                      .tolerance = kTolerance,
                      .goal_mm2 = goal_mm2});
@@ -319,7 +398,12 @@ std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
   SurfaceFit fit =
       FitWhole(TubeFromSpline(spline, rival.tube.pipe_radius_mm), GoalOf(rival, rival, fewer));
   const double worse = criterion_.Advantage(rival, fit);
-  if (worse < 0) return fit;
+  if (fit.tube.program.bend_count() > rival.tube.program.bend_count()) {
+    if (IsBentMore(rival, fit)) return fit;
+    if (worse < 0) return std::nullopt;
+  } else if (worse < 0) {
+    return fit;
+  }
   // A bend that was dropped again as unseen makes no other structure.
   const bool is_other = part.spline.arcs.size() == changed.arcs.size() ||
                         fit.tube.program.bend_count() != rival.tube.program.bend_count();

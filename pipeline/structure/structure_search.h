@@ -20,6 +20,9 @@ struct SearchOptions {
   FitPriors priors = {};
   double caution = 1;  // times the usual evidence is asked for a bend
   int max_fit_steps = 60;
+  FormDeviation form = {};
+  // A machine makes no slighter bend; where samples ask for one a straight is bowed.
+  double least_angle_deg = 0.5;
 };
 
 // Changes the structure of a tube, bend by bend, as long as the samples are explained better. Every
@@ -31,6 +34,9 @@ class StructureSearch {
                   std::span<const PointBlock> blocks, std::size_t enough,
                   const SearchOptions& options);
 
+  // From here on what the samples of this fit show of the tube's form, at most what is usual.
+  void LearnForm(const SurfaceFit& fit);
+  const FormDeviation& form() const { return options_.form; }
   const StructureCriterion& criterion() const { return criterion_; }
 
   SurfaceFit Fit(const hal::Tube& tube) const;
@@ -64,6 +70,16 @@ class StructureSearch {
   // The tube with another spline in this part, if that is better.
   std::optional<SurfaceFit> Better(const SurfaceFit& rival, const ArcLineSpline& whole, Part& part,
                                    const ArcLineSpline& changed);
+  // Whether the samples ask for it still where each place counts by what is left there.
+  bool IsSeenPlaceByPlace(const SurfaceFit& rival, const SurfaceFit& better) const;
+  // The slightest bend that is none: below the least angle, or no more than a bow.
+  std::optional<std::size_t> FindBow(const SurfaceFit& fit, const FormDeviation& form) const;
+  bool IsBow(const SurfaceFit& fit, std::size_t bend, const FormDeviation& form) const;
+  // Whether a fit with a bend more than its rival is better, though maybe only where the form that
+  // it leaves is the tube's: then that is what is known of the form.
+  bool IsBentMore(const SurfaceFit& rival, SurfaceFit& fit);
+  // Straight on in the place of such bends.
+  void DropBows(SurfaceFit& fit);
   double GoalOf(const SurfaceFit& rival, const SurfaceFit& like, double fewer_bends) const;
   bool SplitWorst(SurfaceFit& fit);
   bool Added(SurfaceFit& fit);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "hal/tube.h"
+#include "pipeline/tube/flattening.h"
 #include "pipeline/tube/joint_uncertainty.h"
 
 namespace bendloop::pipeline {
@@ -55,6 +56,7 @@ struct Measurement {
   double coverage = 0;        // part of the spine's length that has samples, 0..1
   double longest_gap_mm = 0;  // of the spine without samples
   FitQuality fit;
+  std::vector<Flattening> flattening;  // of every bend, as fitted; none: they are round
   std::vector<BendShape> bend_shapes;  // of every bend; none: nothing says that they are not round
   // By how much the tube is better than the next best one with another number of bends: twice the
   // natural logarithm of the odds. Below 10 it was a close call; NaN: not known, as of canals.

@@ -24,12 +24,12 @@ enum class EndFitting { kNone, kNut, kFlange, kFlare };
 
 // How a real tube differs from its program. Lengths in pipe radii.
 struct Form {
-  double bow = 0;           // height of each straight's bow over its length: 1 / 1000
-  double s_bow = 0;         // the same of a second mode, that changes sides in the middle
-  double easing_r = 0;      // curvature is smoothed over a gaussian of this sigma
-  bool ramps = false;       // instead over a box as wide as twice this: curvature rises linearly
-  double ovality = 0;       // (greatest - least diameter) / nominal in the middle of bends
-  std::vector<Dent> dents;  // pressed in
+  double bow = 0;       // height of each straight's bow over its length: 1 / 1000
+  double s_bow = 0;     // the same of a second mode, that changes sides in the middle
+  double easing_r = 0;  // curvature is smoothed over a gaussian of this sigma
+  bool ramps = false;   // instead over a box as wide as twice this: curvature rises linearly
+  double ovality = 0;   // (greatest - least diameter) / nominal in the middle of bends
+  std::vector<Dent> dents = {};  // pressed in
   EndFitting at_end = EndFitting::kNone;
 };
 

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// What benders make is no lines and arcs: the number of bends must not follow from that.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "hal/clock.h"
+#include "pipeline/reconstruction.h"
+#include "tests/support/real_tube.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+hal::Tube FourBends() {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{45, 0, 60, 15},
+                       {55, 80, 35, 15},
+                       {40, -120, 90, 15},
+                       {60, 30, 20, 15},
+                       {50, 0, 0, std::nullopt}};
+  return tube;
+}
+
+struct RealCase {
+  const char* name;
+  tests::Form form;
+  tests::RealScan scan;
+};
+
+class RealTube : public testing::TestWithParam<RealCase> {};
+
+TEST_P(RealTube, HasTheBendsThatWereMade) {
+  std::mt19937_64 random(7);
+  const auto cloud = tests::ScanRealTube(FourBends(), GetParam().form, GetParam().scan, random);
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  EXPECT_EQ(measured->tube.program.bend_count(), 4U);
+}
+
+// The same tube, however well it is seen.
+tests::Form BowedEasedDented() {
+  return {
+      .bow = 0.001, .easing_r = 0.5, .dents = {{.along = 0.3, .around_rad = 1.0, .depth_r = 0.06}}};
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , RealTube,
+    testing::Values(
+        RealCase{"Bowed2000", {.bow = 0.0005}, {}}, RealCase{"Bowed667", {.bow = 0.0015}, {}},
+        RealCase{"Bowed300", {.bow = 0.0033}, {}}, RealCase{"Eased", {.easing_r = 0.7}, {}},
+        RealCase{"EasedByRamps", {.easing_r = 0.8, .ramps = true}, {}},
+        RealCase{"Dented", {.dents = {{.along = 0.45, .depth_r = 0.08}}}, {}},
+        RealCase{"Drifting", {}, {.drift_mm = 0.1, .drift_deg = 0.02}},
+        RealCase{"HeavyTails", {}, {.heavy_tail = 0.5}},
+        RealCase{"Noise100um", BowedEasedDented(), {.points = 10'000, .noise_mm = 0.1}},
+        RealCase{"Noise30um", BowedEasedDented(), {.points = 10'000, .noise_mm = 0.03}},
+        RealCase{"Noise10um", BowedEasedDented(), {.points = 100'000, .noise_mm = 0.01}},
+        RealCase{"Noise3um", BowedEasedDented(), {.points = 100'000, .noise_mm = 0.003}},
+        RealCase{"AMillionPoints", BowedEasedDented(), {.points = 1'000'000, .noise_mm = 0.03}}),
+    [](const auto& tube) { return std::string(tube.param.name); });
+
+}  // namespace
+}  // namespace bendloop::pipeline
