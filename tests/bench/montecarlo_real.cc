@@ -227,7 +227,7 @@ struct Summary {
     ends.Add(tube.ends_over_sigma);
   }
   std::vector<std::string> Line(const std::string& name) const {
-    const auto share = [this](int count) { return std::to_string(count); };
+    const auto share = [](int count) { return std::to_string(count); };
     return {name,
             std::to_string(Tubes()),
             share(outcomes[0]),
