@@ -8,15 +8,144 @@
 namespace bendloop::pipeline {
 namespace {
 
-// Points that are a million blocks away belong to no tube.
-constexpr double kMaxCell = 1'000'000;
-constexpr std::uint32_t kMaxStride = 1u << 30;
-constexpr std::size_t kUsualPoints = 8;  // of a block in a sparse scan
-// Of many points that come at once.
-constexpr std::size_t kPart = 32'768;
-constexpr std::size_t kMostRounds = 64;
+// None changes what comes out of points that a scanner can see, only what it costs.
+struct GridSettings {
+  // [blocks] Points further out than this belong to no tube: kilometres, for any pipe.
+  double furthest_cell = 1'000'000;
+  // Kept is every so many-th point at least: the last power of two but one in 32 bits, which leaves
+  // room to double.
+  std::uint32_t widest_stride = 1u << 30;
+  // Points of a block in a sparse scan, for which there is room from the start (by trial).
+  std::size_t usual_points = 8;
+  // Of many points that come at once a thread takes so many; fewer come one after the other, which
+  // is faster for them (by trial).
+  std::size_t points_of_part = 32'768;
+  // Parts of the blocks: several for each thread of any machine, so that none waits for the last.
+  std::size_t most_rounds = 64;
+};
+constexpr GridSettings kGrid;
 
 int NeighbourSlot(int dx, int dy, int dz) { return (dx + 1) * 9 + (dy + 1) * 3 + (dz + 1); }
+
+// Many points on their way to their blocks, in parts of which each is looked at for itself.
+class Arrivals {
+ public:
+  using Block = SampleGrid::Block;
+
+  Arrivals(std::span<const Eigen::Vector3d> points, std::span<const SensorDirection> to_sensor)
+      : points_(points),
+        to_sensor_(to_sensor),
+        parts_((points.size() + kGrid.points_of_part - 1) / kGrid.points_of_part) {}
+
+  // Each part numbers the cells that its points meet. `locate(point, cell, voxel)`: false: nowhere.
+  template <class Locate>
+  void NumberCells(Workers* workers, Locate locate) {
+    ParallelFor(workers, parts_.size(), [&](std::size_t k) {
+      Part& part = parts_[k];
+      const std::size_t begin = k * kGrid.points_of_part;
+      const auto mine =
+          points_.subspan(begin, std::min(kGrid.points_of_part, points_.size() - begin));
+      part.cell_of.reserve(mine.size());
+      part.voxel_of.reserve(mine.size());
+      CellNumbers numbers;
+      Eigen::Vector3i cell;
+      std::size_t voxel = 0;
+      for (const Eigen::Vector3d& point : mine) {
+        const bool somewhere = locate(point, cell, voxel);
+        const std::int32_t number = somewhere ? numbers.FindOrAdd(cell) : -1;
+        part.cell_of.push_back(number);
+        part.voxel_of.push_back(static_cast<std::uint8_t>(voxel));
+        if (somewhere) part.Count(static_cast<std::size_t>(number), cell);
+      }
+    });
+  }
+
+  // Blocks, in the order in which the points one after the other would have made them.
+  template <class FindOrCreate>
+  void NumberBlocks(FindOrCreate find_or_create) {
+    for (Part& part : parts_) {
+      for (const Eigen::Vector3i& cell : part.cells) part.block_of.push_back(find_or_create(cell));
+    }
+  }
+
+  // The points go behind those that their blocks hold, in their order.
+  void PutBehind(std::vector<Block>& blocks, Workers* workers) {
+    const std::vector<std::uint32_t> arriving = CountArriving(blocks.size());
+    voxels_.resize(blocks.size());
+    directions_.resize(to_sensor_.empty() ? 0 : blocks.size());
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      held_.push_back(blocks[b].points.size());
+      blocks[b].points.resize(held_[b] + arriving[b]);
+      voxels_[b].resize(arriving[b]);
+      if (!to_sensor_.empty()) directions_[b].resize(arriving[b]);
+      count_ += arriving[b];
+    }
+    ParallelFor(workers, parts_.size(), [&](std::size_t k) {
+      Part& part = parts_[k];
+      for (std::size_t i = 0; i < part.cell_of.size(); ++i) {
+        if (part.cell_of[i] < 0) continue;
+        const auto cell = static_cast<std::size_t>(part.cell_of[i]);
+        const auto b = static_cast<std::size_t>(part.block_of[cell]);
+        const std::uint32_t at = part.next[cell]++;
+        blocks[b].points[held_[b] + at] = points_[k * kGrid.points_of_part + i];
+        voxels_[b][at] = part.voxel_of[i];
+        if (!to_sensor_.empty()) directions_[b][at] = to_sensor_[k * kGrid.points_of_part + i];
+      }
+    });
+  }
+
+  // Those of block `b`, which it no longer holds then, into `points`.
+  void Take(std::size_t b, Block& block, std::vector<Eigen::Vector3d>& points) const {
+    points.assign(block.points.begin() + static_cast<std::ptrdiff_t>(held_[b]), block.points.end());
+    block.points.resize(held_[b]);
+  }
+
+  std::size_t count() const { return count_; }  // of those that are somewhere
+  std::size_t HeldBefore(std::size_t b) const { return held_[b]; }
+  // Of the i-th that came to block `b`.
+  std::size_t VoxelOf(std::size_t b, std::size_t i) const { return voxels_[b][i]; }
+  SensorDirection DirectionOf(std::size_t b, std::size_t i) const {
+    return to_sensor_.empty() ? SensorDirection{} : directions_[b][i];
+  }
+
+ private:
+  struct Part {
+    std::vector<std::int32_t> cell_of;  // by point; -1: nowhere
+    std::vector<std::uint8_t> voxel_of;
+    std::vector<Eigen::Vector3i> cells;  // by the part's own numbers
+    std::vector<std::uint32_t> next;     // how many points; then where the next one goes
+    std::vector<std::int32_t> block_of;
+
+    void Count(std::size_t number, const Eigen::Vector3i& cell) {
+      if (number == cells.size()) {
+        cells.push_back(cell);
+        next.push_back(0);
+      }
+      ++next[number];
+    }
+  };
+
+  // How many come to each block. From then on the parts know where theirs go there.
+  std::vector<std::uint32_t> CountArriving(std::size_t blocks) {
+    std::vector<std::uint32_t> arriving(blocks, 0);
+    for (Part& part : parts_) {
+      for (std::size_t i = 0; i < part.cells.size(); ++i) {
+        std::uint32_t& at = arriving[static_cast<std::size_t>(part.block_of[i])];
+        at += std::exchange(part.next[i], at);
+      }
+    }
+    return arriving;
+  }
+
+  std::span<const Eigen::Vector3d> points_;
+  std::span<const SensorDirection> to_sensor_;  // as many, or none
+  std::vector<Part> parts_;
+  // By block: points before; of those that came, their voxels and directions.
+  std::vector<std::size_t> held_;
+  std::vector<std::vector<std::uint8_t>> voxels_;
+  std::vector<std::vector<SensorDirection>> directions_;
+  std::size_t count_ = 0;
+};
 
 }  // namespace
 
@@ -32,7 +161,7 @@ std::int32_t SampleGrid::FindOrCreate(const Eigen::Vector3i& cell) {
   if (static_cast<std::size_t>(last_block_) < blocks_.size()) return last_block_;
   Block& block = blocks_.emplace_back();
   block.cell = cell;
-  block.points.reserve(kUsualPoints);
+  block.points.reserve(kGrid.usual_points);
   for (int dx = -1; dx <= 1; ++dx) {
     for (int dy = -1; dy <= 1; ++dy) {
       for (int dz = -1; dz <= 1; ++dz) {
@@ -50,13 +179,13 @@ std::int32_t SampleGrid::FindOrCreate(const Eigen::Vector3i& cell) {
 
 bool SampleGrid::Locate(const Eigen::Vector3d& point, Place& place) const {
   const Eigen::Vector3d scaled = point * inverse_mm_;
-  if (!(scaled.array().abs() < kMaxCell).all()) return false;  // NaN too
+  if (!(scaled.array().abs() < kGrid.furthest_cell).all()) return false;  // NaN too
   // Truncation of positive numbers, which is faster than the floor of any.
-  const Eigen::Vector3d shifted = scaled.array() + kMaxCell;
+  const Eigen::Vector3d shifted = scaled.array() + kGrid.furthest_cell;
   const Eigen::Vector3i cell = shifted.cast<int>();
   const Eigen::Vector3i sub =
       ((shifted - cell.cast<double>()) * kSubdivisions).cast<int>().cwiseMin(kSubdivisions - 1);
-  place.cell = cell.array() - static_cast<int>(kMaxCell);
+  place.cell = cell.array() - static_cast<int>(kGrid.furthest_cell);
   place.voxel =
       static_cast<std::size_t>((sub.x() * kSubdivisions + sub.y()) * kSubdivisions + sub.z());
   return true;
@@ -108,7 +237,7 @@ void SampleGrid::BoundOthers() {
     points_of_voxel_ /= 2;
     for (Block& full : blocks_) {
       const std::size_t before = full.points.size();
-      while (full.stride < kMaxStride && IsFull(full)) Thin(full);
+      while (full.stride < kGrid.widest_stride && IsFull(full)) Thin(full);
       other_count_ -= before - full.points.size();
     }
   }
@@ -116,76 +245,25 @@ void SampleGrid::BoundOthers() {
 
 void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* workers,
                            std::span<const SensorDirection> to_sensor) {
-  if (points.size() < kPart || other_count_ + points.size() > max_points_) {
+  if (points.size() < kGrid.points_of_part || other_count_ + points.size() > max_points_) {
     std::int32_t block = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
       Insert(points[i], block, to_sensor.empty() ? SensorDirection{} : to_sensor[i]);
     }
     return;
   }
-  // Parts of the points number the cells that they meet, each for itself.
-  struct Part {
-    std::vector<std::int32_t> cell_of;  // by point; -1: nowhere
-    std::vector<std::uint8_t> voxel_of;
-    std::vector<Eigen::Vector3i> cells;  // by the part's own numbers
-    std::vector<std::uint32_t> next;     // how many points; then where the next one goes
-    std::vector<std::int32_t> block_of;
-  };
-  std::vector<Part> parts((points.size() + kPart - 1) / kPart);
-  ParallelFor(workers, parts.size(), [&](std::size_t k) {
-    Part& part = parts[k];
-    const auto mine = points.subspan(k * kPart, std::min(kPart, points.size() - k * kPart));
-    part.cell_of.reserve(mine.size());
-    part.voxel_of.reserve(mine.size());
-    CellNumbers numbers;
-    Place place;
-    for (const Eigen::Vector3d& point : mine) {
-      const bool somewhere = Locate(point, place);
-      const std::int32_t cell = somewhere ? numbers.FindOrAdd(place.cell) : -1;
-      part.cell_of.push_back(cell);
-      part.voxel_of.push_back(static_cast<std::uint8_t>(place.voxel));
-      if (!somewhere) continue;
-      if (static_cast<std::size_t>(cell) == part.cells.size()) {
-        part.cells.push_back(place.cell);
-        part.next.push_back(0);
-      }
-      ++part.next[static_cast<std::size_t>(cell)];
-    }
-  });
-  // Blocks, in the order in which the points one after the other would have made them.
-  for (Part& part : parts) {
-    for (const Eigen::Vector3i& cell : part.cells) part.block_of.push_back(FindOrCreate(cell));
-  }
-  std::vector<std::uint32_t> arriving(blocks_.size(), 0);
-  for (Part& part : parts) {
-    for (std::size_t i = 0; i < part.cells.size(); ++i) {
-      std::uint32_t& at = arriving[static_cast<std::size_t>(part.block_of[i])];
-      at += std::exchange(part.next[i], at);
-    }
-  }
-  // The points go behind those that their blocks hold, in their order.
-  std::vector<std::size_t> held;
-  std::vector<std::vector<std::uint8_t>> voxels(blocks_.size());
-  std::vector<std::vector<SensorDirection>> directions(to_sensor.empty() ? 0 : blocks_.size());
-  for (std::size_t b = 0; b < blocks_.size(); ++b) {
-    held.push_back(blocks_[b].points.size());
-    blocks_[b].points.resize(held[b] + arriving[b]);
-    voxels[b].resize(arriving[b]);
-    if (!to_sensor.empty()) directions[b].resize(arriving[b]);
-  }
-  ParallelFor(workers, parts.size(), [&](std::size_t k) {
-    Part& part = parts[k];
-    for (std::size_t i = 0; i < part.cell_of.size(); ++i) {
-      if (part.cell_of[i] < 0) continue;
-      const auto cell = static_cast<std::size_t>(part.cell_of[i]);
-      const auto b = static_cast<std::size_t>(part.block_of[cell]);
-      const std::uint32_t at = part.next[cell]++;
-      blocks_[b].points[held[b] + at] = points[k * kPart + i];
-      voxels[b][at] = part.voxel_of[i];
-      if (!to_sensor.empty()) directions[b][at] = to_sensor[k * kPart + i];
-    }
-  });
-  const std::size_t rounds = std::min(kMostRounds, blocks_.size());
+  Arrivals arrivals(points, to_sensor);
+  arrivals.NumberCells(
+      workers, [this](const Eigen::Vector3d& point, Eigen::Vector3i& cell, std::size_t& voxel) {
+        Place place;
+        if (!Locate(point, place)) return false;
+        cell = place.cell;
+        voxel = place.voxel;
+        return true;
+      });
+  arrivals.NumberBlocks([this](const Eigen::Vector3i& cell) { return FindOrCreate(cell); });
+  arrivals.PutBehind(blocks_, workers);
+  const std::size_t rounds = std::min(kGrid.most_rounds, blocks_.size());
   struct Change {
     std::size_t samples = 0, others = 0;
   };
@@ -196,15 +274,12 @@ void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* wor
          ++b) {
       Block& block = blocks_[b];
       changes[round].samples -= block.sample_count;
-      changes[round].others -= held[b] - block.sample_count;
-      arrived.assign(block.points.begin() + static_cast<std::ptrdiff_t>(held[b]),
-                     block.points.end());
-      block.points.resize(held[b]);
+      changes[round].others -= arrivals.HeldBefore(b) - block.sample_count;
+      arrivals.Take(b, block, arrived);
       const bool directed = !to_sensor.empty() || !block.to_sensor.empty();
       for (std::size_t i = 0; i < arrived.size(); ++i) {
-        const Insertion what = InsertInto(block, arrived[i], voxels[b][i]);
-        if (!directed) continue;
-        SetDirection(block, what, to_sensor.empty() ? SensorDirection{} : directions[b][i]);
+        const Insertion what = InsertInto(block, arrived[i], arrivals.VoxelOf(b, i));
+        if (directed) SetDirection(block, what, arrivals.DirectionOf(b, i));
       }
       changes[round].samples += block.sample_count;
       changes[round].others += block.points.size() - block.sample_count;
@@ -214,11 +289,11 @@ void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* wor
     sample_count_ += change.samples;
     other_count_ += change.others;
   }
-  for (const std::uint32_t count : arriving) point_count_ += count;
+  point_count_ += arrivals.count();
 }
 
 void SampleGrid::Thin(Block& block) {
-  if (block.stride >= kMaxStride) return;
+  if (block.stride >= kGrid.widest_stride) return;
   std::size_t kept = block.sample_count;
   for (std::size_t i = block.sample_count; i < block.points.size(); i += 2) {
     if (!block.to_sensor.empty()) block.to_sensor[kept] = block.to_sensor[i];

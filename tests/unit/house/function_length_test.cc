@@ -33,7 +33,6 @@ const std::set<std::string> kToBeCut = {
     "pipeline/fit/incidence.cc: NoiseByIncidence::Certainties",
     "pipeline/fit/surface_fit.cc: FitFew",
     "pipeline/fit/tube_parameters.cc: TubeParameters::FrameDerivatives",
-    "pipeline/points/sample_grid.cc: SampleGrid::InsertAll",
     "pipeline/structure/structure_score.cc: FindMissingBends",
 };
 
