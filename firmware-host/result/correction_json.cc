@@ -13,15 +13,22 @@ Json AxisJson(const AxisCorrection& axis) {
   for (const auto& [flag, word] : Words<CorrectionFlag>::kTable) {
     if (axis.flags & flag) flags.push_back(word);
   }
-  return {{"commanded", Number(axis.commanded)}, {"deviation", Number(axis.deviation)},
-          {"gain", Number(axis.gain)},           {"wanted", Number(axis.wanted)},
-          {"applied", Number(axis.applied)},     {"corrected", Number(axis.corrected)},
-          {"sigma", Number(axis.sigma)},         {"flags", flags}};
+  return {{"commanded", Number(axis.commanded)},
+          {"active", Number(axis.active)},
+          {"deviation", Number(axis.deviation)},
+          {"gain", Number(axis.gain)},
+          {"wanted", Number(axis.wanted)},
+          {"applied", Number(axis.applied)},
+          {"corrected", Number(axis.corrected)},
+          {"sigma", Number(axis.sigma)},
+          {"flags", flags}};
 }
 
 AxisCorrection ReadAxis(const JsonReader& json) {
   AxisCorrection axis;
   axis.commanded = json.At("commanded").Number();
+  // Results of before 2026-11 corrected the program that had bent the part.
+  axis.active = json.Has("active") ? json.At("active").Number() : axis.commanded;
   axis.deviation = json.At("deviation").Number();
   axis.gain = json.At("gain").Number();
   axis.wanted = json.At("wanted").Number();

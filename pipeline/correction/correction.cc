@@ -94,7 +94,7 @@ class AxisSolver {
       out_.notices.push_back(name_ + ": a change of " + Fixed(axis.wanted, 2) + " " + rule_.unit +
                              " is cut to the limit of one step, " + Fixed(axis.applied, 2));
     }
-    axis.corrected = axis.commanded + axis.applied;
+    axis.corrected = axis.active + axis.applied;
     const double from_base = axis.corrected - base;
     if (!(std::abs(from_base) <= rule_.total_limit)) {
       axis.flags |= kFlagTotalLimit;
@@ -119,9 +119,10 @@ class AxisSolver {
   Correction& out_;
 };
 
-AxisCorrection Keep(double commanded, double deviation, std::uint32_t flag) {
+AxisCorrection Keep(double commanded, double active, double deviation, std::uint32_t flag) {
   AxisCorrection axis;
-  axis.commanded = axis.corrected = commanded;
+  axis.commanded = commanded;
+  axis.active = axis.corrected = active;
   axis.deviation = deviation;
   axis.flags = flag;
   return axis;
@@ -141,6 +142,10 @@ hal::Result<void> CheckInput(const CorrectionInput& input, const LotState& lot,
                " rows, the nominal " + std::to_string(rows) +
                "; expected the same number, corrections never add or remove rows");
   }
+  if (!input.active.rows.empty() && input.active.rows.size() != rows) {
+    return bad("the active program has " + std::to_string(input.active.rows.size()) +
+               " rows, the nominal " + std::to_string(rows) + "; expected the same number");
+  }
   if (!input.sigma.rows.empty() && input.sigma.rows.size() != rows) {
     return bad("uncertainties for " + std::to_string(input.sigma.rows.size()) + " rows of " +
                std::to_string(rows));
@@ -150,7 +155,7 @@ hal::Result<void> CheckInput(const CorrectionInput& input, const LotState& lot,
                " rows, the nominal has " + std::to_string(rows) + "; start a new lot");
   }
   if (!IsFinite(input.nominal) || !IsFinite(input.commanded) || !IsFinite(input.measured) ||
-      !IsFinite(input.sigma) || !IsFinite(lot.base)) {
+      !IsFinite(input.sigma) || !IsFinite(input.active) || !IsFinite(lot.base)) {
     return bad("a value that is not a finite number in nominal, commanded or measured rows");
   }
   return {};
@@ -187,7 +192,8 @@ hal::Result<Correction> Correct(const CorrectionInput& input, const LotState& lo
                                 const CorrectionOptions& options) {
   if (const auto ok = CheckInput(input, lot, options); !ok) return hal::Fail(ok.error());
   const Material& material = options.material;
-  const auto& [nominal, commanded, measured, sigma_or_none] = input;
+  const auto& [nominal, commanded, measured, sigma_or_none, active_or_none] = input;
+  const hal::BendProgram& active = active_or_none.rows.empty() ? commanded : active_or_none;
   const std::size_t bends = nominal.bend_count();
   hal::BendProgram sigma = sigma_or_none;
   sigma.rows.resize(nominal.rows.size());
@@ -203,7 +209,7 @@ hal::Result<Correction> Correct(const CorrectionInput& input, const LotState& lo
   out.next = lot.rows.empty() ? StartLot(nominal, commanded, options) : lot;
   const LotState before = out.next;
   out.next.parts = before.parts + 1;
-  out.corrected = commanded;
+  out.corrected = active;
   out.rows.resize(nominal.rows.size());
 
   // Rotations and angles first: the lengths depend on what the angles will become.
@@ -211,6 +217,7 @@ hal::Result<Correction> Correct(const CorrectionInput& input, const LotState& lo
   for (std::size_t i = 0; i < nominal.rows.size(); ++i) {
     const hal::BendRow& n = nominal.rows[i];
     const hal::BendRow& c = commanded.rows[i];
+    const hal::BendRow& a = active.rows[i];
     const hal::BendRow& m = measured.rows[i];
     RowCorrection& row = out.rows[i];
 
@@ -219,43 +226,45 @@ hal::Result<Correction> Correct(const CorrectionInput& input, const LotState& lo
                                    : std::min({nominal.rows[i - 1].angle_deg, n.angle_deg,
                                                measured.rows[i - 1].angle_deg, m.angle_deg});
     if (i == 0 || i == bends || rotation_rule.gain <= 0) {
-      row.rotation_deg =
-          Keep(c.rotation_deg, i == 0 || i == bends ? 0.0 : turn_deg, kFlagNotCorrected);
+      row.rotation_deg = Keep(c.rotation_deg, a.rotation_deg, i == 0 || i == bends ? 0.0 : turn_deg,
+                              kFlagNotCorrected);
     } else if (smallest < options.least_angle_deg) {
-      row.rotation_deg = Keep(c.rotation_deg, turn_deg, kFlagNoMeaning);
+      row.rotation_deg = Keep(c.rotation_deg, a.rotation_deg, turn_deg, kFlagNoMeaning);
     } else {
       AxisCorrection& axis = row.rotation_deg;
       const AxisSolver solver(options, rotation_rule, before.parts, RotationName(i), out);
       axis.commanded = c.rotation_deg;
+      axis.active = a.rotation_deg;
       axis.deviation = turn_deg;
       OffsetEstimate& estimate = out.next.rows[i].rotation_deg;
       const double innovation =
           hal::WrapRotationDeg(m.rotation_deg - c.rotation_deg - estimate.offset);
       estimate = solver.Learn(estimate, innovation, sigma.rows[i].rotation_deg, axis);
-      axis.wanted = hal::WrapRotationDeg(n.rotation_deg - estimate.offset - c.rotation_deg);
+      axis.wanted = hal::WrapRotationDeg(n.rotation_deg - estimate.offset - a.rotation_deg);
       axis.sigma = std::sqrt(estimate.noise_variance);
       // The base on the turn nearest to the command.
       const double base_deg =
-          c.rotation_deg - hal::WrapRotationDeg(c.rotation_deg - before.base.rows[i].rotation_deg);
+          a.rotation_deg - hal::WrapRotationDeg(a.rotation_deg - before.base.rows[i].rotation_deg);
       solver.Limit(base_deg, axis);
       axis.corrected = hal::WrapRotationDeg(axis.corrected);
     }
 
     const bool no_bend = i == bends || (n.angle_deg == 0 && c.angle_deg == 0);
     if (no_bend || angle_rule.gain <= 0) {
-      row.angle_deg =
-          Keep(c.angle_deg, i == bends ? 0.0 : n.angle_deg - m.angle_deg, kFlagNotCorrected);
+      row.angle_deg = Keep(c.angle_deg, a.angle_deg, i == bends ? 0.0 : n.angle_deg - m.angle_deg,
+                           kFlagNotCorrected);
       expected_angles_deg[i] = m.angle_deg;
     } else {
       AxisCorrection& axis = row.angle_deg;
       const AxisSolver solver(options, angle_rule, before.parts, AngleName(i), out);
       axis.commanded = c.angle_deg;
+      axis.active = a.angle_deg;
       axis.deviation = n.angle_deg - m.angle_deg;
       OffsetEstimate& estimate = out.next.rows[i].angle_deg;
       const double model_deg = material.AngleAfterDeg(c.angle_deg);
       estimate = solver.Learn(estimate, m.angle_deg - model_deg - estimate.offset,
                               sigma.rows[i].angle_deg, axis);
-      axis.wanted = material.AngleToCommandDeg(n.angle_deg - estimate.offset) - c.angle_deg;
+      axis.wanted = material.AngleToCommandDeg(n.angle_deg - estimate.offset) - a.angle_deg;
       axis.sigma = std::sqrt(estimate.noise_variance) / material.AngleSlope();
       solver.Limit(before.base.rows[i].angle_deg, axis);
       if (!(axis.corrected > 0 && axis.corrected < 360)) {
@@ -268,25 +277,27 @@ hal::Result<Correction> Correct(const CorrectionInput& input, const LotState& lo
   const std::vector<double> measured_angles_deg = Angles(measured);
   for (std::size_t i = 0; i < nominal.rows.size(); ++i) {
     const double commanded_mm = commanded.rows[i].length_mm;
+    const double active_mm = active.rows[i].length_mm;
     AxisCorrection& axis = out.rows[i].length_mm;
     const double deviation_mm = nominal.rows[i].length_mm - measured.rows[i].length_mm;
     if (length_rule.gain <= 0) {
-      axis = Keep(commanded_mm, deviation_mm, kFlagNotCorrected);
+      axis = Keep(commanded_mm, active_mm, deviation_mm, kFlagNotCorrected);
       continue;
     }
     const AxisSolver solver(options, length_rule, before.parts, LengthName(i, bends), out);
     axis.commanded = commanded_mm;
+    axis.active = active_mm;
     axis.deviation = deviation_mm;
     OffsetEstimate& estimate = out.next.rows[i].length_mm;
     const double model_mm = commanded_mm + StretchMm(commanded, measured_angles_deg, i, material);
     estimate = solver.Learn(estimate, measured.rows[i].length_mm - model_mm - estimate.offset,
                             sigma.rows[i].length_mm, axis);
     axis.wanted = nominal.rows[i].length_mm - estimate.offset -
-                  StretchMm(commanded, expected_angles_deg, i, material) - commanded_mm;
+                  StretchMm(active, expected_angles_deg, i, material) - active_mm;
     axis.sigma = std::sqrt(estimate.noise_variance);
-    if (nominal.rows[i].length_mm <= 0 && commanded_mm + axis.wanted < 0) {
+    if (nominal.rows[i].length_mm <= 0 && active_mm + axis.wanted < 0) {
       axis.flags |= kFlagAtZero;
-      axis.wanted = -commanded_mm;
+      axis.wanted = -active_mm;
     }
     solver.Limit(before.base.rows[i].length_mm, axis);
     if (!(axis.corrected >= 0)) solver.Impossible("but no straight is shorter than 0", axis);

@@ -94,11 +94,12 @@ struct AxisCorrection {
   double commanded = 0;  // of the program that bent the part
   double deviation = 0;  // nominal - measured (a rotation: the short way round)
   double gain = 0;       // part of the deviation that is believed to be the lot's
-  double wanted = 0;     // change of command before deadband and limits
-  double applied = 0;    // change of command
-  double corrected = 0;  // commanded + applied
+  double wanted = 0;     // change of the active command before deadband and limits
+  double applied = 0;    // change of the active command
+  double corrected = 0;  // active + applied
   double sigma = 0;      // 1 sigma of `wanted`, from scatter and measurement
   std::uint32_t flags = 0;
+  double active = 0;  // of the program that the next part would be bent with
 };
 
 struct RowCorrection {
@@ -123,6 +124,10 @@ struct CorrectionInput {
   hal::BendProgram commanded;  // the program that bent the measured part
   hal::BendProgram measured;   // in the nominal's order
   hal::BendProgram sigma;      // 1 sigma of `measured`
+  // The program that the bender holds now, where it is another one already: tubes bent since (and
+  // still to be measured) made it out of what earlier ones taught. The correction aims at the same
+  // command as ever and changes this program by what is missing. Empty: `commanded`.
+  hal::BendProgram active = {};
 };
 
 // corrected = commanded + gain (nominal - measured) / slope, row by row and axis by axis, where the

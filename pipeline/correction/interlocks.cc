@@ -178,6 +178,20 @@ void CheckSession(const InterlockInput& in, const InterlockOptions& options, Che
              "the same deviation must not be corrected twice; scan the next part");
 }
 
+void CheckTube(const InterlockInput& in, Checks& checks) {
+  for (const TubeCheck& check : in.tube) {
+    checks.Add(check.kind, check.passed, kNoNumber, kNoNumber, check.found, check.mend);
+  }
+  // Without a program there is nothing to compare, which its own check says.
+  if (!in.part_number || in.bent_with.program.rows.empty()) return;
+  const std::uint32_t bent = in.bent_with.part_number;
+  checks.Add(InterlockKind::kPartNumber, bent == *in.part_number, bent, *in.part_number,
+             "the tube was bent by a program of part " + std::to_string(bent) +
+                 ", this cell makes part " + std::to_string(*in.part_number),
+             "another part is set up at the bender; give the cell file its part, or load the "
+             "program of this one");
+}
+
 void CheckBender(const InterlockInput& in, Checks& checks) {
   if (!in.bender) {
     checks.Add(InterlockKind::kBenderReady, false, kNoNumber, kNoNumber,
@@ -214,12 +228,12 @@ void CheckBender(const InterlockInput& in, Checks& checks) {
              mend);
 
   const hal::ProgramBlock& active = in.bender->active;
-  const hal::ProgramBlock& bent = in.bent_with;
-  const bool same_part =
-      active.part_number == bent.part_number && state.active_part_number == bent.part_number;
+  const hal::ProgramBlock& expected = in.expected ? *in.expected : in.bent_with;
+  const bool same_part = active.part_number == expected.part_number &&
+                         state.active_part_number == expected.part_number;
   const bool same_sequence =
-      active.sequence == bent.sequence && state.active_sequence == bent.sequence;
-  const bool same_rows = SameRows(active.program, bent.program);
+      active.sequence == expected.sequence && state.active_sequence == expected.sequence;
+  const bool same_rows = SameRows(active.program, expected.program);
   const auto name = [](std::uint32_t part, std::uint32_t sequence) {
     return "part " + std::to_string(part) + " sequence " + std::to_string(sequence);
   };
@@ -227,11 +241,18 @@ void CheckBender(const InterlockInput& in, Checks& checks) {
   if (active.part_number != state.active_part_number || active.sequence != state.active_sequence) {
     text += " (its state says " + name(state.active_part_number, state.active_sequence) + ")";
   }
-  text += ", this part was bent with " + name(bent.part_number, bent.sequence);
+  if (in.bent_with.program.rows.empty()) {
+    text += ", which program bent this part is not known";
+  } else {
+    text += ", this part was bent with " + name(in.bent_with.part_number, in.bent_with.sequence);
+    if (expected.sequence != in.bent_with.sequence) {
+      text += ", corrected since to sequence " + std::to_string(expected.sequence);
+    }
+  }
   if (same_part && same_sequence && !same_rows) text += ", but the rows differ";
   checks.Add(InterlockKind::kActiveProgram, same_part && same_sequence && same_rows,
              same_part ? active.sequence : active.part_number,
-             same_part ? bent.sequence : bent.part_number, text,
+             same_part ? expected.sequence : expected.part_number, text,
              "the program was changed since the part was bent; bend and scan a part of the "
              "active one");
 }
@@ -266,6 +287,16 @@ std::string_view Name(InterlockKind kind) {
       return "stale session";
     case InterlockKind::kUsedSession:
       return "used session";
+    case InterlockKind::kNewTube:
+      return "new tube";
+    case InterlockKind::kTubeCount:
+      return "tube count";
+    case InterlockKind::kTubeProgram:
+      return "tube program";
+    case InterlockKind::kTubeIdentity:
+      return "tube identity";
+    case InterlockKind::kPartNumber:
+      return "part number";
     case InterlockKind::kBenderReady:
       return "bender ready";
     case InterlockKind::kActiveProgram:
@@ -294,7 +325,10 @@ InterlockReport CheckInterlocks(const InterlockInput& input, const InterlockOpti
   CheckSigma(input, options, checks);
   CheckCorrection(input, checks);
   CheckSession(input, options, checks);
-  if (input.sends) CheckBender(input, checks);
+  if (input.sends) {
+    CheckTube(input, checks);
+    CheckBender(input, checks);
+  }
   return report;
 }
 

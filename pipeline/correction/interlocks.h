@@ -33,6 +33,40 @@ struct BenderFacts {
   hal::ProgramBlock active;
 };
 
+enum class InterlockKind : std::uint8_t {
+  kBendCount,
+  kDirection,
+  kCoverage,
+  kGap,
+  kFit,
+  kPipeRadius,
+  kLostProfiles,
+  kUncertaintyLength,
+  kUncertaintyRotation,
+  kUncertaintyAngle,
+  kCorrection,
+  kStaleSession,
+  kUsedSession,
+  kNewTube,       // a tube was bent that no scan has used yet
+  kTubeCount,     // the bender's count of tubes adds up
+  kTubeProgram,   // the program that bent the tube is known
+  kTubeIdentity,  // the tube is the expected one, where somebody tells tubes apart
+  kPartNumber,    // the tube is of this cell's part
+  kBenderReady,
+  kActiveProgram,
+};
+std::string_view Name(InterlockKind kind);  // "bend count", "direction", ...
+
+// One of the tube's checks as whoever follows the bender made it.
+struct TubeCheck {
+  InterlockKind kind = InterlockKind::kNewTube;
+  bool passed = false;
+  std::string found;  // said always
+  std::string mend;   // said when it did not pass
+
+  bool operator==(const TubeCheck&) const = default;
+};
+
 // Everything that decides whether a correction may be sent. Plain values: fill in what is known.
 struct InterlockInput {
   std::size_t nominal_bends = 0;
@@ -53,26 +87,14 @@ struct InterlockInput {
   bool sends = true;
   std::optional<BenderFacts> bender;  // empty: it did not answer
   hal::ProgramBlock bent_with;        // the program that bent this part
+  // What the bender must hold for the correction to be its next program: what our own corrections
+  // have made since of the one that bent this part. Empty: `bent_with`.
+  std::optional<hal::ProgramBlock> expected = {};
+  // The part's number in the cell's files; empty: not compared.
+  std::optional<std::uint32_t> part_number = {};
+  // What is known of which tube this is, and with what it was bent.
+  std::vector<TubeCheck> tube = {};
 };
-
-enum class InterlockKind : std::uint8_t {
-  kBendCount,
-  kDirection,
-  kCoverage,
-  kGap,
-  kFit,
-  kPipeRadius,
-  kLostProfiles,
-  kUncertaintyLength,
-  kUncertaintyRotation,
-  kUncertaintyAngle,
-  kCorrection,
-  kStaleSession,
-  kUsedSession,
-  kBenderReady,
-  kActiveProgram,
-};
-std::string_view Name(InterlockKind kind);  // "bend count", "direction", ...
 
 struct Interlock {
   InterlockKind kind = InterlockKind::kBendCount;
