@@ -43,11 +43,19 @@ enum class ScanDirection : std::uint8_t { kAuto, kForward, kReverse };
 // What ends a scan: the scanner's word, or the nominal being covered.
 enum class ScanEnd : std::uint8_t { kEvent, kCoverage };
 
+// How the cell knows that a scan shows another tube than the scan before. kAuto: by the bender's
+// count where its register map has parts_bent; where it has not, nothing is corrected.
+enum class TubeSource : std::uint8_t { kAuto, kCounted, kEachScan };
+
 struct ScanConfig {
   ScanDirection direction = ScanDirection::kAuto;
   ScanEnd end = ScanEnd::kEvent;
   double max_seconds = 120;         // a longer scan is ended and held
+  double silence_seconds = 5;       // with kCoverage: so long without points, and the part is over
   std::uint32_t min_profiles = 20;  // a shorter one is not a scan
+  TubeSource tubes = TubeSource::kAuto;
+  // Tubes that were bent after the one that is scanned; empty: as many as at the first scan.
+  std::optional<std::int64_t> parts_between = 0;
 };
 
 enum class BenderKind : std::uint8_t {
@@ -156,5 +164,8 @@ struct CellConfig {
 
   std::filesystem::path file;  // where it came from; empty: from text
 };
+
+// How tubes are told apart in this cell; kAuto: not at all, so that nothing may be corrected.
+TubeSource TubesOf(const CellConfig& cell);
 
 }  // namespace bendloop::config

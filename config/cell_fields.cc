@@ -4,6 +4,9 @@
 namespace bendloop::config {
 namespace {
 
+// A belt between bender and scanner holds a few tubes; a ledger of many more would tell nothing.
+constexpr std::int64_t kMostPartsBetween = 20;
+
 constexpr Choice<ScannerKind> kScannerKinds[] = {{"simulated", ScannerKind::kSimulated},
                                                  {"stream", ScannerKind::kStream},
                                                  {"usb", ScannerKind::kUsb},
@@ -12,6 +15,9 @@ constexpr Choice<ScanDirection> kDirections[] = {{"auto", ScanDirection::kAuto},
                                                  {"forward", ScanDirection::kForward},
                                                  {"reverse", ScanDirection::kReverse}};
 constexpr Choice<ScanEnd> kEnds[] = {{"event", ScanEnd::kEvent}, {"coverage", ScanEnd::kCoverage}};
+constexpr Choice<TubeSource> kTubeSources[] = {{"auto", TubeSource::kAuto},
+                                               {"counted", TubeSource::kCounted},
+                                               {"each-scan", TubeSource::kEachScan}};
 constexpr Choice<BenderKind> kBenderKinds[] = {{"none", BenderKind::kNone},
                                                {"modbus-tcp", BenderKind::kModbusTcp},
                                                {"modbus-rtu", BenderKind::kModbusRtu},
@@ -50,7 +56,10 @@ void VisitScan(FieldVisitor& v, ScanConfig& scan) {
   v.Enum("direction", scan.direction, kDirections);
   v.Enum("end", scan.end, kEnds);
   v.Number("max_seconds", scan.max_seconds, {1, 3600});
+  v.Number("silence_seconds", scan.silence_seconds, {0.5, 3600});
   v.Integer("min_profiles", scan.min_profiles, 1, 1000000);
+  v.Enum("tubes", scan.tubes, kTubeSources);
+  v.IntegerOrWord("parts_between", scan.parts_between, 0, kMostPartsBetween, "auto");
 }
 
 void VisitBender(FieldVisitor& v, BenderConfig& bender) {

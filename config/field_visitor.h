@@ -59,6 +59,10 @@ class FieldVisitor {
   // Between two ways to say the same: whether a reader finds the key of one, or a writer has it.
   virtual bool Chosen(std::string_view key, bool is_chosen) = 0;
 
+  // A whole number, or `word` in quotes: no value.
+  virtual void IntegerOrWord(std::string_view key, std::optional<std::int64_t>& value,
+                             std::int64_t min, std::int64_t max, std::string_view word) = 0;
+
   template <std::integral T>
   void Integer(std::string_view key, T& value, std::int64_t min, std::int64_t max,
                Need need = Need::kOptional) {

@@ -80,10 +80,47 @@ void CheckScanner(TomlDocument& document, const ScannerConfig& scanner) {
   }
 }
 
+// Times that cannot be kept together would show on the shop floor only, in the middle of a commit.
+void CheckTimes(TomlDocument& document, const CellConfig& cell) {
+  const BenderConfig& bender = cell.bender;
+  if (bender.link != BenderKind::kNone && bender.commit_timeout < bender.response_timeout) {
+    document.Report("bender.commit_timeout_ms",
+                    "found " + std::to_string(bender.commit_timeout.count()) +
+                        ", expected at least response_timeout_ms = " +
+                        std::to_string(bender.response_timeout.count()) +
+                        ": the acknowledgement could not even be read");
+  }
+  const double age_ms = cell.interlocks.max_session_age_s * 1000;
+  if (bender.link != BenderKind::kNone &&
+      static_cast<double>(bender.commit_timeout.count()) > age_ms) {
+    document.Report("bender.commit_timeout_ms",
+                    "found " + std::to_string(bender.commit_timeout.count()) +
+                        ", expected at most max_session_age_s, " + NumberText(age_ms) +
+                        " ms: a correction would be too old before it is acknowledged");
+  }
+  if (cell.scan.silence_seconds > cell.scan.max_seconds) {
+    document.Report("scan.silence_seconds",
+                    "found " + NumberText(cell.scan.silence_seconds) +
+                        ", expected at most max_seconds = " + NumberText(cell.scan.max_seconds));
+  }
+}
+
+void CheckTubes(TomlDocument& document, const ScanConfig& scan) {
+  if (scan.tubes != TubeSource::kEachScan || scan.parts_between == 0) return;
+  document.Report(
+      "scan.parts_between",
+      "found " +
+          (scan.parts_between ? std::to_string(*scan.parts_between) : std::string("'auto'")) +
+          " with tubes = 'each-scan', expected 0: which tube is scanned is known by "
+          "the bender's count alone (tubes = 'counted')");
+}
+
 void CheckCell(TomlDocument& document, CellConfig& cell) {
   const BenderConfig& bender = cell.bender;
   const CorrectionConfig& correction = cell.correction;
   CheckScanner(document, cell.scanner);
+  CheckTimes(document, cell);
+  CheckTubes(document, cell.scan);
   CheckAddress(document, "bender.host", bender.host);
   if (bender.link != BenderKind::kNone && bender.register_map_file.empty() &&
       document.IsGood("bender")) {
@@ -142,6 +179,13 @@ hal::Result<void> CheckTogether(const CellConfig& cell) {
                              : type == hal::RegisterType::kInt16 ? 0x7fff
                              : type == hal::RegisterType::kInt32 ? 0x7fffffff
                                                                  : 0xffffffff;
+  if (cell.scan.tubes == TubeSource::kCounted && !map.parts_bent) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     cell.file.string() +
+                         ": key 'scan.tubes': found 'counted', expected a register map with "
+                         "state.parts_bent (register map " +
+                         cell.bender.register_map_file.string() + " has none)");
+  }
   if (cell.part.part_number > most) {
     return fail("found part_number " + std::to_string(cell.part.part_number) +
                 ", expected at most " + std::to_string(most) +
@@ -151,6 +195,13 @@ hal::Result<void> CheckTogether(const CellConfig& cell) {
 }
 
 }  // namespace
+
+TubeSource TubesOf(const CellConfig& cell) {
+  if (cell.scan.tubes != TubeSource::kAuto) return cell.scan.tubes;
+  // Nobody bends with a bender that the daemon simulates, and nothing can be harmed.
+  if (!IsReal(cell.bender.link)) return TubeSource::kEachScan;
+  return cell.bender.register_map.parts_bent ? TubeSource::kCounted : TubeSource::kAuto;
+}
 
 std::optional<UsbId> ParseUsbId(const std::string& text) {
   constexpr std::size_t kDigits = 4;

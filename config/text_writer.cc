@@ -67,6 +67,11 @@ bool TextWriter::Present(std::string_view key, bool has_value) {
   return has_value;
 }
 
+void TextWriter::IntegerOrWord(std::string_view key, std::optional<std::int64_t>& value,
+                               std::int64_t /*min*/, std::int64_t /*max*/, std::string_view word) {
+  Write(key, value ? std::to_string(*value) : '"' + std::string(word) + '"');
+}
+
 void TextWriter::DoInteger(std::string_view key, std::int64_t& value, std::int64_t /*min*/,
                            std::int64_t /*max*/, Need /*need*/) {
   Write(key, std::to_string(value));

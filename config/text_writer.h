@@ -29,6 +29,8 @@ class TextWriter final : public FieldVisitor {
               const EntryBody& body) override;
   bool Present(std::string_view key, bool has_value) override;
   bool Chosen(std::string_view /*key*/, bool is_chosen) override { return is_chosen; }
+  void IntegerOrWord(std::string_view key, std::optional<std::int64_t>& value, std::int64_t min,
+                     std::int64_t max, std::string_view word) override;
 
  private:
   void DoInteger(std::string_view key, std::int64_t& value, std::int64_t min, std::int64_t max,

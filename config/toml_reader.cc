@@ -130,6 +130,24 @@ void TomlReader::DoInteger(std::string_view key, std::int64_t& value, std::int64
   value = number->get();
 }
 
+void TomlReader::IntegerOrWord(std::string_view key, std::optional<std::int64_t>& value,
+                               std::int64_t min, std::int64_t max, std::string_view word) {
+  const std::string expected =
+      RangeText("a whole number", std::to_string(min), std::to_string(max)) + " or '" +
+      std::string(word) + "'";
+  const toml::node* node = Find(key, Need::kOptional, expected);
+  if (node == nullptr) return;
+  if (const auto* text = node->as_string(); text != nullptr && text->get() == word) {
+    value.reset();
+    return;
+  }
+  const auto* number = node->as_integer();
+  if (number == nullptr || number->get() < min || number->get() > max) {
+    return Wrong(key, *node, expected);
+  }
+  value = number->get();
+}
+
 void TomlReader::Bool(std::string_view key, bool& value) {
   const toml::node* node = Find(key, Need::kOptional, "true or false");
   if (node == nullptr) return;

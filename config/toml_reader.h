@@ -30,6 +30,8 @@ class TomlReader final : public FieldVisitor {
               const EntryBody& body) override;
   bool Present(std::string_view key, bool has_value) override;
   bool Chosen(std::string_view key, bool is_chosen) override;
+  void IntegerOrWord(std::string_view key, std::optional<std::int64_t>& value, std::int64_t min,
+                     std::int64_t max, std::string_view word) override;
 
   void Finish();
 
