@@ -3,30 +3,15 @@
 
 #include <sqlite3.h>
 
-#include <chrono>
 #include <utility>
 
+#include "firmware-host/commit/journal_file.h"
 #include "firmware-host/commit/journal_json.h"
 
 namespace bendloop::host {
 namespace {
 
 using hal::ErrorKind;
-
-constexpr int kApplicationId = 0x424C434A;  // "BLCJ"
-constexpr int kBusyMs = 2000;
-
-constexpr char kSchema[] =
-    "BEGIN IMMEDIATE;"
-    "CREATE TABLE IF NOT EXISTS attempt(id INTEGER PRIMARY KEY, session TEXT NOT NULL,"
-    " base TEXT NOT NULL, next TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS step(id INTEGER PRIMARY KEY, attempt INTEGER NOT NULL,"
-    " unix_ms INTEGER NOT NULL, step TEXT NOT NULL, detail TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS sequence(id INTEGER PRIMARY KEY, number INTEGER NOT NULL);"
-    "CREATE INDEX IF NOT EXISTS attempt_session ON attempt(session);"
-    "CREATE INDEX IF NOT EXISTS step_attempt ON step(attempt);"
-    "PRAGMA user_version = 1;"
-    "COMMIT;";
 
 constexpr std::pair<CommitStep, const char*> kSteps[] = {
     {CommitStep::kBegun, "begun"},
@@ -35,61 +20,6 @@ constexpr std::pair<CommitStep, const char*> kSteps[] = {
     {CommitStep::kNotCommitted, "not committed"}};
 
 const char* StepName(CommitStep step) { return kSteps[static_cast<int>(step)].second; }
-
-hal::Error SqlError(sqlite3* db, const char* doing) {
-  const int code = sqlite3_errcode(db);
-  const bool not_ours = code == SQLITE_NOTADB || code == SQLITE_CORRUPT;
-  return {not_ours ? ErrorKind::kBadInput : ErrorKind::kInternal,
-          std::string("commit journal: cannot ") + doing + ": " + sqlite3_errmsg(db)};
-}
-
-// A prepared statement; text and blobs are copied in and out.
-class Statement {
- public:
-  Statement(sqlite3* db, const char* sql) {
-    prepared_ = sqlite3_prepare_v2(db, sql, -1, &statement_, nullptr) == SQLITE_OK;
-  }
-  ~Statement() { sqlite3_finalize(statement_); }
-  Statement(const Statement&) = delete;
-  Statement& operator=(const Statement&) = delete;
-
-  Statement& Bind(const std::string& text) {
-    sqlite3_bind_text(statement_, ++bound_, text.data(), static_cast<int>(text.size()),
-                      SQLITE_TRANSIENT);
-    return *this;
-  }
-  Statement& Bind(std::int64_t number) {
-    sqlite3_bind_int64(statement_, ++bound_, number);
-    return *this;
-  }
-  int Step() { return prepared_ ? sqlite3_step(statement_) : SQLITE_ERROR; }
-  std::string Text(int column) {
-    const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
-    return text == nullptr ? std::string() : std::string(text);
-  }
-  std::int64_t Integer(int column) { return sqlite3_column_int64(statement_, column); }
-
- private:
-  sqlite3_stmt* statement_ = nullptr;
-  bool prepared_ = false;
-  int bound_ = 0;
-};
-
-std::int64_t UnixMilliseconds() {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
-}
-
-// One transaction: the pieces reach the disk together or not at all.
-template <class Work>
-hal::Result<void> InTransaction(sqlite3* db, const char* doing, Work work) {
-  bool ok = sqlite3_exec(db, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr) == SQLITE_OK;
-  ok = ok && work() && sqlite3_exec(db, "COMMIT", nullptr, nullptr, nullptr) == SQLITE_OK;
-  if (ok) return {};
-  hal::Error error = SqlError(db, doing);
-  sqlite3_exec(db, "ROLLBACK", nullptr, nullptr, nullptr);
-  return hal::Fail(std::move(error));
-}
 
 bool InsertStep(sqlite3* db, std::int64_t attempt, CommitStep step, const std::string& detail) {
   return Statement(db, "INSERT INTO step(attempt, unix_ms, step, detail) VALUES(?, ?, ?, ?)")
@@ -109,33 +39,9 @@ bool InsertSequence(sqlite3* db, std::uint32_t sequence) {
 }  // namespace
 
 hal::Result<CommitJournal> CommitJournal::Open(const std::filesystem::path& path) {
-  sqlite3* db = nullptr;
-  const int opened = sqlite3_open(path.c_str(), &db);
-  CommitJournal journal(db);  // closes, whatever comes
-  const auto named = [&path](hal::Error error) {
-    error.message += " (" + path.string() + ")";
-    return hal::Fail(std::move(error));
-  };
-  if (opened != SQLITE_OK) return named(SqlError(db, "open the file"));
-  sqlite3_busy_timeout(db, kBusyMs);
-  {
-    Statement id(db, "PRAGMA application_id");
-    if (id.Step() != SQLITE_ROW) return named(SqlError(db, "read the file"));
-    Statement tables(db, "SELECT count(*) FROM sqlite_master");
-    if (tables.Step() != SQLITE_ROW) return named(SqlError(db, "read the file"));
-    if (id.Integer(0) != kApplicationId && tables.Integer(0) != 0) {
-      return hal::Fail(ErrorKind::kBadInput, "commit journal " + path.string() +
-                                                 ": a database of something else; expected "
-                                                 "application_id 0x424C434A or a new file");
-    }
-  }
-  const std::string pragmas = "PRAGMA application_id = " + std::to_string(kApplicationId) +
-                              "; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;";
-  if (sqlite3_exec(db, pragmas.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK ||
-      sqlite3_exec(db, kSchema, nullptr, nullptr, nullptr) != SQLITE_OK) {
-    return named(SqlError(db, "prepare the file"));
-  }
-  return journal;
+  auto db = OpenJournalFile(path);
+  if (!db) return hal::Fail(db.error());
+  return CommitJournal(*db);
 }
 
 CommitJournal::CommitJournal(CommitJournal&& other) noexcept
@@ -219,6 +125,29 @@ hal::Result<bool> CommitJournal::SessionCommitted(const std::string& session) co
     return hal::Fail(SqlError(db_, "read"));
   }
   return query.Integer(0) > 0;
+}
+
+hal::Result<bool> CommitJournal::Proposed(const hal::ProgramBlock& from,
+                                          const hal::ProgramBlock& to) const {
+  // The two newest: the newest may have been begun, and given up, since.
+  Statement query(db_, "SELECT base, next FROM attempt ORDER BY id DESC LIMIT 2");
+  int code = SQLITE_ROW;
+  while ((code = query.Step()) == SQLITE_ROW) {
+    const auto base = ProgramFromJson(query.Text(0));
+    const auto next = ProgramFromJson(query.Text(1));
+    if (base && next && *base == from && *next == to) return true;
+  }
+  if (code != SQLITE_DONE) return hal::Fail(SqlError(db_, "read"));
+  return false;
+}
+
+hal::Result<unsigned> CommitJournal::LargestPartNumber() const {
+  Statement query(db_,
+                  "SELECT max(CAST(substr(session, 6) AS INTEGER)) FROM"
+                  " (SELECT session FROM attempt UNION ALL SELECT session FROM scan)"
+                  " WHERE session LIKE 'part-%'");
+  if (query.Step() != SQLITE_ROW) return hal::Fail(SqlError(db_, "read"));
+  return static_cast<unsigned>(query.Integer(0));
 }
 
 hal::Result<std::uint32_t> CommitJournal::LastSequence() const {

@@ -51,6 +51,10 @@ class CommitJournal {
   hal::Result<std::optional<CommitAttempt>> Last() const;
   // Has this session's correction reached the bender? Then its measurement is of an older program.
   hal::Result<bool> SessionCommitted(const std::string& session) const;
+  // Was it this journal's own commit that made `to` out of `from`?
+  hal::Result<bool> Proposed(const hal::ProgramBlock& from, const hal::ProgramBlock& to) const;
+  // 7 when "part-0007" is the last session that the journal knows, whatever the disk still holds.
+  hal::Result<unsigned> LargestPartNumber() const;
   // The last sequence number given out; 0: none.
   hal::Result<std::uint32_t> LastSequence() const;
   // Notes a sequence number that was used outside an attempt.
