@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "drivers/simulated_bender/misbehaviour.h"
 
+#include <cmath>
 #include <map>
 #include <sstream>
 #include <string>
@@ -37,10 +38,13 @@ std::string_view MisbehaviourHelp() {
          "  wrong-transaction  answer another transaction (RTU: function, CANopen: object)\n"
          "  drop-after-stage   hang up on the next commit without doing it\n"
          "  drop-after-commit  do the next commit, then hang up\n"
+         "  away-after-commit  do the next commit, then be silent\n"
          "  half-write         keep only half of the next write to the staging area\n"
          "  reject N           reject the next commit with reply code N\n"
          "  reboot             hang up, forget staging and reply, be not ready for a cycle time\n"
          "  other-program      an operator loads another program\n"
+         "  edit DEG           an operator adds DEG to the first bend at the panel\n"
+         "  set-count N        the count of tubes jumps to N\n"
          "  lying-rows         the active row count says more rows than there are\n"
          "  freeze             the heartbeat stands still\n"
          "  mode MODE          idle, not-ready, bending or fault\n"
@@ -69,6 +73,7 @@ hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Mis
       {"half-write", &Misbehaviour::half_write},
       {"drop-after-stage", &Misbehaviour::drop_after_stage},
       {"drop-after-commit", &Misbehaviour::drop_after_commit},
+      {"away-after-commit", &Misbehaviour::away_after_commit},
       {"freeze", &Misbehaviour::freeze}};
   static const std::map<std::string, MisbehaviourEvent> kEvents{
       {"reboot", MisbehaviourEvent::kReboot},
@@ -96,6 +101,15 @@ hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Mis
   } else if (verb == "reject") {
     if (!number_up_to(65535) || number == 0) return bad("a reply code of 1 to 65535");
     now.reject_code = number;
+  } else if (verb == "edit") {
+    if (!(words >> result.angle_deg) || !(std::abs(result.angle_deg) <= 90)) {
+      return bad("an angle of -90 to 90 degrees");
+    }
+    result.event = MisbehaviourEvent::kEdit;
+  } else if (verb == "set-count") {
+    if (!number_up_to(4'000'000'000u)) return bad("a count of 0 to 4000000000");
+    result.event = MisbehaviourEvent::kSetCount;
+    result.count = number;
   } else if (verb == "mode") {
     std::string name;
     words >> name;

@@ -30,15 +30,26 @@ struct Misbehaviour {
   bool half_write = false;                        // (once) half of the next staged write is kept
   bool drop_after_stage = false;   // (once) hangs up on the commit, which is not done
   bool drop_after_commit = false;  // (once) does the commit, then hangs up
+  bool away_after_commit = false;  // (once) does the commit, then neither does nor answers anything
   bool freeze = false;             // the heartbeat stands still
 };
 
 // What a command asks for, beside the settings of Misbehaviour.
-enum class MisbehaviourEvent : std::uint8_t { kNone, kReboot, kOtherProgram, kLyingRows, kMode };
+enum class MisbehaviourEvent : std::uint8_t {
+  kNone,
+  kReboot,
+  kOtherProgram,
+  kEdit,
+  kSetCount,
+  kLyingRows,
+  kMode
+};
 
 struct MisbehaviourCommand {
   MisbehaviourEvent event = MisbehaviourEvent::kNone;
   hal::BenderMode mode = hal::BenderMode::kIdle;  // of kMode
+  double angle_deg = 0;                           // of kEdit
+  std::uint32_t count = 0;                        // of kSetCount
 };
 
 // One line per command, for help texts.

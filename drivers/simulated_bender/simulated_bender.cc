@@ -121,6 +121,11 @@ class SimulatedBender::Impl {
         break;
       case MisbehaviourEvent::kOtherProgram:
         return LoadOtherProgram();
+      case MisbehaviourEvent::kEdit:
+        return EditProgram(parsed->angle_deg);
+      case MisbehaviourEvent::kSetCount:
+        parts_bent_ = parsed->count;
+        break;
       case MisbehaviourEvent::kLyingRows:
         memory_.SetActiveRowCount(options_.map.max_rows + 1u);
         break;
@@ -146,6 +151,15 @@ class SimulatedBender::Impl {
     auto block = memory_.Active();
     if (!block) return hal::Fail(block.error());
     ++block->part_number;
+    block->sequence = 0;
+    return memory_.LoadActive(*block);
+  }
+
+  // As rule 7 of drivers/README.md allows: number and crc are cleared, "keyed in".
+  hal::Result<void> EditProgram(double angle_deg) {
+    auto block = memory_.Active();
+    if (!block) return hal::Fail(block.error());
+    block->program.rows.front().angle_deg += angle_deg;
     block->sequence = 0;
     return memory_.LoadActive(*block);
   }
@@ -271,7 +285,8 @@ class SimulatedBender::Impl {
     const bool is_commit =
         commit && range.address <= commit->address && commit->address < range.address + range.count;
     if (is_commit && std::exchange(wrong_.drop_after_stage, false)) return false;
-    const bool drop = is_commit && std::exchange(wrong_.drop_after_commit, false);
+    const bool away = is_commit && std::exchange(wrong_.away_after_commit, false);
+    const bool drop = (is_commit && std::exchange(wrong_.drop_after_commit, false)) || away;
     constexpr std::uint32_t kSmall = 2;  // the half of a single value may be the same
     const bool half = !is_commit && range.count > kSmall && std::exchange(wrong_.half_write, false);
     std::vector<std::uint16_t> kept;
@@ -289,6 +304,7 @@ class SimulatedBender::Impl {
         CommitNow();
       }
     }
+    if (away) wrong_.answer = Answer::kSilent;
     return !drop;
   }
 
