@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cell/bender_desk.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "drivers/canopen_bender/canopen_bender.h"
@@ -37,29 +38,110 @@ drivers::ModbusBenderOptions ModbusOf(const config::BenderConfig& bender) {
   return link;
 }
 
+// Reading a whole program of the largest size, each answer at the last moment, after connecting
+// anew, and as long again for a serial line that is listened to until it is quiet.
+std::chrono::nanoseconds ExchangeBound(const config::BenderConfig& bender) {
+  constexpr int kHeadRequests = 8;
+  const hal::RegisterMap& map = bender.register_map;
+  const int registers = map.max_rows * std::max<int>(map.row_stride, 1);
+  const int least = std::max<int>(std::min(map.max_read_registers, map.max_write_registers), 1);
+  const int requests = kHeadRequests + registers / least;
+  return 2 * (bender.connect_timeout + requests * bender.response_timeout);
+}
+
 }  // namespace
 
 struct BenderDesk::Simulator {
   std::unique_ptr<drivers::SimulatedBender> bender;
 };
 
-BenderDesk::BenderDesk(CommitJournal journal) : journal_(std::move(journal)) {}
+// The desk's link: shows the ledger each pair of state and active program that anybody reads, so
+// that none of the commit's own readings is lost to it.
+class BenderDesk::ObservedLink final : public hal::BenderLink {
+ public:
+  ObservedLink(std::unique_ptr<hal::BenderLink> link, BenderDesk& desk)
+      : link_(std::move(link)), desk_(desk) {}
+
+  hal::Result<hal::BenderInfo> Connect() override { return Go().Connect(); }
+  hal::Result<hal::BenderState> ReadState() override {
+    seen_.asked_ns = desk_.Now().boot_ns;
+    auto state = Go().ReadState();
+    seen_.t_ns = desk_.Now().boot_ns;
+    has_state_ = state.has_value();
+    if (state) seen_.state = *state;
+    return state;
+  }
+  hal::Result<hal::ProgramBlock> ReadActive() override {
+    auto active = Go().ReadActive();
+    // A state is good for one program: the next look begins with a state of its own.
+    if (active && has_state_) {
+      seen_.active = *active;
+      desk_.Saw(seen_);
+    }
+    has_state_ = false;
+    return active;
+  }
+  hal::Result<hal::ProgramBlock> Encode(const hal::ProgramBlock& block) override {
+    return link_->Encode(block);
+  }
+  hal::Result<void> Stage(const hal::ProgramBlock& block) override { return Go().Stage(block); }
+  hal::Result<hal::ProgramBlock> ReadStaged() override { return Go().ReadStaged(); }
+  hal::Result<void> Commit(std::uint32_t sequence) override {
+    has_state_ = false;
+    return Go().Commit(sequence);
+  }
+
+ private:
+  hal::BenderLink& Go() {
+    if (desk_.commits_ && desk_.progress_) desk_.progress_();
+    return *link_;
+  }
+
+  std::unique_ptr<hal::BenderLink> link_;
+  BenderDesk& desk_;
+  Sighting seen_;
+  bool has_state_ = false;
+};
+
+BenderDesk::BenderDesk(CommitJournal journal, TubeLedger ledger, const Options& options)
+    : options_(options), journal_(std::move(journal)), ledger_(std::move(ledger)) {}
 BenderDesk::~BenderDesk() = default;
+
+hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::OpenWithout(const Options& options) {
+  auto journal = CommitJournal::Open(options.journal);
+  if (!journal) return hal::Fail(journal.error());
+  auto ledger = TubeLedger::Open(options.journal, options.ledger);
+  if (!ledger) return hal::Fail(ledger.error());
+  return std::unique_ptr<BenderDesk>(
+      new BenderDesk(std::move(*journal), std::move(*ledger), options));
+}
+
+void BenderDesk::Attach(std::unique_ptr<hal::BenderLink> link, hal::Clock& clock) {
+  link_ = std::make_unique<ObservedLink>(std::move(link), *this);
+  protocol_ = std::make_unique<CommitProtocol>(*link_, journal_, clock, options_.commit);
+}
+
+hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(std::unique_ptr<hal::BenderLink> link,
+                                                          const Options& options,
+                                                          hal::Clock& clock) {
+  auto desk = OpenWithout(options);
+  if (desk) (*desk)->Attach(std::move(link), clock);
+  return desk;
+}
 
 hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderConfig& bender,
                                                           const Options& options,
                                                           hal::Clock& clock) {
-  auto journal = CommitJournal::Open(options.journal);
-  if (!journal) return hal::Fail(journal.error());
-  std::unique_ptr<BenderDesk> desk(new BenderDesk(std::move(*journal)));
+  auto opened = OpenWithout(options);
+  if (!opened) return hal::Fail(opened.error());
+  std::unique_ptr<BenderDesk> desk = std::move(*opened);
   if (bender.link == config::BenderKind::kNone) {
     desk->name_ = "none";
     return desk;
   }
+  desk->exchange_bound_ = ExchangeBound(bender);
   const auto attach = [&](std::unique_ptr<hal::BenderLink> link) {
-    desk->link_ = std::move(link);
-    desk->protocol_ =
-        std::make_unique<CommitProtocol>(*desk->link_, desk->journal_, clock, options.commit);
+    desk->Attach(std::move(link), clock);
   };
   if (bender.link == config::BenderKind::kCanopen) {
     desk->name_ = "canopen " + bender.can_interface + " node " + std::to_string(bender.can_node_id);
@@ -102,6 +184,7 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
   return desk;
 }
 
+// Reads a pair for whoever asks; the caller holds the lock.
 BenderReading BenderDesk::Read() {
   if (!link_) return {std::nullopt, "the cell has no bender"};
   if (!connected_) {
@@ -113,23 +196,126 @@ BenderReading BenderDesk::Read() {
   protocol_->Observe(*state);
   auto active = link_->ReadActive();
   if (!active) return {std::nullopt, active.error().message};
+  if (!ledger_problem_.empty()) return {std::nullopt, ledger_problem_};
   return {pipeline::BenderFacts{*state, std::move(*active)}, ""};
 }
 
-CommitReport BenderDesk::Commit(const CommitRequest& request) { return protocol_->Commit(request); }
+void BenderDesk::Saw(const Sighting& sighting) {
+  const auto kept = ledger_.Observe(sighting, [this](const auto& from, const auto& to) {
+    return journal_.Proposed(from, to).value_or(false);
+  });
+  ledger_problem_ = kept ? "" : kept.error().message;
+}
 
-std::optional<CommitReport> BenderDesk::Resume() {
-  return protocol_ ? protocol_->Resume() : std::nullopt;
+BenderReading BenderDesk::Look() {
+  const std::lock_guard lock(mutex_);
+  BenderReading now = Read();
+  if (!now.facts || !is_open_ || options_.read_only) return now;
+  if (auto settled = Settle()) {
+    settled_.push_back(std::move(*settled));
+    now = Read();
+  }
+  return now;
+}
+
+CommitReport BenderDesk::Commit(const CommitRequest& request) {
+  const std::lock_guard lock(mutex_);
+  if (options_.read_only) {
+    CommitReport report;
+    report.outcome = CommitOutcome::kRefused;
+    report.reason = "nothing was sent: a replay sends to a real bender with --send alone";
+    return report;
+  }
+  commits_ = true;
+  if (is_open_) {
+    if (auto settled = Settle()) settled_.push_back(std::move(*settled));
+  }
+  CommitReport report = protocol_->Commit(request);
+  is_open_ = report.outcome == CommitOutcome::kUnknown || is_open_;
+  commits_ = false;
+  return report;
+}
+
+// Ends what is open; empty when nothing is, or when it cannot be told yet.
+std::optional<SettledCommit> BenderDesk::Settle() {
+  SettledCommit settled;
+  const auto report = protocol_->Resume(&settled.session);
+  if (report && report->outcome == CommitOutcome::kUnknown) return std::nullopt;
+  is_open_ = false;
+  if (!report) return std::nullopt;
+  settled.report = *report;
+  const bool is_active = report->outcome == CommitOutcome::kCommitted;
+  static_cast<void>(ledger_.Note(
+      settled.session, is_active ? ScanFate::kCorrected : ScanFate::kDone, report->reason));
+  return settled;
+}
+
+std::optional<SettledCommit> BenderDesk::Resume() {
+  const std::lock_guard lock(mutex_);
+  return protocol_ && !options_.read_only ? Settle() : std::nullopt;
+}
+
+std::vector<SettledCommit> BenderDesk::TakeSettled() {
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  return lock ? std::exchange(settled_, {}) : std::vector<SettledCommit>();
+}
+
+TubeMatch BenderDesk::Match(const ScanToMatch& scan) const {
+  const std::lock_guard lock(mutex_);
+  return ledger_.Match(scan);
+}
+
+TubeMatch BenderDesk::MatchRecorded(const std::string& session, std::int64_t tube) const {
+  const std::lock_guard lock(mutex_);
+  return ledger_.MatchRecorded(session, tube);
+}
+
+hal::Result<void> BenderDesk::Use(const std::string& session, const TubeMatch& match) {
+  const std::lock_guard lock(mutex_);
+  return ledger_.Use(session, match);
+}
+
+hal::Result<void> BenderDesk::PassOver(const std::string& session, const TubeMatch& match) {
+  const std::lock_guard lock(mutex_);
+  return ledger_.PassOver(session, match);
+}
+
+void BenderDesk::Note(const std::string& session, ScanFate fate, const std::string& detail) {
+  const std::lock_guard lock(mutex_);
+  // What must be kept stands in the journal's steps and in the tube's use.
+  static_cast<void>(ledger_.Note(session, fate, detail));
+}
+
+std::vector<std::string> BenderDesk::ScansThatWaited() const {
+  const std::lock_guard lock(mutex_);
+  return ledger_.Sessions(ScanFate::kWaiting).value_or(std::vector<std::string>());
 }
 
 bool BenderDesk::SessionCommitted(const std::string& session) const {
+  const std::lock_guard lock(mutex_);
   return journal_.SessionCommitted(session).value_or(false);
 }
 
-std::uint32_t BenderDesk::LastSequence() const { return journal_.LastSequence().value_or(0); }
+std::uint32_t BenderDesk::LastSequence() const {
+  const std::lock_guard lock(mutex_);
+  return journal_.LastSequence().value_or(0);
+}
+
+unsigned BenderDesk::LargestPartNumber() const {
+  const std::lock_guard lock(mutex_);
+  return journal_.LargestPartNumber().value_or(0);
+}
 
 void BenderDesk::NoteSequence(std::uint32_t sequence) {
-  if (sequence > LastSequence()) static_cast<void>(journal_.NoteSequence(sequence));
+  const std::lock_guard lock(mutex_);
+  if (sequence > journal_.LastSequence().value_or(0)) {
+    static_cast<void>(journal_.NoteSequence(sequence));
+  }
+}
+
+std::uint64_t CountModulus(const hal::RegisterMap& map) {
+  if (!map.parts_bent) return std::uint64_t{1} << 32;
+  return static_cast<std::uint64_t>(hal::RawRangeOf(map.parts_bent->type).max) + 1;
 }
 
 }  // namespace bendloop::host

@@ -15,13 +15,20 @@ using namespace std::chrono_literals;
 
 constexpr auto kReadTimeout = 20ms;
 constexpr auto kPublishPeriod = 100ms;
-constexpr auto kAskPeriod = 1s;
 constexpr auto kViewPeriod = 200ms;
 // Coverage is looked at every so many profiles, never by time: a replay must end where the live
 // scan ended.
 constexpr std::uint64_t kCoveragePeriod = 64;
 constexpr double kCoveredPart = 0.98;
 constexpr auto kSilence = 2s;
+// The longest that a step may take before it is taken for hung. The final fit is bounded by
+// kMostPoints (part_plan.cc) and takes less than a second on an idle machine.
+constexpr auto kFitBound = 60s;
+// Writing a result, the history and the lot: a disk that takes longer has failed.
+constexpr auto kDiskBound = 30s;
+constexpr auto kLifePeriod = 50ms;
+// Between two attempts at a correction that waits.
+constexpr auto kAgainPeriod = 500ms;
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
 
@@ -47,6 +54,8 @@ const char* Word(PartEnd end) {
       return "unchanged";
     case PartEnd::kRefused:
       return "refused";
+    case PartEnd::kWaiting:
+      return "waiting";
     case PartEnd::kLinkDown:
       break;
   }
@@ -67,7 +76,36 @@ bool IsCovered(const pipeline::LiveView& view, const PartPlan& plan) {
 }  // namespace
 
 CellLoop::CellLoop(const PartPlan& plan, CellPorts ports, const CellLoopOptions& options)
-    : plan_(plan), ports_(std::move(ports)), options_(options), scan_(options.scan) {}
+    : plan_(plan),
+      ports_(std::move(ports)),
+      options_(options),
+      scan_(options.scan),
+      life_(*ports_.clock) {
+  if (!options_.scan.is_live || !ports_.desk->has_bender()) return;
+  // Each exchange of a commit is a step of its own.
+  ports_.desk->set_progress([this, bound = ports_.desk->exchange_bound()] { life_.Expect(bound); });
+  follower_.emplace(*ports_.desk);
+}
+
+CellLoop::~CellLoop() {
+  follower_.reset();
+  if (waiting_) GiveUpWaiting("the daemon was stopped while the correction waited for the bender");
+  ports_.desk->set_progress({});
+}
+
+void CellLoop::Tend() {
+  if (ports_.alive && life_.InTime()) ports_.alive();
+  TakeBenderNews();
+}
+
+void CellLoop::Watched(const std::function<void()>& work) {
+  auto done = std::async(std::launch::async, work);
+  while (done.wait_for(kLifePeriod) != std::future_status::ready) {
+    if (ports_.alive && life_.InTime()) ports_.alive();
+  }
+  life_.Rest();
+  done.get();
+}
 
 CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::SourceInfo& source) {
   scanner_ = source.model + (source.serial.empty() ? "" : " " + source.serial);
@@ -78,14 +116,14 @@ CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::So
   });
   CellEnd end = CellEnd::kStopped;
   while (!stop_.load(std::memory_order_relaxed)) {
-    if (ports_.alive) ports_.alive();
+    if (ports_.alive && life_.InTime()) ports_.alive();
     Read(ring);
     Update();
     Write();
-    AskBender();
+    TakeBenderNews();
     PublishCounters(acquisition, ring);
     ring.Release();
-    if (options_.max_parts > 0 && parts_ >= options_.max_parts) {
+    if (options_.max_parts > 0 && parts_ >= options_.max_parts && !waiting_) {
       end = CellEnd::kPartsDone;
       break;
     }
@@ -106,6 +144,8 @@ void CellLoop::Read(ProfileRing& ring) { slot_ = ring.TakeWithin(kReadTimeout); 
 
 void CellLoop::Update() {
   step_ = ScanStep::kNothing;
+  WatchSweep();
+  if (step_ != ScanStep::kNothing) return;
   if (slot_ == nullptr) return WatchSilence();
   heard_at_ = ports_.clock->Now();
   silent_ = false;
@@ -141,6 +181,24 @@ void CellLoop::MarkGap() {
   if (ports_.recorder) ports_.recorder->Add(gap);
 }
 
+// Without events a part's scan is over when no points have come for so long, however its sweep went
+// on after the tube was covered.
+void CellLoop::WatchSweep() {
+  if (!options_.scan.is_live || !options_.scan.ends_by_coverage) return;
+  const bool is_profile = slot_ != nullptr && slot_->kind == SlotKind::kProfile;
+  // A slot may have waited while the loop decided.
+  const std::int64_t now_ns = is_profile ? slot_->arrived_ns : ports_.clock->Now().count();
+  const bool has_points = is_profile && !slot_->profile.points.empty();
+  if (now_ns - points_at_ns_ > options_.silence.count()) {
+    scan_.Rest();
+    if (!has_points && scan_.phase() == ScanPhase::kScanning) {
+      step_ = scan_.Complete();
+      scan_.Rest();
+    }
+  }
+  if (has_points) points_at_ns_ = slot_->arrived_ns;
+}
+
 // A scanner that says nothing in the middle of a scan is reported at once and given up when a scan
 // could no longer last.
 void CellLoop::WatchSilence() {
@@ -163,46 +221,94 @@ void CellLoop::Write() {
   if (step_ == ScanStep::kBroke) DropScan({hal::ErrorKind::kDevice, scan_.reason()});
 }
 
-void CellLoop::AskBender() {
-  if (!options_.scan.is_live || !ports_.desk->has_bender()) return;
-  if (asked_.valid()) {
-    if (asked_.wait_for(0s) != std::future_status::ready) return;
-    const BenderReading heard = asked_.get();
+void CellLoop::TakeBenderNews() {
+  if (!follower_) return;
+  bool is_idle = false;
+  if (const auto news = follower_->TakeNews()) {
+    is_idle = news->facts && news->facts->state.mode == hal::BenderMode::kIdle;
     ports_.board->Update([&](CellSnapshot& s) {
-      s.bender_state = heard.facts ? Word(heard.facts->state.mode) : heard.problem;
-      if (heard.facts) s.bender_sequence = heard.facts->state.active_sequence;
+      s.bender_state = news->facts ? Word(news->facts->state.mode) : news->problem;
+      if (!news->facts) return;
+      s.bender_sequence = news->facts->state.active_sequence;
+      s.bender_parts_bent = news->facts->state.parts_bent;
     });
-    if (ports_.bender_heard) ports_.bender_heard(heard);
+    if (ports_.bender_heard) ports_.bender_heard(*news);
+    for (const SettledCommit& settled : ports_.desk->TakeSettled()) {
+      ports_.board->Update([&](CellSnapshot& s) {
+        if (!s.last || s.last->session != settled.session) return;
+        const bool is_active = settled.report.outcome == CommitOutcome::kCommitted;
+        if (is_active) ++s.corrected;
+        s.last->end = is_active ? "corrected" : "refused";
+        s.last->reason = settled.report.reason;
+      });
+      if (!ports_.commit_settled) continue;
+      Watched([&] {
+        life_.Expect(kDiskBound);
+        ports_.commit_settled(settled);
+      });
+    }
   }
-  if (scan_.phase() != ScanPhase::kWaiting || base_.valid()) return;
+  if (waiting_) DecideAgain(is_idle);
+}
+
+// Beside the loop, which may be in the middle of the next scan.
+void CellLoop::DecideAgain(bool bender_is_idle) {
+  if (deciding_again_.valid()) {
+    if (deciding_again_.wait_for(0s) == std::future_status::ready) {
+      life_.Rest();
+      FinishWaiting(deciding_again_.get());
+    }
+    return;
+  }
+  const double age_s = SecondsBetween(*waiting_->part.scan.ended, ports_.desk->Now());
+  const bool is_old = age_s > plan_.interlocks.oldest_session_s;
   const auto now = ports_.clock->Now();
-  if (asked_at_.count() != 0 && now - asked_at_ < kAskPeriod) return;
-  asked_at_ = now;
-  // Beside the loop: a bender that is slow to answer must not cost profiles.
-  asked_ = std::async(std::launch::async, [desk = ports_.desk] { return desk->Read(); });
+  if (!is_old && (!bender_is_idle || now - decided_at_ < kAgainPeriod)) return;
+  decided_at_ = now;
+  if (is_old) waiting_->part.may_wait = false;  // the last time: it says why
+  deciding_again_ = std::async(std::launch::async, [this] {
+    life_.Expect(2 * ports_.desk->exchange_bound() + kDiskBound);
+    return DecidePart(plan_, waiting_->part, *ports_.desk);
+  });
+}
+
+void CellLoop::FinishWaiting(PartOutcome outcome) {
+  outcome.latency = waiting_->outcome.latency;
+  if (outcome.end == PartEnd::kWaiting) {
+    // What it taught may have become known meanwhile.
+    const bool is_news = outcome.next.has_value() && !waiting_->outcome.next;
+    waiting_->outcome = outcome;
+    if (is_news) TellPart(outcome, true);
+    return;
+  }
+  waiting_.reset();
+  TellPart(outcome, true);
+}
+
+void CellLoop::GiveUpWaiting(const std::string& why) {
+  if (deciding_again_.valid()) {
+    PartOutcome outcome;
+    Watched([&] { outcome = deciding_again_.get(); });
+    FinishWaiting(std::move(outcome));
+  }
+  if (!waiting_) return;
+  PartOutcome outcome = std::move(waiting_->outcome);
+  waiting_.reset();
+  host::GiveUpWaiting(why, outcome, *ports_.desk);
+  TellPart(outcome, true);
 }
 
 void CellLoop::BeginScan() {
-  if (base_.valid()) base_.wait();  // of a scan that was begun again
   if (ports_.recorder && reconstruction_) ports_.recorder->Discard();
   identity_ = ports_.identify();
   live_ = {};
   view_due_ = ports_.clock->Now() + kViewPeriod;
   reconstruction_.emplace(plan_.reconstruction, *ports_.clock);
-  // The program that the bender holds now is the one that bent this part. It is asked beside the
-  // scan: a slow bender must not cost profiles.
-  base_ = std::async(std::launch::async, [this, lot = ports_.lot ? ports_.lot() : std::nullopt,
-                                          asked = std::move(asked_)]() mutable {
-    if (asked.valid()) asked.wait();
-    if (ports_.recorded) return *ports_.recorded;
-    RunContext base;
-    base.lot = lot;
-    if (BenderReading now = ports_.desk->Read(); now.facts) {
-      base.bent_with = std::move(now.facts->active);
-    }
-    base.last_sequence = ports_.desk->LastSequence();
-    return base;
-  });
+  // Which tube this is the ledger tells when the scan has ended: what was bent before now. The
+  // nearer a look at the bender is to this moment, the surer that is.
+  began_ns_ = ports_.desk->Now().boot_ns;
+  points_at_ns_ = ports_.clock->Now().count();
+  if (follower_) follower_->LookNow();
   if (ports_.recorder) {
     ports_.recorder->Begin(identity_.session, {{"session", identity_.session},
                                                {"part", plan_.part},
@@ -230,21 +336,33 @@ void CellLoop::GrowScan() {
 }
 
 bool CellLoop::NominalIsCovered() {
-  if (!options_.ends_by_coverage || scan_.profiles() % kCoveragePeriod != 0) return false;
+  if (!options_.scan.ends_by_coverage || scan_.profiles() % kCoveragePeriod != 0) return false;
   return IsCovered(reconstruction_->View(), plan_);
 }
 
+// The loop waits for it and tells that it lives; each step is bounded by itself.
 void CellLoop::FinishScan() {
   const auto ended = ports_.clock->Now();
+  MeasuredPart part;
+  part.scan = {scan_.profiles(), scan_.lost_profiles(), began_ns_, ports_.recorded_end};
+  const Moment now = ports_.desk->Now();
+  if (options_.scan.is_live) part.scan.ended = now;
+  part.identity = identity_;
+  part.recorded = ports_.recorded;
+  part.may_wait = follower_.has_value();
   ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kDeciding; });
-  const RunContext base = base_.get();
-  ThreadWorkers workers(ProcessorCount());
-  auto measurement = reconstruction_->Finish(&workers);
+  hal::Result<pipeline::Measurement> measurement;
+  Watched([&] {
+    life_.Expect(kFitBound);
+    ThreadWorkers workers(ProcessorCount());
+    measurement = reconstruction_->Finish(&workers);
+  });
   const auto measured = ports_.clock->Now();
   reconstruction_.reset();
   ++parts_;
   if (!measurement) {
-    if (ports_.recorder) ports_.recorder->Finish({{kContextKey, WriteRunContext(base)}});
+    const std::uint64_t profiles = scan_.profiles();
+    if (ports_.recorder) ports_.recorder->Finish({});
     ports_.board->Update([&](CellSnapshot& s) {
       ++s.parts;
       ++s.failed_scans;
@@ -252,48 +370,74 @@ void CellLoop::FinishScan() {
       s.session.clear();
       s.last = LastPart{identity_.session, "not measured", "", measurement.error().message};
     });
-    ports_.scan_failed({identity_, measurement.error()});
+    Watched([&] {
+      life_.Expect(kDiskBound);
+      ports_.scan_failed({identity_, measurement.error(), profiles});
+    });
     return;
   }
-  ScanFacts facts{scan_.profiles(), scan_.lost_profiles(), 0};
-  if (options_.scan.is_live) {
-    facts.age_s = std::chrono::duration<double>(ports_.clock->Now() - ended).count();
-  }
-  PartOutcome outcome =
-      DecidePart(plan_, identity_, facts, base, std::move(*measurement), *ports_.desk);
+  part.measurement = std::move(*measurement);
+  PartOutcome outcome = Decide(std::move(part));
   const auto decided = ports_.clock->Now();
   // Not before: closing a session keeps the disk busy, and the commit's journal waits for it, too.
-  if (ports_.recorder) ports_.recorder->Finish({{kContextKey, WriteRunContext(base)}});
+  if (ports_.recorder) {
+    Recorder::Meta meta = {{kContextKey, WriteRunContext(outcome.context)}};
+    if (options_.scan.is_live) meta[kEndKey] = UtcText(now.unix_ms);
+    ports_.recorder->Finish(meta);
+  }
   const double ms = Milliseconds(decided - ended);
   if (options_.scan.is_live) {
     const std::chrono::nanoseconds arrived(last_arrival_ns_);
     outcome.latency = {Milliseconds(measured - arrived), Milliseconds(decided - arrived)};
   }
-  const PartEnd what = outcome.end;
-  const PartLatency latency = outcome.latency;
-  const LastPart last{identity_.session, Word(what),
-                      std::string(pipeline::Name(outcome.result.inspection->verdict)),
-                      outcome.reasons.empty() ? "" : outcome.reasons.front()};
-  ports_.part_done(std::move(outcome));
+  if (waiting_) waiting_->outcome.latency = outcome.latency;
   ports_.board->Update([&](CellSnapshot& s) {
-    ++s.parts;
-    if (what == PartEnd::kCorrected) ++s.corrected;
-    if (what == PartEnd::kRefused || what == PartEnd::kLinkDown) ++s.refused;
-    s.phase = CellPhase::kWaiting;
-    s.session.clear();
-    s.last_lra_ms = latency.lra_ms;
-    s.peak_lra_ms = std::max(s.peak_lra_ms, latency.lra_ms);
-    s.last_end_ms = latency.end_ms;
-    s.peak_end_ms = std::max(s.peak_end_ms, latency.end_ms);
     s.last_decision_ms = ms;
     s.peak_decision_ms = std::max(s.peak_decision_ms, ms);
+  });
+  TellPart(outcome, false);
+}
+
+PartOutcome CellLoop::Decide(MeasuredPart part) {
+  // The correction of this part contains what that one taught.
+  if (waiting_) GiveUpWaiting("the next part, " + part.identity.session + ", was measured first");
+  if (ports_.lot) part.lot = ports_.lot();
+  PartOutcome outcome;
+  Watched([&] {
+    life_.Expect(2 * ports_.desk->exchange_bound() + kDiskBound);
+    outcome = DecidePart(plan_, part, *ports_.desk);
+  });
+  decided_at_ = ports_.clock->Now();
+  if (outcome.end == PartEnd::kWaiting) waiting_.emplace(Waiting{std::move(part), outcome});
+  return outcome;
+}
+
+// `again`: it was told before that the part waits.
+void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
+  const PartEnd what = outcome.end;
+  const LastPart last{outcome.result.session, Word(what),
+                      std::string(pipeline::Name(outcome.result.inspection->verdict)),
+                      outcome.reasons.empty() ? "" : outcome.reasons.front()};
+  Watched([&] {
+    life_.Expect(kDiskBound);
+    ports_.part_done(outcome);
+  });
+  ports_.board->Update([&](CellSnapshot& s) {
+    if (what == PartEnd::kCorrected) ++s.corrected;
+    if (what == PartEnd::kRefused || what == PartEnd::kLinkDown) ++s.refused;
     s.last = last;
+    if (again) return;
+    ++s.parts;
+    s.phase = CellPhase::kWaiting;
+    s.session.clear();
+    s.last_lra_ms = outcome.latency.lra_ms;
+    s.peak_lra_ms = std::max(s.peak_lra_ms, outcome.latency.lra_ms);
+    s.last_end_ms = outcome.latency.end_ms;
+    s.peak_end_ms = std::max(s.peak_end_ms, outcome.latency.end_ms);
   });
 }
 
 void CellLoop::DropScan(hal::Error error) {
-  if (base_.valid()) base_.wait();
-  base_ = {};
   reconstruction_.reset();
   if (ports_.recorder) {
     // A scan that broke off late is worth keeping: it shows what went wrong.
@@ -310,7 +454,10 @@ void CellLoop::DropScan(hal::Error error) {
     s.session.clear();
     s.last = LastPart{identity_.session, "not measured", "", error.message};
   });
-  ports_.scan_failed({identity_, std::move(error)});
+  Watched([&] {
+    life_.Expect(kDiskBound);
+    ports_.scan_failed({identity_, std::move(error), scan_.profiles()});
+  });
 }
 
 void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing& ring) {

@@ -10,7 +10,9 @@
 
 #include "firmware-host/acquisition/acquisition.h"
 #include "firmware-host/cell/bender_desk.h"
+#include "firmware-host/cell/bender_follower.h"
 #include "firmware-host/cell/cell_status.h"
+#include "firmware-host/cell/life_signs.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/part_run.h"
 #include "firmware-host/cell/run_context.h"
@@ -25,6 +27,7 @@ namespace bendloop::host {
 struct FailedScan {
   ScanIdentity identity;
   hal::Error error;
+  std::uint64_t profiles = 0;  // that it had
 };
 
 // What the loop needs from the outside; everything outlives it.
@@ -35,23 +38,29 @@ struct CellPorts {
   Recorder* recorder = nullptr;  // nullptr: nothing is recorded (a replay)
   // Names the scan that begins.
   std::function<ScanIdentity()> identify;
-  // A replay gives what was recorded with the session; otherwise empty, and the bender is asked.
+  // A replay gives what was recorded with the session; otherwise empty, and the ledger is asked.
   std::optional<RunContext> recorded;
+  // When the scan of a replay ended that may write to a real bender.
+  std::optional<Moment> recorded_end;
   // What this lot has taught so far.
   std::function<std::optional<pipeline::LotState>()> lot;
+  // Comes once more for a part that waited.
   std::function<void(PartOutcome)> part_done;
+  // The end of a commit that was not known when its part was done.
+  std::function<void(const SettledCommit&)> commit_settled;
   std::function<void(const FailedScan&)> scan_failed;
   // Several times a second while a scan runs: what it shows so far.
   std::function<void(const pipeline::LiveView&)> viewed;
-  // Between scans, about once a second.
+  // A few times a second, in scans too.
   std::function<void(const BenderReading&)> bender_heard;
-  // At every turn, from the loop's own thread (watchdog).
+  // Again and again while all goes on, from the loop's own thread (watchdog).
   std::function<void()> alive;
 };
 
 struct CellLoopOptions {
   ScanRules scan;
-  bool ends_by_coverage = false;
+  // A live sweep without points for so long is over (ScanRules::ends_by_coverage).
+  std::chrono::nanoseconds silence = std::chrono::seconds(5);
   std::uint64_t max_parts = 0;  // scans, successful or not; 0: no end
 };
 
@@ -69,9 +78,14 @@ enum class CellEnd : std::uint8_t {
 class CellLoop {
  public:
   CellLoop(const PartPlan& plan, CellPorts ports, const CellLoopOptions& options);
+  // A correction that still waits for the bender is given up, and told so.
+  ~CellLoop();
 
   // Serves one opened source until it ends.
   CellEnd Run(Acquisition& acquisition, ProfileRing& ring, const hal::SourceInfo& source);
+  // What there is to do without a scanner: what the bender says, corrections that wait. A few times
+  // a second.
+  void Tend();
   // From any thread or signal handler.
   void Stop() { stop_.store(true, std::memory_order_relaxed); }
   std::uint64_t parts() const { return parts_; }
@@ -81,13 +95,21 @@ class CellLoop {
   void Update();
   void Write();
 
-  void AskBender();
+  // Does `work` beside the loop and waits for it, telling that it lives.
+  void Watched(const std::function<void()>& work);
+  void TakeBenderNews();
+  void DecideAgain(bool bender_is_idle);
+  void FinishWaiting(PartOutcome outcome);
+  void GiveUpWaiting(const std::string& why);
   void BeginScan();
   void GrowScan();
   bool NominalIsCovered();
   void MarkGap();
+  void WatchSweep();
   void WatchSilence();
   void FinishScan();
+  PartOutcome Decide(MeasuredPart part);
+  void TellPart(const PartOutcome& outcome, bool again);
   void DropScan(hal::Error error);
   void PublishCounters(const Acquisition& acquisition, const ProfileRing& ring);
 
@@ -104,18 +126,27 @@ class CellLoop {
   std::string scanner_;
   std::uint64_t parts_ = 0;
   std::chrono::nanoseconds published_{0};
-  // The desk is used by one of these at a time: asked in between scans, read at a scan's start.
-  std::future<BenderReading> asked_;
-  std::chrono::nanoseconds asked_at_{0};
+  LifeSigns life_;
+  std::optional<BenderFollower> follower_;  // live, with a bender
+
+  // A part whose correction waits for the bender.
+  struct Waiting {
+    MeasuredPart part;
+    PartOutcome outcome;
+  };
+  std::optional<Waiting> waiting_;
+  std::future<PartOutcome> deciding_again_;
+  std::chrono::nanoseconds decided_at_{0};
 
   // Of the running scan.
   ScanIdentity identity_;
   std::optional<pipeline::Reconstruction> reconstruction_;
-  std::future<RunContext> base_;
+  std::int64_t began_ns_ = 0;  // by the ledger's clock
   pipeline::LiveView live_;
   std::chrono::nanoseconds view_due_{0};
   std::int64_t last_arrival_ns_ = 0;      // of a profile of the scan
   std::chrono::nanoseconds heard_at_{0};  // when the latest slot came
+  std::int64_t points_at_ns_ = 0;         // when the latest profile with points came
   bool silent_ = false;
 };
 

@@ -37,9 +37,10 @@ struct CellSnapshot {
   std::string scanner;  // model and serial, or why there is none
   std::string bender;   // address
   std::string bender_state;
-  std::uint32_t bender_sequence = 0;  // of its active program
-  std::string session;                // of the running scan, "" between scans
-  pipeline::LiveView live;            // of the running scan
+  std::uint32_t bender_sequence = 0;    // of its active program
+  std::uint32_t bender_parts_bent = 0;  // its count, as the ledger has seen it
+  std::string session;                  // of the running scan, "" between scans
+  pipeline::LiveView live;              // of the running scan
   double nominal_length_mm = 0;
   std::uint64_t parts = 0;  // finished since the start, whatever became of them
   std::uint64_t corrected = 0;

@@ -24,7 +24,20 @@ struct ScanIdentity {
 struct ScanFacts {
   std::uint64_t profiles = 0;
   std::uint64_t lost_profiles = 0;
-  double age_s = 0;  // since the end of the scan; 0 for a replay
+  std::int64_t began_ns = 0;  // by the ledger's clock
+  // Its recorded end; empty: its age does not count, because nothing real is written to.
+  std::optional<Moment> ended;
+};
+
+// A part that is measured and waits for its decision.
+struct MeasuredPart {
+  ScanIdentity identity;
+  ScanFacts scan;
+  std::optional<pipeline::LotState> lot;
+  std::optional<RunContext> recorded;  // with the session; empty: the ledger is asked
+  pipeline::Measurement measurement;
+  // A correction may wait for a bender that is busy or away, as far as its age allows.
+  bool may_wait = false;
 };
 
 enum class PartEnd : std::uint8_t {
@@ -32,6 +45,7 @@ enum class PartEnd : std::uint8_t {
   kUnchanged,  // measured; nothing had to be or was to be sent
   kRefused,    // measured; an interlock or the bender refused
   kLinkDown,   // measured; the bender could not be reached, or what it holds is unknown
+  kWaiting,    // measured; the correction waits for the bender and is decided again
 };
 
 // How long the answer took, from the arrival of the scan's last profile.
@@ -46,6 +60,7 @@ struct PartOutcome {
   RunResult result;
   std::vector<std::string> reasons;        // why it was refused, or is not in tolerance for certain
   std::optional<pipeline::LotState> next;  // to be kept when the part counts
+  RunContext context;                      // what the decision went by
   PartLatency latency;                     // 0 for a replay
 
   bool out_of_tolerance() const;  // for certain
@@ -53,10 +68,12 @@ struct PartOutcome {
   int exit_code() const;
 };
 
-// From the measurement to the bender's answer: inspect, correct, check the interlocks, commit.
-// `base` is what was active when the scan began (or was recorded with it). Blocks for the bender's
-// timeouts at most.
-PartOutcome DecidePart(const PartPlan& plan, const ScanIdentity& identity, const ScanFacts& scan,
-                       const RunContext& base, pipeline::Measurement measurement, BenderDesk& desk);
+// From the measurement to the bender's answer: inspect, find the tube in the ledger, correct, check
+// the interlocks, use the tube up, commit. A part that waits is decided again from the start.
+// Blocks for the bender's timeouts at most.
+PartOutcome DecidePart(const PartPlan& plan, const MeasuredPart& part, BenderDesk& desk);
+
+// The correction of a part that waited is given up; `why` is for a person.
+void GiveUpWaiting(const std::string& why, PartOutcome& outcome, BenderDesk& desk);
 
 }  // namespace bendloop::host

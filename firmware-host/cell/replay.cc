@@ -11,6 +11,7 @@
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/run_context.h"
+#include "firmware-host/cell/tube_rules.h"
 
 namespace bendloop::host {
 namespace {
@@ -19,7 +20,16 @@ namespace {
 struct Recorded {
   ScanIdentity identity;
   std::optional<RunContext> context;
+  std::optional<Moment> ended;  // by the wall clock alone
 };
+
+// The recorded end of the scan, or its start, as far as the session says either.
+std::optional<Moment> EndOf(const drivers::SessionReader& reader) {
+  auto unix_ms = ParseUtc(reader.MetaOr(kEndKey, ""));
+  if (!unix_ms) unix_ms = ParseUtc(reader.MetaOr("start", ""));
+  if (!unix_ms) return std::nullopt;
+  return Moment{SystemMoment().boot_ns, *unix_ms};
+}
 
 hal::Result<Recorded> ReadRecorded(const drivers::SessionReader& reader, const PartPlan& plan,
                                    std::vector<std::string>& notes) {
@@ -32,6 +42,7 @@ hal::Result<Recorded> ReadRecorded(const drivers::SessionReader& reader, const P
     if (!context) return hal::Fail(context.error());
     recorded.context = std::move(*context);
   }
+  recorded.ended = EndOf(reader);
   if (const std::string part = reader.MetaOr("part", plan.part); part != plan.part) {
     notes.push_back("the session is of part '" + part + "', the cell makes '" + plan.part + "'");
   }
@@ -53,12 +64,16 @@ hal::Result<std::unique_ptr<BenderDesk>> OpenDesk(const config::CellConfig& cell
   desk.journal = IsReal(cell.bender.link) ? options.journal : ":memory:";
   desk.pipe_radius_mm = plan.pipe_radius_mm;
   desk.commit = plan.commit;
+  desk.ledger = LedgerRulesOf(cell);
+  desk.read_only = IsReal(cell.bender.link) && !options.send;
   if (cell.bender.link != config::BenderKind::kSimulated) {
     return BenderDesk::Open(cell.bender, desk, clock);
   }
-  // The simulated bender holds what bent the part.
-  if (recorded.context && recorded.context->bent_with) {
-    desk.preload = *recorded.context->bent_with;
+  desk.ledger = {.counted = false};  // nobody bends with it
+  // The simulated bender holds what the real one held.
+  const auto* const context = recorded.context ? &*recorded.context : nullptr;
+  if (context != nullptr && (context->expected || context->bent_with)) {
+    desk.preload = context->expected ? *context->expected : *context->bent_with;
   } else {
     auto first = pipeline::InitialProgram(plan.nominal, plan.correction.material);
     if (!first) return hal::Fail(first.error());
@@ -68,6 +83,28 @@ hal::Result<std::unique_ptr<BenderDesk>> OpenDesk(const config::CellConfig& cell
   auto opened = BenderDesk::Open(cell.bender, desk, clock);
   if (opened && recorded.context) (*opened)->NoteSequence(recorded.context->last_sequence);
   return opened;
+}
+
+hal::Result<PartPlan> PlanOf(const config::CellConfig& cell) {
+  auto plan = MakePartPlan(cell);
+  if (plan && !WhyNothingIsCorrected(cell).empty()) plan->corrects = false;
+  return plan;
+}
+
+// A recording that says nothing of its age or its tube is too old, and of none.
+void WillSend(const Recorded& recorded, const BenderDesk& desk, CellPorts& ports) {
+  ports.recorded_end = recorded.ended.value_or(Moment{});
+  if (!ports.recorded && desk.counts_tubes()) ports.recorded.emplace();
+}
+
+CellLoopOptions LoopOf(const config::CellConfig& cell) {
+  CellLoopOptions options;
+  options.scan.is_live = false;
+  options.scan.max_seconds = cell.scan.max_seconds;
+  options.scan.min_profiles = cell.scan.min_profiles;
+  options.scan.ends_by_coverage = cell.scan.end == config::ScanEnd::kCoverage;
+  options.max_parts = 1;
+  return options;
 }
 
 // A recording waits when the ring is full, so few slots lose nothing; and a file's word on the size
@@ -84,7 +121,7 @@ std::size_t RingSlots(const config::CellConfig& cell, std::size_t max_points) {
 
 hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOptions& options,
                                   hal::Clock& clock) {
-  const auto plan = MakePartPlan(cell);
+  const auto plan = PlanOf(cell);
   if (!plan) return hal::Fail(plan.error());
   drivers::SessionSource source(
       options.session.string(),
@@ -106,19 +143,14 @@ hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOp
   ports.board = &board;
   ports.identify = [&] { return recorded->identity; };
   ports.recorded = recorded->context;
+  if (IsReal(cell.bender.link) && options.send) WillSend(*recorded, **desk, ports);
   ports.lot = [&] { return options.lot; };
   ports.part_done = [&](PartOutcome outcome) {
     replay.outcome = std::move(outcome);
     decided = true;
   };
   ports.scan_failed = [&](const FailedScan& scan) { failed = scan.error; };
-  CellLoopOptions loop_options;
-  loop_options.scan.is_live = false;
-  loop_options.scan.max_seconds = cell.scan.max_seconds;
-  loop_options.scan.min_profiles = cell.scan.min_profiles;
-  loop_options.ends_by_coverage = cell.scan.end == config::ScanEnd::kCoverage;
-  loop_options.max_parts = 1;
-  CellLoop loop(*plan, std::move(ports), loop_options);
+  CellLoop loop(*plan, std::move(ports), LoopOf(cell));
 
   ProfileRing ring(RingSlots(cell, info->max_points), info->max_points);
   Acquisition acquisition(source, *info, ring, clock, {});

@@ -16,6 +16,8 @@ namespace bendloop::host {
 struct ReplayOptions {
   std::filesystem::path session;
   bool recorded_pace = false;
+  // Correct a real bender's program, under all interlocks; false: it is read and never written.
+  bool send = false;
   // Of a cell with a real bender; ":memory:" is taken for every other one.
   std::filesystem::path journal = ":memory:";
   // What the lot has taught, for a session that does not say it.

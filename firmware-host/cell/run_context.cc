@@ -5,6 +5,7 @@
 
 #include "firmware-host/result/json.h"
 #include "firmware-host/result/json_reader.h"
+#include "firmware-host/result/sections.h"
 
 namespace bendloop::host {
 namespace {
@@ -88,6 +89,29 @@ hal::ProgramBlock ReadBlock(const JsonReader& json) {
   return block;
 }
 
+Json ChecksJson(const std::vector<pipeline::TubeCheck>& checks) {
+  Json list = Json::array();
+  for (const pipeline::TubeCheck& check : checks) {
+    list.push_back({{"name", Word(check.kind)},
+                    {"passed", check.passed},
+                    {"found", check.found},
+                    {"mend", check.mend}});
+  }
+  return list;
+}
+
+std::vector<pipeline::TubeCheck> ReadChecks(const JsonReader& json) {
+  constexpr std::size_t kMostChecks = 32;
+  std::vector<pipeline::TubeCheck> checks;
+  for (std::size_t i = 0, n = json.Size(kMostChecks); i < n; ++i) {
+    const JsonReader check = json.Item(i);
+    checks.push_back({ReadWord<pipeline::InterlockKind>(check.At("name")),
+                      check.At("passed").Bool(), check.At("found").Text(),
+                      check.At("mend").Text()});
+  }
+  return checks;
+}
+
 hal::Result<Json> Parse(std::string_view text, std::string_view name) {
   Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded()) {
@@ -108,7 +132,10 @@ std::string WriteRunContext(const RunContext& context) {
   return Dump({{"schema", kContextSchema},
                {"bent_with", context.bent_with ? BlockJson(*context.bent_with) : Json()},
                {"lot", context.lot ? LotJson(*context.lot) : Json()},
-               {"last_sequence", context.last_sequence}});
+               {"last_sequence", context.last_sequence},
+               {"expected", context.expected ? BlockJson(*context.expected) : Json()},
+               {"tube", context.tube ? Json(*context.tube) : Json()},
+               {"tube_checks", ChecksJson(context.tube_checks)}});
 }
 
 hal::Result<RunContext> ReadRunContext(std::string_view text, std::string_view name) {
@@ -121,6 +148,10 @@ hal::Result<RunContext> ReadRunContext(std::string_view text, std::string_view n
   if (reader.Has("bent_with")) context.bent_with = ReadBlock(reader.At("bent_with"));
   if (reader.Has("lot")) context.lot = ReadLotState(reader.At("lot"));
   context.last_sequence = static_cast<std::uint32_t>(reader.At("last_sequence").Count());
+  // Sessions of before 2026-11 say nothing of tubes.
+  if (reader.Has("expected")) context.expected = ReadBlock(reader.At("expected"));
+  if (reader.Has("tube")) context.tube = static_cast<std::int64_t>(reader.At("tube").Count());
+  if (reader.Has("tube_checks")) context.tube_checks = ReadChecks(reader.At("tube_checks"));
   if (error) return hal::Fail(*error);
   return context;
 }

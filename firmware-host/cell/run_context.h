@@ -5,22 +5,30 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "hal/bend_program.h"
 #include "hal/result.h"
 #include "pipeline/correction/correction.h"
+#include "pipeline/correction/interlocks.h"
 
 namespace bendloop::host {
 
 // What a run depends on beside the scan and the cell file. It stands in the session's meta under
 // "context", so that a replay of the session gives the result of the live run.
 struct RunContext {
-  std::optional<hal::ProgramBlock> bent_with;  // the bender's active program at the scan's start
+  std::optional<hal::ProgramBlock> bent_with;  // the program that bent the tube
   std::optional<pipeline::LotState> lot;       // before this part; empty: the part begins a lot
   std::uint32_t last_sequence = 0;             // last number given to a program sent
+  // What the bender must hold for a correction to be its next program; empty: `bent_with`.
+  std::optional<hal::ProgramBlock> expected = {};
+  std::vector<pipeline::TubeCheck> tube_checks = {};  // what the ledger said of the tube
+  std::optional<std::int64_t> tube = {};              // the ledger's id of it
 };
 
 inline constexpr const char* kContextKey = "context";
+// When the scan ended, by the wall clock: ISO 8601.
+inline constexpr const char* kEndKey = "end";
 
 // JSON, one line, schema "bendloop.context/1"; every number reads back as the same bits.
 std::string WriteRunContext(const RunContext& context);

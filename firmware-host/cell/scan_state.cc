@@ -38,6 +38,12 @@ void ScanState::Begin() {
   reason_.clear();
 }
 
+// Only events tell a live sweep's end; without them it goes on until it falls silent.
+void ScanState::End() {
+  const bool goes_on = rules_.is_live && rules_.ends_by_coverage;
+  phase_ = goes_on ? ScanPhase::kAfter : ScanPhase::kWaiting;
+}
+
 bool ScanState::IsNew(std::uint64_t sequence) {
   if (profiles_ == 0) seen_from_ = sequence;
   if (sequence < seen_from_) {
@@ -60,8 +66,14 @@ bool ScanState::IsNew(std::uint64_t sequence) {
 
 ScanStep ScanState::Take(const hal::LaserProfile& profile) {
   bool began = false;
+  if (phase_ == ScanPhase::kAfter) {
+    ++ignored_;
+    return ScanStep::kNothing;
+  }
   if (phase_ == ScanPhase::kWaiting) {
-    if (rules_.is_live && rules_.starts_by_event) {
+    // A scanner that looks at nothing has not begun.
+    const bool empty = rules_.ends_by_coverage && profile.points.empty();
+    if (rules_.is_live && (rules_.starts_by_event || empty)) {
       ++ignored_;
       return ScanStep::kNothing;
     }
@@ -97,8 +109,11 @@ ScanStep ScanState::Take(const hal::ScanEvent& event) {
       // A start within a scan: the operator began again, and what came before is no whole part.
       Begin();
       return ScanStep::kBegan;
-    case hal::ScanEventKind::kScanEnd:
-      return scanning ? Complete() : ScanStep::kNothing;
+    case hal::ScanEventKind::kScanEnd: {
+      const ScanStep step = scanning ? Complete() : ScanStep::kNothing;
+      Rest();
+      return step;
+    }
     case hal::ScanEventKind::kFault:
       if (!scanning) return ScanStep::kNothing;
       return Break("the scanner reports a fault: " + std::string(event.detail()));
@@ -124,13 +139,13 @@ ScanStep ScanState::Complete() {
     return Break("the scan has " + std::to_string(profiles_) + " profiles, expected at least " +
                  std::to_string(rules_.min_profiles) + ": scan the whole tube");
   }
-  phase_ = ScanPhase::kWaiting;
+  End();
   return ScanStep::kEnded;
 }
 
 ScanStep ScanState::Break(std::string reason) {
-  if (phase_ == ScanPhase::kWaiting) return ScanStep::kNothing;
-  phase_ = ScanPhase::kWaiting;
+  if (phase_ != ScanPhase::kScanning) return ScanStep::kNothing;
+  End();
   reason_ = std::move(reason);
   return ScanStep::kBroke;
 }

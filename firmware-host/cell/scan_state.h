@@ -15,11 +15,16 @@ namespace bendloop::host {
 struct ScanRules {
   bool is_live = true;
   bool starts_by_event = true;  // live: profiles before scan_start belong to no scan
-  double max_seconds = 120;     // by the profiles' own times
+  bool ends_by_coverage = false;
+  double max_seconds = 120;  // by the profiles' own times
   std::uint32_t min_profiles = 20;
 };
 
-enum class ScanPhase : std::uint8_t { kWaiting, kScanning };
+enum class ScanPhase : std::uint8_t {
+  kWaiting,
+  kScanning,
+  kAfter,  // of a scan that coverage ended, or that broke: its sweep goes on and adds nothing
+};
 
 // What a slot means for the scan.
 enum class ScanStep : std::uint8_t {
@@ -46,6 +51,10 @@ class ScanState {
   ScanStep TakeEnd();
   // The nominal has been covered: a scan without scan_end is complete.
   ScanStep Complete();
+  // No points for longer than a pause within a part: whatever comes is of another one.
+  void Rest() {
+    if (phase_ == ScanPhase::kAfter) phase_ = ScanPhase::kWaiting;
+  }
   // The scanner or the daemon went away.
   ScanStep Break(std::string reason);
 
@@ -62,6 +71,7 @@ class ScanState {
 
  private:
   void Begin();
+  void End();
   // Takes note of the number; false when it was there already.
   bool IsNew(std::uint64_t sequence);
 

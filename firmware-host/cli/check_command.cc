@@ -10,6 +10,7 @@
 #include "config/load.h"
 #include "drivers/session/session_check.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
 
 namespace bendloop::host {
@@ -59,6 +60,9 @@ hal::Result<std::string> CheckFile(const std::string& file) {
     const auto cell = config::LoadCell(file);
     if (!cell) return hal::Fail(cell.error());
     if (const auto plan = MakePartPlan(*cell); !plan) return hal::Fail(plan.error());
+    if (const std::string why = WhyNothingIsCorrected(*cell); !why.empty()) {
+      std::cerr << "bendloop: note: " << file << ": " << why << "\n";
+    }
   }
   if (*kind == config::FileKind::kPart) {
     const auto part = config::LoadPart(file);

@@ -23,6 +23,7 @@ struct ReplayArguments {
   std::string config;
   std::string pace = "max";
   std::string json;
+  bool send = false;
 };
 
 constexpr const char* kFooter = R"(
@@ -31,9 +32,11 @@ Examples:
   bendloop replay part.session --config cell.toml --pace recorded --json result.json
 
 The session takes the daemon's own way, the bender included. With [bender] link = "simulated" it
-starts a simulated bender that holds the program that bent the part; with a real bender it works on
-that one, under the same interlocks as a live scan, and the program it holds must be the one that
-bent the part. The same session and cell file give the same result, timing_ms aside.
+starts a simulated bender that holds the program that bent the part. A real bender is read and never
+written, but with --send: then it is corrected under the same interlocks as by a live scan. The age of
+the recording counts, the tube must not have been used by another scan, and the program that the
+bender holds must be the one that bent it, or our own correction of it. The same session and cell
+file give the same result, timing_ms aside.
 
 Exit code 1 when the part is refused or out of tolerance; the reasons are printed. A part that is
 undecided (too near a tolerance for what the samples tell) is told so, with exit code 0: who takes
@@ -44,6 +47,7 @@ int ReplayOne(const ReplayArguments& arguments) {
   if (!cell) return Report(cell.error());
   ReplayOptions options;
   options.session = arguments.session;
+  options.send = arguments.send;
   options.recorded_pace = arguments.pace == "recorded";
   // A real bender is this cell's: its journal and lot are taken, and the daemon must not run.
   std::optional<StateStore> store;
@@ -99,6 +103,8 @@ CLI::App* AddReplayCommand(CLI::App& app, Run& run) {
       ->capture_default_str();
   command->add_option("--json", arguments->json, "Write the result here, - for standard output")
       ->type_name("OUT");
+  command->add_flag("--send", arguments->send,
+                    "Write the correction to the cell's real bender, if the interlocks let it");
   command->callback([arguments, &run] { run = [arguments] { return ReplayOne(*arguments); }; });
   return command;
 }

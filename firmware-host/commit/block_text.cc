@@ -76,6 +76,8 @@ const char* Name(CommitOutcome outcome) {
       return "refused";
     case CommitOutcome::kFailed:
       return "failed";
+    case CommitOutcome::kWaiting:
+      return "waiting";
     case CommitOutcome::kUnknown:
       return "unknown";
   }

@@ -12,6 +12,11 @@ CommitReport Refused(std::string reason) {
 CommitReport Failed(std::string reason) {
   return {CommitOutcome::kFailed, std::move(reason), 0, {}};
 }
+// Before anything was sent.
+CommitReport NotNow(CommitReport report) {
+  report.may_be_repeated = true;
+  return report;
+}
 
 // Empty: ready.
 std::string WhyNotReady(const hal::BenderState& state) {
@@ -51,7 +56,7 @@ CommitReport CommitProtocol::Commit(const CommitRequest& request) {
 
   CommitAttempt attempt{0, request.session, request.base, {}, CommitStep::kBegun, ""};
   const auto sequence = FreshSequence();
-  if (!sequence) return Failed(sequence.error().message);
+  if (!sequence) return NotNow(Failed(sequence.error().message));
   auto next = link_.Encode({request.base.part_number, *sequence, request.program, 0});
   if (!next) {
     return next.error().kind == hal::ErrorKind::kBadInput ? Refused(next.error().message)
@@ -71,7 +76,7 @@ CommitReport CommitProtocol::Commit(const CommitRequest& request) {
   // Whatever happened on the shop floor while we staged: look again, then commit at once.
   const auto state = link_.ReadState();
   if (!state) return stop(Failed(state.error().message));
-  if (const std::string why = WhyNotReady(*state); !why.empty()) return stop(Refused(why));
+  if (const std::string why = WhyNotReady(*state); !why.empty()) return stop(NotNow(Refused(why)));
   if (info_.atomic_commit) {
     if (auto refusal = CheckUnchanged(request.base)) return Finish(attempt, *refusal);
   }
@@ -89,8 +94,8 @@ CommitProtocol::Refusal CommitProtocol::CheckBefore(const CommitRequest& request
   if (*unfinished) {
     const auto resumed = Resume();
     if (!resumed || resumed->outcome == CommitOutcome::kUnknown) {
-      return Refused("an earlier commit is not settled yet: " +
-                     (resumed ? resumed->reason : "the journal cannot be read"));
+      return NotNow(Refused("an earlier commit is not settled yet: " +
+                            (resumed ? resumed->reason : "the journal cannot be read")));
     }
   }
   const auto stale = journal_.SessionCommitted(request.session);
@@ -100,7 +105,7 @@ CommitProtocol::Refusal CommitProtocol::CheckBefore(const CommitRequest& request
                    " has already led to a commit; scan a part that the new program bent");
   }
   auto info = link_.Connect();
-  if (!info) return Failed(info.error().message);
+  if (!info) return NotNow(Failed(info.error().message));
   info_ = *info;
   if (!info_.atomic_commit && !options_.allow_non_atomic) {
     return Refused(
@@ -108,9 +113,9 @@ CommitProtocol::Refusal CommitProtocol::CheckBefore(const CommitRequest& request
         "step; the cell must allow it explicitly");
   }
   auto state = link_.ReadState();
-  if (!state) return Failed(state.error().message);
+  if (!state) return NotNow(Failed(state.error().message));
   if (auto refusal = CheckAlive(*state)) return refusal;
-  if (const std::string why = WhyNotReady(*state); !why.empty()) return Refused(why);
+  if (const std::string why = WhyNotReady(*state); !why.empty()) return NotNow(Refused(why));
   return std::nullopt;
 }
 
@@ -120,12 +125,12 @@ CommitProtocol::Refusal CommitProtocol::CheckAlive(hal::BenderState& state) {
   const auto deadline = clock_.Now() + options_.heartbeat_timeout;
   while (!heartbeat_changed_ || clock_.Now() - *heartbeat_changed_ > options_.heartbeat_timeout) {
     if (clock_.Now() >= deadline) {
-      return Refused("the bender's heartbeat stands still at " + std::to_string(state.heartbeat) +
-                     ": its controller does not run");
+      return NotNow(Refused("the bender's heartbeat stands still at " +
+                            std::to_string(state.heartbeat) + ": its controller does not run"));
     }
     clock_.SleepFor(options_.poll_period);
     const auto read = link_.ReadState();
-    if (!read) return Failed(read.error().message);
+    if (!read) return NotNow(Failed(read.error().message));
     state = *read;
     Observe(state);
   }
@@ -134,7 +139,7 @@ CommitProtocol::Refusal CommitProtocol::CheckAlive(hal::BenderState& state) {
 
 CommitProtocol::Refusal CommitProtocol::CheckUnchanged(const hal::ProgramBlock& base) {
   const auto active = link_.ReadActive();
-  if (!active) return Failed(active.error().message);
+  if (!active) return NotNow(Failed(active.error().message));
   if (*active == base) return std::nullopt;
   CommitReport report = Refused("other program active: the part was bent by " + Describe(base) +
                                 "; the bender now holds " + Describe(*active) + " (" +
@@ -249,13 +254,14 @@ CommitReport CommitProtocol::Finish(const CommitAttempt& attempt, CommitReport r
   return report;
 }
 
-std::optional<CommitReport> CommitProtocol::Resume() {
+std::optional<CommitReport> CommitProtocol::Resume(std::string* session) {
   const auto unfinished = journal_.Unfinished();
   if (!unfinished) {
     return CommitReport{CommitOutcome::kUnknown, unfinished.error().message, 0, {}};
   }
   if (!*unfinished) return std::nullopt;
   const CommitAttempt& attempt = **unfinished;
+  if (session != nullptr) *session = attempt.session;
   const auto info = link_.Connect();
   if (!info) {
     return CommitReport{

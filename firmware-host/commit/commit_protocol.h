@@ -32,6 +32,8 @@ enum class CommitOutcome : std::uint8_t {
   kRefused,    // we or the bender declined; the active program is untouched
   kFailed,   // link or bender failed; the new program is not active and cannot become so by itself
   kUnknown,  // the bender cannot be asked: it holds the old or the new program; Resume finds out
+  kWaiting,  // not tried to its end: the bender is busy or away; nothing was sent, it is tried
+             // again
 };
 
 struct CommitReport {
@@ -39,6 +41,9 @@ struct CommitReport {
   std::string reason;                       // one line for the setter; empty when committed
   std::uint32_t sequence = 0;               // of the new program; 0 if none was given out
   std::optional<hal::ProgramBlock> active;  // as last read from the bender
+  // Refused or failed by nothing but the moment: bender not idle, or no answer before anything was
+  // sent. The same request may be made again.
+  bool may_be_repeated = false;
 };
 
 const char* Name(CommitOutcome outcome);
@@ -59,7 +64,8 @@ class CommitProtocol {
 
   // Ends an attempt that a crash or a lost link left open; Commit does so by itself. nullopt: there
   // was none.
-  std::optional<CommitReport> Resume();
+  // The report's session is in `session`.
+  std::optional<CommitReport> Resume(std::string* session = nullptr);
 
  private:
   using Refusal = std::optional<CommitReport>;  // empty: go on

@@ -15,6 +15,7 @@
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/live_source.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cell/version.h"
 #include "firmware-host/daemon/part_keeper.h"
 #include "firmware-host/daemon/service_notify.h"
@@ -31,6 +32,8 @@ std::atomic<bool> g_stop{false};
 
 constexpr auto kFirstRetry = 100ms;
 constexpr auto kLongestRetry = 5000ms;
+// The cell loop turns at least as often, whatever it does.
+constexpr auto kLoopPeriod = 50ms;
 
 RealtimePolicy RealtimeOf(const config::RealtimeConfig& from) {
   RealtimePolicy policy;
@@ -72,11 +75,13 @@ class Daemon::Impl {
 
  private:
   hal::Result<void> ServeStatus();
+  void SettleWhatIsOpen();
+  void CheckWatchdog();
   CellPorts Ports();
   // Opens the scanner and runs the loop on it until one of them ends. False: stop.
   bool ServeScanner(CellLoop& loop);
   void ScannerIsAway(const std::string& why);
-  void WaitForRetry();
+  void WaitForRetry(CellLoop& loop);
   void BenderHeard(const BenderReading& heard);
   void Viewed(const pipeline::LiveView& view);
 
@@ -105,6 +110,7 @@ hal::Result<void> Daemon::Impl::Prepare() {
   desk.journal = store_.journal();
   desk.pipe_radius_mm = plan_.pipe_radius_mm;
   desk.commit = plan_.commit;
+  desk.ledger = LedgerRulesOf(cell_);
   if (cell_.bender.link == config::BenderKind::kSimulated) {
     auto first = pipeline::InitialProgram(plan_.nominal, plan_.correction.material);
     if (!first) return hal::Fail(first.error());
@@ -115,10 +121,12 @@ hal::Result<void> Daemon::Impl::Prepare() {
   if (!opened) return hal::Fail(opened.error());
   desk_ = std::move(*opened);
   spdlog::info("bender: {}", desk_->name());
-  if (const auto resumed = desk_->Resume()) {
-    spdlog::warn("a program was on its way when the daemon last ended: {}{}{}",
-                 Name(resumed->outcome), resumed->reason.empty() ? "" : ", ", resumed->reason);
-  }
+  if (const std::string why = WhyNothingIsCorrected(cell_); !why.empty()) spdlog::warn("{}", why);
+  CheckWatchdog();
+  SettleWhatIsOpen();
+  // From here on the ledger follows the bender: a tube that is bent now is seen. The second look
+  // makes sure that the first one's state and program belong together.
+  if (desk_->has_bender() && desk_->Look().facts) BenderHeard(desk_->Look());
   RecorderOptions recorder;
   recorder.directory = cell_.record.directory;
   recorder.disk_budget_bytes = cell_.record.disk_budget_mb << 20;
@@ -129,6 +137,26 @@ hal::Result<void> Daemon::Impl::Prepare() {
     s.bender = desk_->name();
   });
   return ServeStatus();
+}
+
+// What the last run left open: a commit whose end was not seen, a correction that waited.
+void Daemon::Impl::SettleWhatIsOpen() {
+  keeper_.NameAfter(desk_->LargestPartNumber());
+  if (const auto settled = desk_->Resume()) keeper_.Settle(*settled);
+  for (const std::string& session : desk_->ScansThatWaited()) {
+    CommitReport report;
+    report.outcome = CommitOutcome::kRefused;
+    report.reason = "nothing was sent: the daemon ended while the correction waited for the bender";
+    desk_->Note(session, ScanFate::kDone, report.reason);
+    keeper_.Settle({session, report});
+  }
+}
+
+void Daemon::Impl::CheckWatchdog() {
+  const auto period = notify_.period();
+  if (period.count() == 0 || period > 4 * kLoopPeriod) return;
+  spdlog::warn("the watchdog's period is {} ms, expected at least {} ms (WatchdogSec)",
+               period.count() / 1'000'000, 4 * kLoopPeriod.count());
 }
 
 hal::Result<void> Daemon::Impl::ServeStatus() {
@@ -161,9 +189,9 @@ CellPorts Daemon::Impl::Ports() {
   ports.lot = [this] { return keeper_.Lot(); };
   ports.part_done = [this](PartOutcome outcome) { keeper_.Keep(std::move(outcome)); };
   ports.scan_failed = [this](const FailedScan& failed) { keeper_.KeepFailure(failed); };
+  ports.commit_settled = [this](const SettledCommit& settled) { keeper_.Settle(settled); };
   ports.bender_heard = [this](const BenderReading& heard) { BenderHeard(heard); };
   ports.viewed = [this](const pipeline::LiveView& view) { Viewed(view); };
-  ports.alive = [this] { notify_.Alive(); };
   return ports;
 }
 
@@ -173,7 +201,8 @@ int Daemon::Impl::Run() {
   options.scan.starts_by_event = cell_.scan.end == config::ScanEnd::kEvent;
   options.scan.max_seconds = cell_.scan.max_seconds;
   options.scan.min_profiles = cell_.scan.min_profiles;
-  options.ends_by_coverage = cell_.scan.end == config::ScanEnd::kCoverage;
+  options.scan.ends_by_coverage = cell_.scan.end == config::ScanEnd::kCoverage;
+  options.silence = std::chrono::nanoseconds(std::llround(cell_.scan.silence_seconds * 1e9));
   options.max_parts = options_.parts;
   CellPorts ports = Ports();
   CellLoop* running = nullptr;
@@ -181,8 +210,9 @@ int Daemon::Impl::Run() {
     notify_.Alive();
     if (g_stop) running->Stop();
   };
-  CellLoop loop(plan_, std::move(ports), options);
-  running = &loop;
+  std::optional<CellLoop> loop;
+  loop.emplace(plan_, std::move(ports), options);
+  running = &*loop;
 
   const auto favoured = FavourPipeline(RealtimeOf(cell_.realtime));
   if (!favoured) {
@@ -191,9 +221,10 @@ int Daemon::Impl::Run() {
   }
   if (!favoured->empty()) spdlog::warn("{}", *favoured);
   notify_.Ready();
-  while (!g_stop && ServeScanner(loop)) WaitForRetry();
+  while (!g_stop && ServeScanner(*loop)) WaitForRetry(*loop);
   notify_.Stopping();
-  spdlog::info("stopping after {} scans", loop.parts());
+  spdlog::info("stopping after {} scans", loop->parts());
+  loop.reset();
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
   recorder_->Flush();
   keeper_.Flush();
@@ -269,11 +300,11 @@ void Daemon::Impl::ScannerIsAway(const std::string& why) {
   });
 }
 
-void Daemon::Impl::WaitForRetry() {
+void Daemon::Impl::WaitForRetry(CellLoop& loop) {
   const auto until = clock_.Now() + retry_;
   while (!g_stop && clock_.Now() < until) {
-    notify_.Alive();
-    clock_.SleepUntil(std::min(until, clock_.Now() + std::chrono::nanoseconds(50ms)));
+    loop.Tend();
+    clock_.SleepUntil(std::min(until, clock_.Now() + std::chrono::nanoseconds(kLoopPeriod)));
   }
   retry_ = std::min<std::chrono::milliseconds>(retry_ * 2, kLongestRetry);
 }
@@ -310,6 +341,7 @@ hal::Result<std::unique_ptr<Daemon>> Daemon::Start(const DaemonOptions& options)
   spdlog::info("{}: cell '{}', part '{}', {} bends, pipe radius {} mm, settings {}", kSoftware,
                cell->name, plan->part, plan->nominal.bend_count(), plan->pipe_radius_mm,
                plan->config_digest);
+  if (!WhyNothingIsCorrected(*cell).empty()) plan->corrects = false;
   auto impl =
       std::make_unique<Impl>(options, std::move(*cell), std::move(*plan), std::move(*store));
   if (auto ready = impl->Prepare(); !ready) return hal::Fail(ready.error());

@@ -9,6 +9,7 @@
 #include "config/load.h"
 #include "firmware-host/acquisition/realtime.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/daemon/daemon.h"
 
 namespace {
@@ -36,6 +37,9 @@ int CheckOnly(const bendloop::host::DaemonOptions& options) {
   if (!cell) return Report(cell.error());
   const auto plan = bendloop::host::MakePartPlan(*cell);
   if (!plan) return Report(plan.error());
+  if (const auto why = bendloop::host::WhyNothingIsCorrected(*cell); !why.empty()) {
+    std::fprintf(stderr, "bendloopd: note: %s\n", why.c_str());
+  }
   std::printf("%s: ok, cell '%s', part '%s', %zu bends\n", options.config.c_str(),
               cell->name.c_str(), plan->part.c_str(), plan->nominal.bend_count());
   return 0;

@@ -3,13 +3,13 @@
 
 #include <spdlog/spdlog.h>
 
-#include <chrono>
-#include <cstdio>
-#include <ctime>
 #include <utility>
 #include <vector>
 
+#include "firmware-host/cell/version.h"
+#include "firmware-host/ledger/moment.h"
 #include "firmware-host/report/report.h"
+#include "firmware-host/result/json.h"
 #include "firmware-host/result/result_json.h"
 #include "firmware-host/text/result_text.h"
 
@@ -20,19 +20,6 @@ namespace {
 constexpr std::size_t kReportParts = 20;
 
 }  // namespace
-
-std::string UtcNow() {
-  const auto now = std::chrono::system_clock::now();
-  const std::time_t seconds = std::chrono::system_clock::to_time_t(now);
-  const auto ms =
-      std::chrono::duration_cast<std::chrono::milliseconds>(now.time_since_epoch()).count() % 1000;
-  std::tm utc{};
-  gmtime_r(&seconds, &utc);
-  char text[64];
-  const std::size_t length = std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%S", &utc);
-  std::snprintf(text + length, sizeof text - length, ".%03dZ", static_cast<int>(ms));
-  return text;
-}
 
 PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key)
     : store_(store), sessions_(std::move(sessions)), lot_key_(std::move(lot_key)) {}
@@ -48,7 +35,20 @@ hal::Result<void> PartKeeper::Load() {
   return {};
 }
 
-ScanIdentity PartKeeper::Identify() const { return {store_.NextName(sessions_), UtcNow()}; }
+ScanIdentity PartKeeper::Identify() {
+  last_number_ = std::max(last_number_, store_.LastNumber(sessions_)) + 1;
+  return {PartName(last_number_), UtcText(SystemMoment().unix_ms)};
+}
+
+void PartKeeper::KeepResult(const RunResult& result) {
+  const auto path = store_.results() / (result.session + ".json");
+  if (auto written = WriteFileAtomically(path, WriteResultJson(result)); !written) {
+    spdlog::error("result not kept: {}", written.error().message);
+  }
+  if (auto kept = history_->AddOrReplace(result); !kept) {
+    spdlog::error("history not kept: {}", kept.error().message);
+  }
+}
 
 void PartKeeper::Keep(PartOutcome outcome) {
   const RunResult& result = outcome.result;
@@ -58,13 +58,7 @@ void PartKeeper::Keep(PartOutcome outcome) {
       spdlog::error("lot not kept: {}", kept.error().message);
     }
   }
-  const auto path = store_.results() / (result.session + ".json");
-  if (auto written = WriteFileAtomically(path, WriteResultJson(result)); !written) {
-    spdlog::error("result not kept: {}", written.error().message);
-  }
-  if (auto added = history_->Add(result); !added) {
-    spdlog::error("history not kept: {}", added.error().message);
-  }
+  KeepResult(result);
   std::string verdict = VerdictLine(result, false);
   while (!verdict.empty() && verdict.back() == '\n') verdict.pop_back();
   spdlog::info("{}: {}", result.session, verdict);
@@ -74,6 +68,7 @@ void PartKeeper::Keep(PartOutcome outcome) {
   if (result.bender && result.bender->outcome == CommitOutcome::kCommitted) {
     spdlog::info("{}: bender confirmed program {}", result.session, result.bender->sequence);
   }
+  if (!recent_.empty() && recent_.back().session == result.session) recent_.pop_back();
   recent_.push_back(std::move(outcome.result));
   if (recent_.size() > kReportParts) recent_.pop_front();
   WriteReport();
@@ -105,6 +100,41 @@ void PartKeeper::Flush() {
 
 void PartKeeper::KeepFailure(const FailedScan& failed) {
   spdlog::warn("{}: not measured: {}", failed.identity.session, failed.error.message);
+  const Json json = {{"schema", "bendloop.failed-scan/1"}, {"session", failed.identity.session},
+                     {"time", failed.identity.start},      {"software", kSoftware},
+                     {"profiles", failed.profiles},        {"error", failed.error.message}};
+  const auto path = store_.results() / (failed.identity.session + ".json");
+  if (auto written = WriteFileAtomically(path, Dump(json, 2) + "\n"); !written) {
+    spdlog::error("result not kept: {}", written.error().message);
+  }
+}
+
+void PartKeeper::Settle(const SettledCommit& settled) {
+  const CommitReport& report = settled.report;
+  spdlog::warn("{}: its commit is settled: {}{}{}", settled.session, Name(report.outcome),
+               report.reason.empty() ? "" : ", ", report.reason);
+  for (RunResult& recent : recent_) {
+    if (recent.session != settled.session) continue;
+    recent.bender = report;
+    WriteReport();
+  }
+  if (auto kept = history_->SetCommit(settled.session, report); !kept) {
+    spdlog::error("history not kept: {}", kept.error().message);
+  }
+  const auto path = store_.results() / (settled.session + ".json");
+  std::error_code none;
+  if (!std::filesystem::exists(path, none)) return;  // cleared by hand, or a crash came first
+  const auto text = ReadWholeFile(path);
+  auto result = text ? ReadResultJson(*text, path.string()) : hal::Fail(text.error());
+  if (!result) {
+    spdlog::error("result not kept: {}", result.error().message);
+    return;
+  }
+  result->bender = report;
+  const ResultJsonOptions same{.spine = !result->measurement.spine.empty(), .timing = true};
+  if (auto written = WriteFileAtomically(path, WriteResultJson(*result, same)); !written) {
+    spdlog::error("result not kept: {}", written.error().message);
+  }
 }
 
 }  // namespace bendloop::host

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <deque>
 #include <filesystem>
 #include <future>
@@ -19,17 +20,25 @@ class PartKeeper {
  public:
   PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key);
 
-  ScanIdentity Identify() const;
+  // No name comes twice, whatever was removed from the disk: not below `number` either, which is
+  // the last one that the journal knows.
+  void NameAfter(unsigned number) { last_number_ = std::max(last_number_, number); }
+  ScanIdentity Identify();
   std::optional<pipeline::LotState> Lot() const { return lot_; }
   // Takes up the lot and the history where they were left; kBadInput when one is damaged.
   hal::Result<void> Load();
+  // A part that waited comes again, and replaces what was kept of it.
   void Keep(PartOutcome outcome);
   void KeepFailure(const FailedScan& failed);
+  // The end of a commit that was not known when its part was kept: result and history are set
+  // right.
+  void Settle(const SettledCommit& settled);
   // Waits for the report that is being written.
   void Flush();
 
  private:
   void WriteReport();
+  void KeepResult(const RunResult& result);
 
   StateStore& store_;
   std::filesystem::path sessions_;
@@ -39,9 +48,7 @@ class PartKeeper {
   std::deque<RunResult> recent_;  // for the report
   std::future<void> report_;
   bool report_late_ = false;
+  unsigned last_number_ = 0;
 };
-
-// Now, in UTC: "2026-11-21T03:07:34.123Z".
-std::string UtcNow();
 
 }  // namespace bendloop::host

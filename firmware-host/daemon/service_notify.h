@@ -13,6 +13,7 @@ class ServiceNotify {
  public:
   explicit ServiceNotify(const hal::Clock& clock);
 
+  std::chrono::nanoseconds period() const { return period_; }  // of the watchdog; 0: none
   void Ready();
   void Stopping();
   // One line for `systemctl status`; sent only when it changes.

@@ -121,10 +121,13 @@ StateStore::~StateStore() {
   if (lock_ >= 0) ::close(lock_);
 }
 
-std::string StateStore::NextName(const fs::path& sessions) const {
-  const unsigned next = std::max(LargestNumber(results()), LargestNumber(sessions)) + 1;
+unsigned StateStore::LastNumber(const fs::path& sessions) const {
+  return std::max(LargestNumber(results()), LargestNumber(sessions));
+}
+
+std::string PartName(unsigned number) {
   char name[32];
-  std::snprintf(name, sizeof name, "part-%04u", next);
+  std::snprintf(name, sizeof name, "part-%04u", number);
   return name;
 }
 

@@ -13,7 +13,7 @@ namespace bendloop::host {
 
 // The state directory: what outlives the process. Held by one process at a time.
 //   lock               taken while a daemon, or a replay on the real bender, runs
-//   journal.db         every program on its way to the bender
+//   journal.db         every program on its way to the bender, every tube bent, every scan's fate
 //   history.db         every part
 //   lot.json           what the lot has taught so far
 //   status.json        where the running daemon answers
@@ -33,8 +33,8 @@ class StateStore {
   std::filesystem::path results() const { return directory_ / "results"; }
   std::filesystem::path report() const { return directory_ / "report.html"; }
 
-  // "part-0001" and so on, after the last one in results/ and `sessions`.
-  std::string NextName(const std::filesystem::path& sessions) const;
+  // 7 when "part-0007" is the last one in results/ and `sessions`.
+  unsigned LastNumber(const std::filesystem::path& sessions) const;
 
   // `key` names the settings that the lot was learnt with; another key begins a new lot. A damaged
   // file is an error: deciding without what is known would be a jump in the corrections.
@@ -49,6 +49,9 @@ class StateStore {
   std::filesystem::path directory_;
   int lock_ = -1;
 };
+
+// "part-0007".
+std::string PartName(unsigned number);
 
 // Writes the whole text or nothing: to a file beside it, flushed, then renamed.
 hal::Result<void> WriteFileAtomically(const std::filesystem::path& path, std::string_view text);

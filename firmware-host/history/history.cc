@@ -28,6 +28,20 @@ constexpr const char* kSchema =
     "  result TEXT NOT NULL);"  // bendloop.result/1 without spine and timing
     "CREATE INDEX part_name ON part(part, id);";
 
+// Verdict, commit and sequence.
+void BindOutcome(drivers::Statement& statement, const RunResult& result) {
+  if (result.inspection) {
+    statement.Bind(Word(result.inspection->verdict));
+  } else {
+    statement.BindNull();
+  }
+  if (result.bender) {
+    statement.Bind(Word(result.bender->outcome)).Bind(result.bender->sequence);
+  } else {
+    statement.BindNull().BindNull();
+  }
+}
+
 }  // namespace
 
 hal::Result<History> History::Open(const std::filesystem::path& path,
@@ -104,19 +118,54 @@ hal::Result<std::int64_t> History::Insert(const RunResult& result) {
       " VALUES(?, ?, ?, ?, ?, ?, ?)");
   if (!insert) return hal::Fail(insert.error());
   insert->Bind(result.time).Bind(result.part).Bind(result.session);
-  if (result.inspection) {
-    insert->Bind(Word(result.inspection->verdict));
-  } else {
-    insert->BindNull();
-  }
-  if (result.bender) {
-    insert->Bind(Word(result.bender->outcome)).Bind(result.bender->sequence);
-  } else {
-    insert->BindNull().BindNull();
-  }
+  BindOutcome(*insert, result);
   insert->Bind(Dump(ResultJson(result, {.spine = false, .timing = false})));
   if (auto done = database_.Run(*insert, "adding a part"); !done) return hal::Fail(done.error());
   return database_.last_id();
+}
+
+hal::Result<void> History::Replace(std::int64_t id, const RunResult& result) {
+  auto update = database_.Prepare(
+      "UPDATE part SET verdict = ?, correction = ?, sequence = ?, result = ? WHERE id = ?");
+  if (!update) return hal::Fail(update.error());
+  BindOutcome(*update, result);
+  update->Bind(Dump(ResultJson(result, {.spine = false, .timing = false}))).Bind(id);
+  return database_.Run(*update, "changing a part");
+}
+
+hal::Result<void> History::AddOrReplace(const RunResult& result) {
+  auto find = database_.Prepare("SELECT id FROM part WHERE session = ? ORDER BY id DESC LIMIT 1");
+  if (!find) return hal::Fail(find.error());
+  find->Bind(result.session);
+  const auto row = find->Step();
+  if (row == drivers::Statement::Outcome::kFailed) {
+    return hal::Fail(database_.Failed("looking for a part"));
+  }
+  if (row == drivers::Statement::Outcome::kRow) {
+    const std::int64_t id = find->Integer(0);
+    find->Reset();
+    return Replace(id, result);
+  }
+  if (auto added = Add(result); !added) return hal::Fail(added.error());
+  return {};
+}
+
+hal::Result<void> History::SetCommit(const std::string& session, const CommitReport& report) {
+  auto find =
+      database_.Prepare("SELECT id, result FROM part WHERE session = ? ORDER BY id DESC LIMIT 1");
+  if (!find) return hal::Fail(find.error());
+  find->Bind(session);
+  const auto row = find->Step();
+  if (row == drivers::Statement::Outcome::kFailed) {
+    return hal::Fail(database_.Failed("looking for a part"));
+  }
+  if (row == drivers::Statement::Outcome::kEnd) return {};
+  const std::int64_t id = find->Integer(0);
+  auto result = ReadResultJson(find->Text(1), database_.path() + ": part " + std::to_string(id));
+  if (!result) return hal::Fail(result.error());
+  find->Reset();
+  result->bender = report;
+  return Replace(id, *result);
 }
 
 hal::Result<std::vector<HistoryPart>> History::Last(std::size_t count,

@@ -34,6 +34,10 @@ class History {
                                    const HistoryOptions& options = {});
   // Adds a part and drops what is older than the newest `most_parts`, both or neither.
   hal::Result<std::int64_t> Add(const RunResult& result);
+  // The same for a part that may be there already: the newest with its session is replaced.
+  hal::Result<void> AddOrReplace(const RunResult& result);
+  // The end of a commit, of the newest part with this session; nothing when there is none.
+  hal::Result<void> SetCommit(const std::string& session, const CommitReport& report);
   // The newest `count` parts, oldest first; only those with this name if `part` is not empty.
   hal::Result<std::vector<HistoryPart>> Last(std::size_t count, const std::string& part = {}) const;
   hal::Result<std::size_t> Count() const;
@@ -44,6 +48,7 @@ class History {
   hal::Result<void> Prepare();
   hal::Result<void> CheckOrCreate();
   hal::Result<std::int64_t> Insert(const RunResult& result);
+  hal::Result<void> Replace(std::int64_t id, const RunResult& result);
 
   drivers::Database database_;
   HistoryOptions options_;

@@ -50,11 +50,13 @@ struct Words<pipeline::DirectionState> {
 template <>
 struct Words<CommitOutcome> {
   using E = CommitOutcome;
-  static constexpr const char* kExpected = "\"committed\", \"refused\", \"failed\" or \"unknown\"";
+  static constexpr const char* kExpected =
+      "\"committed\", \"refused\", \"failed\", \"unknown\" or \"waiting\"";
   static constexpr std::pair<E, std::string_view> kTable[] = {{E::kCommitted, "committed"},
                                                               {E::kRefused, "refused"},
                                                               {E::kFailed, "failed"},
-                                                              {E::kUnknown, "unknown"}};
+                                                              {E::kUnknown, "unknown"},
+                                                              {E::kWaiting, "waiting"}};
 };
 
 template <>
@@ -86,6 +88,11 @@ struct Words<pipeline::InterlockKind> {
       {E::kCorrection, "correction"},
       {E::kStaleSession, "stale_session"},
       {E::kUsedSession, "used_session"},
+      {E::kNewTube, "new_tube"},
+      {E::kTubeCount, "tube_count"},
+      {E::kTubeProgram, "tube_program"},
+      {E::kTubeIdentity, "tube_identity"},
+      {E::kPartNumber, "part_number"},
       {E::kBenderReady, "bender_ready"},
       {E::kActiveProgram, "active_program"}};
 };

@@ -104,6 +104,7 @@ class Demo {
   int Views() const { return options_.quick ? 2 : 3; }
   int Rate() const { return options_.quick ? 4000 : 800; }
   hal::Result<void> AwaitDaemon();
+  hal::Result<void> AwaitCount(std::uint32_t part);
   hal::Result<RunResult> MakePart(std::uint32_t part);
   hal::Result<void> AwaitResult(const fs::path& file);
   void ShowProgress();
@@ -273,6 +274,19 @@ hal::Result<void> Demo::AwaitResult(const fs::path& file) {
                                                 Log("bendloopd.log").string());
 }
 
+// Nobody carries a tube to the scanner faster than the daemon looks at the bender, but a demo does.
+hal::Result<void> Demo::AwaitCount(std::uint32_t part) {
+  const auto deadline = Clock::now() + kBendTimeout;
+  while (Clock::now() < deadline) {
+    const auto status = FetchStatus(options_.out / "status.json");
+    const Json::json_pointer count("/bender/parts_bent");
+    if (status && status->contains(count) && status->at(count) == part) return {};
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+  return hal::Fail(hal::ErrorKind::kDevice, "bendloopd has not seen the bender's part; see " +
+                                                Log("bendloopd.log").string());
+}
+
 hal::Result<RunResult> Demo::MakePart(std::uint32_t part) {
   std::cout << "\n"
             << Paint("Part " + std::to_string(part), Style::kStrong, options_.colour) << "\n"
@@ -280,6 +294,7 @@ hal::Result<RunResult> Demo::MakePart(std::uint32_t part) {
   if (auto asked = bender_->WriteLine("bend"); !asked) return hal::Fail(asked.error());
   const auto bent = bender_->Expect("bent", kBendTimeout);
   if (!bent) return hal::Fail(bent.error());
+  if (auto seen = AwaitCount(part); !seen) return hal::Fail(seen.error());
   const fs::path tray = options_.out / "tray" / fs::path(*bent).filename();
   std::cout << "bent, scanning ...\n" << std::flush;
   const auto scan = ScanOf(tray);

@@ -13,6 +13,7 @@
 
 #include "config/load.h"
 #include "firmware-host/cell/cell_loop.h"
+#include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/daemon/part_keeper.h"
 #include "tests/bench/load/load_source.h"
 
@@ -264,6 +265,7 @@ hal::Result<LoadResult> LoadCell::Run() {
   desk.journal = store_.journal();
   desk.pipe_radius_mm = plan_.pipe_radius_mm;
   desk.commit = plan_.commit;
+  desk.ledger = host::LedgerRulesOf(cell_);
   desk.preload.part_number = plan_.part_number;
   desk.preload.program = plan_.nominal;
   auto opened = host::BenderDesk::Open(cell_.bender, desk, clock_);
