@@ -106,6 +106,7 @@ class MemoryBender final : public hal::BenderLink {
 
   void Reboot() { memory_.ClearVolatile(); }
   void SetMode(hal::BenderMode mode) { state_.mode = mode; }
+  void CountTube() { ++state_.parts_bent; }
   hal::ProgramBlock Active() const { return memory_.Active().value(); }
   void LoadActive(const hal::ProgramBlock& block) { (void)memory_.LoadActive(block); }
   drivers::BenderMemory& memory() { return memory_; }

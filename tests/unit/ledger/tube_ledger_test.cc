@@ -194,6 +194,7 @@ TEST_F(TubeLedgerTest, ANarrowCounterGoesRound) {
   Reopen({.counted = true, .parts_between = 0, .count_modulus = 65536});
   state_.parts_bent = 65535;
   Look();
+  Look();
   state_.parts_bent = 0;
   Look();
   EXPECT_TRUE(Scan("part-0001").passed());
@@ -207,6 +208,7 @@ TEST_F(TubeLedgerTest, AProgramThatChangedWithTheCountLeavesTheTubeWithoutOne) {
 }
 
 TEST_F(TubeLedgerTest, ACycleSeenRunningKeepsItsProgram) {
+  Look();
   Look();
   const auto bent = active_;
   state_.mode = hal::BenderMode::kBending;
@@ -233,6 +235,7 @@ TEST_F(TubeLedgerTest, AnEditAfterTheBendIsNotWhatIsExpected) {
 
 TEST_F(TubeLedgerTest, OurOwnCorrectionsInBetweenAreExpected) {
   Reopen({.counted = true, .parts_between = 1, .count_modulus = std::uint64_t{1} << 32});
+  Look();
   Look();
   const auto first = active_;
   Bend();

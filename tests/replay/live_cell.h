@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "config/load.h"
+#include "drivers/simulated_bender/simulated_bender.h"
+#include "drivers/simulated_scanner/simulated_scanner.h"
+#include "drivers/simulated_scanner/virtual_scan_source.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cli/demo/child_process.h"
+#include "firmware-host/daemon/status_server.h"
+#include "firmware-host/result/result_json.h"
+#include "pipeline/correction/material.h"
+#include "program.h"
+
+namespace bendloop::testing {
+
+// A scan again and again, without a word of where it begins and ends: a scanner without events.
+class WordlessSource final : public hal::ProfileSource {
+ public:
+  WordlessSource(std::shared_ptr<const drivers::VirtualScan> scan, std::size_t sweeps)
+      : scan_(std::move(scan)), profiles_(sweeps * scan_->profile_count()) {}
+  hal::Result<hal::SourceInfo> Open() override {
+    next_ = 0;
+    return hal::SourceInfo{"virtual scan", "", "", false, scan_->max_points()};
+  }
+  hal::Result<void> Start() override { return {}; }
+  hal::Result<hal::ReadStatus> Read(hal::LaserProfile& profile, hal::ScanEvent&,
+                                    std::chrono::nanoseconds) override {
+    if (next_ == profiles_) return hal::ReadStatus::kEnd;
+    const std::size_t count = scan_->profile_count();
+    scan_->Make(next_ % count, profile);
+    profile.sequence = next_;
+    profile.t_ns = scan_->TimeOf(0) + static_cast<std::int64_t>(next_) * 1'000'000;
+    ++next_;
+    return hal::ReadStatus::kProfile;
+  }
+  void Stop() override {}
+
+ private:
+  std::shared_ptr<const drivers::VirtualScan> scan_;
+  std::size_t profiles_;
+  std::size_t next_ = 0;
+};
+
+// A cell of the real daemon between a simulated bender (Modbus TCP) and a simulated scanner (its
+// wire protocol, TCP), all over loopback.
+class LiveCell {
+ public:
+  static constexpr std::chrono::seconds kPatience{120};
+
+  explicit LiveCell(const std::string& more = "", const std::string& bender_keys = "") {
+    auto part = config::LoadPart(BENDLOOP_SOURCE_DIR "/config/parts/demo.toml");
+    EXPECT_TRUE(part);
+    config::CellConfig config;
+    config.part = *part;
+    plan_ = *host::MakePartPlan(config);
+    StartBender();
+    auto scanner =
+        drivers::SimulatedScanner::Listen(0, {"simulated", "1", "1", "none", kRays}, clock_);
+    EXPECT_TRUE(scanner);
+    scanner_ = std::move(*scanner);
+    serving_ = std::thread([this] {
+      while (!stop_) {
+        {
+          const std::lock_guard lock(mutex_);
+          (void)scanner_->Poll(std::chrono::milliseconds(1));
+        }
+        std::this_thread::yield();
+      }
+    });
+    std::ofstream(cell_file()) << "schema = \"bendloop.cell/1\"\nname = \"test\"\npart = \""
+                               << BENDLOOP_SOURCE_DIR "/config/parts/demo.toml\"\n"
+                               << "state_dir = \"state\"\n[scanner]\nkind = \"stream\"\nport = "
+                               << scanner_->port() << "\nqueue_profiles = 8192\n"
+                               << "[bender]\nlink = \"modbus-tcp\"\nport = " << bender_->port()
+                               << "\nregister_map = \"" BENDLOOP_SOURCE_DIR
+                                  "/config/register-maps/default.toml\"\n"
+                               << bender_keys << more;
+  }
+  ~LiveCell() {
+    daemon_.reset();
+    stop_ = true;
+    serving_.join();
+    bender_->Stop();
+  }
+
+  void StartDaemon() {
+    auto started = host::ChildProcess::Start(BENDLOOP_BIN_DIR "/bendloopd",
+                                             {"--config", cell_file()}, scratch_ / "bendloopd.log");
+    ASSERT_TRUE(started) << started.error().message;
+    daemon_.emplace(std::move(*started));
+    ASSERT_TRUE(Becomes("/state", "waiting for a scan")) << log();
+  }
+  void StopDaemon() {
+    ASSERT_TRUE(daemon_);
+    EXPECT_EQ(daemon_->Stop(std::chrono::seconds(60)), 0) << log();
+    daemon_.reset();
+  }
+
+  drivers::SimulatedBender& bender() { return *bender_; }
+  // The tube as it truly is; the daemon has seen that it was bent.
+  hal::BendProgram Bend() {
+    const auto part = bender_->Bend();
+    EXPECT_TRUE(part) << part.error().message;
+    if (!part) return {};
+    if (daemon_) {
+      EXPECT_TRUE(Becomes("/bender/parts_bent", part->serial)) << log();
+    }
+    return part->tube;
+  }
+  // Until the daemon has looked at the bender from now on.
+  void AwaitALook() {
+    Misbehave("mode not-ready");
+    EXPECT_TRUE(Becomes("/bender/state", "not ready")) << log();
+    Misbehave("mode idle");
+    EXPECT_TRUE(Becomes("/bender/state", "idle")) << log();
+  }
+  void Misbehave(const char* how) {
+    const auto done = bender_->Misbehave(how);
+    EXPECT_TRUE(done) << done.error().message;
+  }
+
+  std::shared_ptr<const drivers::VirtualScan> ScanOf(const hal::BendProgram& tube) {
+    drivers::VirtualScanOptions options;
+    options.seed = ++scans_;
+    options.path.profile_spacing_mm = 1;
+    options.path.views_deg = drivers::SpreadViewsDeg(2);
+    options.rays = kRays;
+    options.profiles_per_second = 4000;
+    options.start_t_ns = static_cast<std::int64_t>(scans_) * 100'000'000'000;
+    return std::make_shared<const drivers::VirtualScan>(
+        drivers::LayOnTable({plan_.pipe_radius_mm, tube, {}}, options.seed), options);
+  }
+  void Trigger(const hal::BendProgram& tube, drivers::ScanPace pace = drivers::ScanPace::kMax) {
+    auto scan = ScanOf(tube);
+    const std::lock_guard lock(mutex_);
+    scanner_->Trigger(std::move(scan), pace);
+  }
+  // Sweeps without a beginning and an end; of how many profiles.
+  std::size_t Sweep(const hal::BendProgram& tube, std::size_t times) {
+    const auto scan = ScanOf(tube);
+    auto source = std::make_unique<WordlessSource>(scan, times);
+    EXPECT_TRUE(source->Open());
+    const std::lock_guard lock(mutex_);
+    scanner_->device().Trigger(std::move(source), drivers::ScanPace::kMax);
+    return times * scan->profile_count();
+  }
+
+  // The part's result, as soon as its commit says `outcome` ("" for any).
+  std::optional<host::RunResult> Result(unsigned number, const std::string& outcome = "") {
+    char name[32];
+    std::snprintf(name, sizeof name, "part-%04u.json", number);
+    const auto file = scratch_ / ("state/results/" + std::string(name));
+    std::optional<host::RunResult> found;
+    Until([&] {
+      if (!std::filesystem::exists(file)) return false;
+      auto result = host::ReadResultJson(Slurp(file), name);
+      if (!result) return false;
+      if (!outcome.empty() && (!result->bender || host::Name(result->bender->outcome) != outcome)) {
+        return false;
+      }
+      found = std::move(*result);
+      return true;
+    });
+    EXPECT_TRUE(found) << name << " " << outcome << "\n" << log();
+    return found;
+  }
+  std::optional<host::RunResult> Scan(const hal::BendProgram& tube, unsigned number,
+                                      const std::string& outcome) {
+    Trigger(tube);
+    return Result(number, outcome);
+  }
+
+  // Until the status says so at a JSON pointer.
+  bool Becomes(const std::string& pointer, const host::Json& value) {
+    return Until([&] {
+      const auto status = host::FetchStatus(scratch_ / "state/status.json");
+      const host::Json::json_pointer at(pointer);
+      return status && status->contains(at) && status->at(at) == value;
+    });
+  }
+  std::size_t results() const {
+    std::size_t count = 0;
+    std::error_code none;
+    for (std::filesystem::directory_iterator it(scratch_ / "state/results", none), end; it != end;
+         ++it) {
+      ++count;
+    }
+    return count;
+  }
+  template <class Condition>
+  static bool Until(Condition condition) {
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
+    while (std::chrono::steady_clock::now() < deadline) {
+      if (condition()) return true;
+      std::this_thread::yield();
+    }
+    return false;
+  }
+
+  std::string cell_file() const { return (scratch_ / "cell.toml").string(); }
+  std::string log() const { return Slurp(scratch_ / "bendloopd.log"); }
+  const Scratch& scratch() const { return scratch_; }
+  const host::PartPlan& plan() const { return plan_; }
+
+ private:
+  static constexpr std::uint32_t kRays = 200;
+
+  void StartBender() {
+    drivers::SimulatedBenderOptions options;
+    auto map = config::LoadRegisterMap(BENDLOOP_SOURCE_DIR "/config/register-maps/default.toml");
+    ASSERT_TRUE(map);
+    options.map = *map;
+    options.program.part_number = plan_.part_number;
+    options.program.sequence = 1;
+    auto first = pipeline::InitialProgram(plan_.nominal, plan_.correction.material);
+    ASSERT_TRUE(first);
+    options.program.program = *first;
+    options.pipe_radius_mm = plan_.pipe_radius_mm;
+    options.cycle = std::chrono::milliseconds(20);
+    options.physics.springback_20_deg = plan_.correction.material.springback_at_20_deg + 0.7;
+    options.physics.springback_120_deg = plan_.correction.material.springback_at_120_deg + 1.7;
+    auto bender = drivers::SimulatedBender::Start(std::move(options));
+    ASSERT_TRUE(bender);
+    bender_ = std::move(*bender);
+  }
+
+  Scratch scratch_;
+  hal::SteadyClock clock_;
+  host::PartPlan plan_;
+  std::unique_ptr<drivers::SimulatedBender> bender_;
+  std::mutex mutex_;  // of the scanner
+  std::unique_ptr<drivers::SimulatedScanner> scanner_;
+  std::atomic<bool> stop_{false};
+  std::thread serving_;
+  std::optional<host::ChildProcess> daemon_;
+  std::uint64_t scans_ = 0;
+};
+
+}  // namespace bendloop::testing
