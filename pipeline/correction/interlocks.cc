@@ -192,6 +192,14 @@ void CheckTube(const InterlockInput& in, Checks& checks) {
              "program of this one");
 }
 
+std::string BentWithText(const hal::ProgramBlock& bent, const hal::ProgramBlock& expected) {
+  if (bent.program.rows.empty()) return ", which program bent this part is not known";
+  std::string text = ", this part was bent with part " + std::to_string(bent.part_number) +
+                     " sequence " + std::to_string(bent.sequence);
+  if (expected.sequence == bent.sequence) return text;
+  return text + ", corrected since to sequence " + std::to_string(expected.sequence);
+}
+
 void CheckBender(const InterlockInput& in, Checks& checks) {
   if (!in.bender) {
     checks.Add(InterlockKind::kBenderReady, false, kNoNumber, kNoNumber,
@@ -241,14 +249,7 @@ void CheckBender(const InterlockInput& in, Checks& checks) {
   if (active.part_number != state.active_part_number || active.sequence != state.active_sequence) {
     text += " (its state says " + name(state.active_part_number, state.active_sequence) + ")";
   }
-  if (in.bent_with.program.rows.empty()) {
-    text += ", which program bent this part is not known";
-  } else {
-    text += ", this part was bent with " + name(in.bent_with.part_number, in.bent_with.sequence);
-    if (expected.sequence != in.bent_with.sequence) {
-      text += ", corrected since to sequence " + std::to_string(expected.sequence);
-    }
-  }
+  text += BentWithText(in.bent_with, expected);
   if (same_part && same_sequence && !same_rows) text += ", but the rows differ";
   checks.Add(InterlockKind::kActiveProgram, same_part && same_sequence && same_rows,
              same_part ? active.sequence : active.part_number,
