@@ -14,9 +14,15 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr std::size_t kMinInliers = 10;
-constexpr unsigned kSectors = 32;
-constexpr double kMinPivot = 1e-8;  // of the largest
+// When samples do not tell a cylinder.
+struct CylinderLimits {
+  // Five numbers from fewer follow the noise (by trial).
+  std::size_t least_inliers = 10;
+  // [of the largest pivot] An unknown with less is not told by the samples: half of the digits of a
+  // double are lost on it.
+  double least_pivot = 1e-8;
+};
+constexpr CylinderLimits kLimits;
 
 using Vector5d = Eigen::Matrix<double, 5, 1>;
 using Matrix5d = Eigen::Matrix<double, 5, 5>;
@@ -114,6 +120,7 @@ BENDLOOP_MULTIVERSION(CylinderSums, SumCylinder, (const Cylinder& c, Candidates&
 
 // Part of the circumference that has inliers.
 double AngularCoverage(Candidates& candidates) {
+  constexpr unsigned kSectors = 32;  // as many as there are bits
   std::uint32_t sectors = 0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (candidates.out(2)[i] > 0) {
@@ -160,7 +167,7 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
                      fit.radius_mm, 1.0 / support2, 1.0 / cut, scale},
                     points);
     fit.inliers = static_cast<std::size_t>(s.inliers);
-    if (fit.inliers < kMinInliers) return std::nullopt;
+    if (fit.inliers < kLimits.least_inliers) return std::nullopt;
 
     Vector5d step = Vector5d::Zero();
     const int unknowns = options.free_radius ? 5 : 4;
@@ -169,7 +176,9 @@ std::optional<LocalCylinder> FitCylinder(const Eigen::Vector3d& point, const Eig
     right << s.dx0, s.dy0, s.dx1, s.dy1, s.d0;
     const SmallMatrix lower = normal_matrix.topLeftCorner(unknowns, unknowns);
     const Eigen::LDLT<SmallMatrix> ldlt(lower);
-    if (!(ldlt.vectorD().minCoeff() > kMinPivot * ldlt.vectorD().maxCoeff())) return std::nullopt;
+    if (!(ldlt.vectorD().minCoeff() > kLimits.least_pivot * ldlt.vectorD().maxCoeff())) {
+      return std::nullopt;
+    }
     step.head(unknowns) = ldlt.solve(right.head(unknowns));
     if (!step.allFinite()) return std::nullopt;
     // A step of more than half a radius or half a right angle is the model breaking down.

@@ -13,11 +13,18 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr std::size_t kMinSamples = 10;
-// A neighbourhood narrower than this part of its length (standard deviations) is a line: one laser
-// stripe says nothing of the surface across it.
-constexpr double kMinAspect = 0.15;
-constexpr double kMinCondition = 3e-4;
+// Which neighbourhoods tell a surface. By trial.
+struct ParaboloidSettings {
+  // A paraboloid has six numbers; fewer samples than this follow the noise.
+  std::size_t least_samples = 10;
+  // A neighbourhood narrower than this part of its length (standard deviations) is a line: one
+  // laser stripe says nothing of the surface across it.
+  double least_aspect = 0.15;
+  // 1 / (|a| |a^-1|) of the normal equations, in the norm of column sums: two laser stripes leave
+  // the curvature across them open and are below; a third one settles it.
+  double least_condition = 3e-4;
+};
+constexpr ParaboloidSettings kParaboloid;
 
 // The neighbours relative to the sample as arrays, in units of the radius; filled up with points of
 // no weight to whole registers.
@@ -213,7 +220,7 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
                                                   double radius_mm) {
   // Weighted covariance of the neighbours (2.1). Units of the radius keep all sums well scaled.
   const Neighbours neighbours(point, candidates, radius_mm);
-  if (neighbours.count() < kMinSamples) return std::nullopt;
+  if (neighbours.count() < kParaboloid.least_samples) return std::nullopt;
   const Covariance c = SumCovariance(neighbours);
   const Eigen::Vector3d mean = Eigen::Vector3d(c.x, c.y, c.z) / c.w;
   Eigen::Matrix3d covariance;
@@ -222,7 +229,7 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
   eigen.computeDirect(covariance);
   const Eigen::Vector3d spread = eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
-  if (!(spread[1] > kMinAspect * spread[2])) return std::nullopt;
+  if (!(spread[1] > kParaboloid.least_aspect * spread[2])) return std::nullopt;
   const Eigen::Vector3d nu = eigen.eigenvectors().col(0);
   const Eigen::Vector3d ex = eigen.eigenvectors().col(2);
   const Eigen::Vector3d ey = nu.cross(ex);
@@ -242,7 +249,9 @@ std::optional<LocalParaboloid> FitLocalParaboloid(const Eigen::Vector3d& point,
   right << m.z20, m.z02, m.z11, m.z10, m.z01, m.z00;
   Vector6d k;
   // Two laser stripes leave the curvature across them open; a third one settles it.
-  if (!SolveWellConditioned(normal_matrix, right, kMinCondition, k)) return std::nullopt;
+  if (!SolveWellConditioned(normal_matrix, right, kParaboloid.least_condition, k)) {
+    return std::nullopt;
+  }
 
   LocalParaboloid fit;
   fit.samples = neighbours.count();

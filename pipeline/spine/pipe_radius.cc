@@ -14,33 +14,72 @@
 namespace bendloop::pipeline {
 namespace {
 
-// Of the pipe radius: 2/3 as in section 7; the whole where a sparse scan has too few points in
-// that.
-constexpr std::array<double, 2> kParaboloidRadius = {2.0 / 3.0, 1.0};
-constexpr double kConvincing = 0.25;      // support at which the wider neighbourhood is not tried
-constexpr double kCylinderSupport = 1.6;  // of the pipe radius; with 1.2 noise biases it fivefold
-constexpr double kHighPeak = 0.5;         // after which the search ends
-constexpr double kCertain = 0.75;         // at which it ends at once
-constexpr double kLadderStep = 1.25;
-constexpr double kNearest = 0.11;  // of the trial: no other on the ladder is nearer
-constexpr std::size_t kMostAhead = 4;
-constexpr double kAgreement = 0.2;   // of the trial's curvature
-constexpr double kTolerance = 1e-3;  // of r_P: less than what noise does
-constexpr double kMaxRms = 0.12;     // of the trial radius: noise of 0.12 mm on a 2 mm wire is half
-constexpr double kVoxels = 5.0;      // a neighbourhood holds so many along its radius, or more
-constexpr std::size_t kSeeds = 240;
-// Seeds are asked in an order in which any number of the first are spread over the scan.
-constexpr std::size_t kSeedStep = 389;  // a prime beyond kSeeds
-// So many are asked first: enough to know where it is worth asking all.
-constexpr std::size_t kPilot = 40;
-// So many of the votes are asked for cylinders: the median of their radii is good to a part in a
-// thousand.
-constexpr std::size_t kCylinders = 36;
-constexpr std::ptrdiff_t kLeastCylinders = 5;
-constexpr std::size_t kWorkingPoints = 20'000;
-constexpr std::size_t kBoxPoints = 2'000;
-constexpr double kMinSupport = 0.04;
-constexpr double kStray = 0.01;  // part of the points at either end that may lie anywhere
+// How the radius is looked for (Bauer & Polthier 2009, sections 3.1 and 7): trial radii on a
+// ladder, seeds whose paraboloids vote for one, cylinders at the places of the votes.
+struct SearchSettings {
+  // [of the trial radius] Radius of the ball that a paraboloid looks at: 2/3 as in section 7; the
+  // whole where a sparse scan has too few points in that.
+  std::array<double, 2> paraboloids = {2.0 / 3.0, 1.0};
+  // Score at which the wider paraboloids are not tried (by trial).
+  double convincing = 0.25;
+  // [of the trial radius] Support of the cylinders; with 1.2 noise biases them fivefold.
+  double cylinder_support = 1.6;
+
+  // The ladder: from a third of the cloud's size down to where neighbourhoods are too small.
+  // [of the next trial] One trial; their votes, which agree within 0.2, leave no gap (by trial).
+  double ladder_step = 1.25;
+  // [of the trial] How far the cylinders' median may be from it: no other on the ladder is nearer.
+  double nearest = 0.11;
+  // Support at which a trial is judged at once, and after which the search ends (by trial).
+  double high_peak = 0.5;
+  // Score at which it ends without a look at the next (by trial).
+  double certain = 0.75;
+  std::size_t most_ahead = 4;  // trials that workers look at together, the last maybe in vain
+
+  // [of the trial's curvature] How far a vote's may be off (by trial).
+  double agreement = 0.2;
+  // [of the trial's curvature] The other principal curvature is less: no ball (by trial).
+  double least_round = 0.75;
+  // [of the trial radius] Rougher surfaces have no vote: noise of 0.12 mm on a 2 mm wire is half of
+  // it.
+  double most_rms = 0.12;
+  // [of r_P] Steps of a cylinder fit end below this: less than what noise does.
+  double step_tolerance = 1e-3;
+  // A neighbourhood holds so many voxels along its radius, or more (by trial).
+  double voxels = 5.0;
+
+  // Places that vote, and how many of them are asked first: enough to know where it is worth asking
+  // all (by trial).
+  std::size_t seeds = 240;
+  std::size_t first_seeds = 40;
+  // Seeds are asked in an order in which any number of the first are spread over the scan: every
+  // so many-th, a prime beyond their number.
+  std::size_t seed_step = 389;
+  // So many of the votes are asked for cylinders: the median of their radii is good to a part in a
+  // thousand.
+  std::size_t cylinders = 36;
+  std::ptrdiff_t least_cylinders = 5;  // that agree with each other (by trial)
+  // A trial's score that stands for a pipe at least (by trial).
+  double least_score = 0.04;
+
+  // Points that are looked at, and of these for the size of the cloud (by trial).
+  std::size_t working_points = 20'000;
+  std::size_t box_points = 2'000;
+  // [of the points] At either end of each axis so many may lie anywhere (by trial).
+  double stray = 0.01;
+};
+constexpr SearchSettings kSearch;
+
+// When a cylinder at a vote is believed. Lengths in parts of the trial radius; all by trial.
+struct CylinderSettings {
+  double inlier = 0.35;              // Tukey's cut-off
+  double ball_margin = 0.2;          // beyond the support: the axis may move
+  double least_coverage = 0.15;      // of the circumference
+  double least_axial_spread = 0.15;  // 1 sigma; less is a stripe, which has no direction
+  double most_off = 0.4;             // its radius from the trial's
+  double agreement = 0.1;            // its radius from the median of all, in parts of that
+};
+constexpr CylinderSettings kCylinder;
 
 struct Vote {
   LocalParaboloid surface;
@@ -77,13 +116,13 @@ struct Trial {
 void AskSeeds(std::span<const Eigen::Vector3d> seeds, std::size_t until, Trial& trial) {
   std::vector<Eigen::Vector3d> ball;
   while (trial.asked < std::min(until, seeds.size())) {
-    const Eigen::Vector3d& seed = seeds[trial.asked++ * kSeedStep % seeds.size()];
+    const Eigen::Vector3d& seed = seeds[trial.asked++ * kSearch.seed_step % seeds.size()];
     trial.level->GatherBall(seed, trial.neighbourhood_mm, ball);
     const auto surface = FitLocalParaboloid(seed, ball, trial.neighbourhood_mm);
-    if (!surface || surface->rms_mm > kMaxRms * trial.radius_mm) continue;
+    if (!surface || surface->rms_mm > kSearch.most_rms * trial.radius_mm) continue;
     for (std::size_t i = 0; i < 2; ++i) {
-      if (std::abs(std::abs(surface->curvature[i]) * trial.radius_mm - 1.0) < kAgreement &&
-          std::abs(surface->curvature[1 - i]) * trial.radius_mm < 0.75) {
+      if (std::abs(std::abs(surface->curvature[i]) * trial.radius_mm - 1.0) < kSearch.agreement &&
+          std::abs(surface->curvature[1 - i]) * trial.radius_mm < kSearch.least_round) {
         trial.votes.push_back({*surface, i});
         break;
       }
@@ -94,37 +133,39 @@ void AskSeeds(std::span<const Eigen::Vector3d> seeds, std::size_t until, Trial& 
 // Asks the other seeds, unless nearly all agree, and free cylinders where they do; those that agree
 // with each other, too, count.
 void Judge(std::span<const Eigen::Vector3d> seeds, PointPyramid& points, Trial& trial) {
-  if (trial.Support() < kCertain) AskSeeds(seeds, seeds.size(), trial);
+  if (trial.Support() < kSearch.certain) AskSeeds(seeds, seeds.size(), trial);
   const double trial_mm = trial.radius_mm;
-  const double support_mm = kCylinderSupport * trial_mm;
-  const PointPyramid::Level& level = points.Thinned(support_mm / kVoxels);
+  const double support_mm = kSearch.cylinder_support * trial_mm;
+  const PointPyramid::Level& level = points.Thinned(support_mm / kSearch.voxels);
   std::vector<Eigen::Vector3d> ball;
-  const std::size_t count = std::min(trial.votes.size(), kCylinders);
+  const std::size_t count = std::min(trial.votes.size(), kSearch.cylinders);
   for (std::size_t i = 0; i < count; ++i) {
     const Vote& vote = trial.votes[i * trial.votes.size() / count];
     const double side = vote.surface.curvature[vote.curved] > 0 ? 1.0 : -1.0;
     const Eigen::Vector3d axis_point = vote.surface.foot_mm + side * trial_mm * vote.surface.normal;
-    level.GatherBall(axis_point, support_mm + 0.2 * trial_mm, ball);
+    level.GatherBall(axis_point, support_mm + kCylinder.ball_margin * trial_mm, ball);
     const auto cylinder = FitCylinder(axis_point, vote.surface.direction[1 - vote.curved], ball,
                                       {.radius_mm = trial_mm,
                                        .free_radius = true,
                                        .support_mm = support_mm,
-                                       .inlier_mm = 0.35 * trial_mm,
-                                       .tolerance = kTolerance});
-    if (!cylinder || cylinder->angular_coverage < 0.15 ||
-        cylinder->axial_spread_mm < 0.15 * trial_mm ||
-        std::abs(cylinder->radius_mm / trial_mm - 1.0) > 0.4 ||
-        cylinder->rms_mm > kMaxRms * trial_mm) {
+                                       .inlier_mm = kCylinder.inlier * trial_mm,
+                                       .tolerance = kSearch.step_tolerance});
+    if (!cylinder || cylinder->angular_coverage < kCylinder.least_coverage ||
+        cylinder->axial_spread_mm < kCylinder.least_axial_spread * trial_mm ||
+        std::abs(cylinder->radius_mm / trial_mm - 1.0) > kCylinder.most_off ||
+        cylinder->rms_mm > kSearch.most_rms * trial_mm) {
       continue;
     }
     trial.cylinder_radius_mm.push_back(cylinder->radius_mm);
     trial.cylinder_rms_mm.push_back(cylinder->rms_mm);
   }
   const double center_mm = Median(trial.cylinder_radius_mm);
-  const auto agree = std::count_if(
-      trial.cylinder_radius_mm.begin(), trial.cylinder_radius_mm.end(),
-      [center_mm](double radius_mm) { return std::abs(radius_mm / center_mm - 1.0) < 0.1; });
-  if (agree < kLeastCylinders) return;
+  const auto agree =
+      std::count_if(trial.cylinder_radius_mm.begin(), trial.cylinder_radius_mm.end(),
+                    [center_mm](double radius_mm) {
+                      return std::abs(radius_mm / center_mm - 1.0) < kCylinder.agreement;
+                    });
+  if (agree < kSearch.least_cylinders) return;
   trial.score = trial.Support() * static_cast<double>(agree) / static_cast<double>(count);
 }
 
@@ -142,35 +183,37 @@ Trial BestTrial(PointPyramid& points, std::span<const Eigen::Vector3d> seeds, do
     return true;
   };
   // With workers the next few are tried at once, of which the last may be in vain.
-  std::vector<Trial> ahead(workers ? std::min(workers->threads(), kMostAhead) : 1);
+  std::vector<Trial> ahead(workers ? std::min(workers->threads(), kSearch.most_ahead) : 1);
   std::size_t next = ahead.size();
-  for (double trial_mm = size_mm / 3.0; trial_mm > size_mm / 5000.0; trial_mm /= kLadderStep) {
+  for (double trial_mm = size_mm / 3.0; trial_mm > size_mm / 5000.0;
+       trial_mm /= kSearch.ladder_step) {
     if (next == ahead.size()) {
       double ahead_mm = trial_mm;
       for (Trial& trial : ahead) {
         trial = {};
         trial.radius_mm = ahead_mm;
         trial.neighbourhood_mm = neighbourhood * ahead_mm;
-        trial.level = &points.Thinned(trial.neighbourhood_mm / kVoxels);
-        ahead_mm /= kLadderStep;
+        trial.level = &points.Thinned(trial.neighbourhood_mm / kSearch.voxels);
+        ahead_mm /= kSearch.ladder_step;
       }
-      ParallelFor(workers, ahead.size(), [&](std::size_t i) { AskSeeds(seeds, kPilot, ahead[i]); });
+      ParallelFor(workers, ahead.size(),
+                  [&](std::size_t i) { AskSeeds(seeds, kSearch.first_seeds, ahead[i]); });
       next = 0;
     }
     Trial& trial = ahead[next++];
     if (trial.level->cell_count() > points.size() / 2) break;  // so sparse are all smaller ones
-    const bool high = trial.Support() >= kHighPeak;
+    const bool high = trial.Support() >= kSearch.high_peak;
     if (high && judge(trial)) {
       worse = 0;
-      if (best.score > kCertain &&
-          std::abs(Median(best.cylinder_radius_mm) / best.radius_mm - 1.0) < kNearest) {
+      if (best.score > kSearch.certain &&
+          std::abs(Median(best.cylinder_radius_mm) / best.radius_mm - 1.0) < kSearch.nearest) {
         break;
       }
       continue;
     }
     // Well past a high peak the smaller trials need not be looked at. A whole bent tube may pass
     // for a piece of a far thicker one, but never with so much support.
-    if (best.score > kHighPeak && trial.Support() < 0.5 * best.score && ++worse >= 2) break;
+    if (best.score > kSearch.high_peak && trial.Support() < 0.5 * best.score && ++worse >= 2) break;
     if (!high) waiting.push_back(std::move(trial));
   }
   std::stable_sort(waiting.begin(), waiting.end(),
@@ -189,16 +232,16 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
   if (points.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput, "no points; expected a scan of a tube");
   }
-  std::vector<Eigen::Vector3d> working = Pick(points, kWorkingPoints);
-  const std::vector<Eigen::Vector3d> some = Pick(working, kBoxPoints);
+  std::vector<Eigen::Vector3d> working = Pick(points, kSearch.working_points);
+  const std::vector<Eigen::Vector3d> some = Pick(working, kSearch.box_points);
   // The box of nearly all points: one reading from far away must not set the scale.
   Eigen::Vector3d low, high;
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     std::vector<double> along;
     along.reserve(some.size());
     for (const Eigen::Vector3d& p : some) along.push_back(p[axis]);
-    low[axis] = Quantile(along, kStray);
-    high[axis] = Quantile(std::move(along), 1.0 - kStray);
+    low[axis] = Quantile(along, kSearch.stray);
+    high[axis] = Quantile(std::move(along), 1.0 - kSearch.stray);
   }
   const double margin_mm = (high - low).norm();
   std::erase_if(working, [&](const Eigen::Vector3d& p) {
@@ -209,16 +252,16 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
     high = high.cwiseMax(p);
   }
   const double size_mm = (high - low).norm();
-  const std::vector<Eigen::Vector3d> seeds = Pick(working, kSeeds);
+  const std::vector<Eigen::Vector3d> seeds = Pick(working, kSearch.seeds);
   PointPyramid pyramid(working);
 
   Trial best;
-  for (const double neighbourhood : kParaboloidRadius) {
+  for (const double neighbourhood : kSearch.paraboloids) {
     Trial found = BestTrial(pyramid, seeds, size_mm, neighbourhood, workers);
     if (found.score > best.score) best = std::move(found);
-    if (best.score > kConvincing) break;
+    if (best.score > kSearch.convincing) break;
   }
-  if (best.score < kMinSupport) {
+  if (best.score < kSearch.least_score) {
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "no pipe found in the points: no part of them is curved like a cylinder "
                      "(expected a scan of a tube with at least a few hundred points on it)");
@@ -226,6 +269,7 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
   PipeRadius result;
   result.radius_mm = Median(best.cylinder_radius_mm);
   result.noise_mm = Median(best.cylinder_rms_mm);
+  // The median of normal values scatters sqrt(pi / 2) times as much as their mean.
   result.sigma_mm = 1.2533 * RobustSigma(best.cylinder_radius_mm) /
                     std::sqrt(static_cast<double>(best.cylinder_radius_mm.size()));
   result.support = best.score;

@@ -8,13 +8,6 @@
 #include "pipeline/spine/pipe_radius.h"
 
 namespace bendloop::pipeline {
-namespace {
-
-// A block is projected when no sample has come to it or its neighbours for this many profiles: the
-// laser line has moved on. When does not change what comes out, only how often it is done again.
-constexpr std::uint64_t kQuietProfiles = 12;
-
-}  // namespace
 
 SampleIntake::SampleIntake(std::optional<double> pipe_radius_mm, std::size_t max_points)
     : max_points_(max_points) {
@@ -112,6 +105,10 @@ void SampleIntake::Touch(std::size_t block) {
 }
 
 void SampleIntake::ProjectQuietBlocks() {
+  // A block is projected when no sample has come to it or its neighbours for this many profiles:
+  // the laser line has moved on. When does not change what comes out, only how often it is done
+  // again (by trial).
+  constexpr std::uint64_t kQuietProfiles = 12;
   const auto quiet =
       std::stable_partition(pending_.begin(), pending_.end(), [this](std::int32_t block) {
         return touched_[static_cast<std::size_t>(block)] + kQuietProfiles > profiles_;

@@ -13,14 +13,30 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kPastPeak = 0.8;  // of the peak: the samples have passed each other
-constexpr double kMinMet = 0.1;    // of the samples: less is chance
-constexpr double kFine = 0.25;     // of a step, for the peak
-constexpr double kCell = 0.25;     // of the pipe radius: one node each
-constexpr int kThinningRounds = 3;
-constexpr std::size_t kMinNeighbours = 8;
-// Thickness over length of a piece of a curve-like set; a rounder one has no direction.
-constexpr double kMaxThickness = 0.6;
+// When samples have met, and what of them becomes nodes (Lee & Kim 2004). By trial where nothing
+// else is said.
+struct MeetingSettings {
+  // [of the peak] So few that meet say that the samples have passed each other.
+  double past_peak = 0.8;
+  // [of the samples] Less is chance.
+  double least_met = 0.1;
+  // [of a step] How finely the peak is looked for, around the best of the steps.
+  double fine_step = 0.25;
+  // [of the meeting distance] The peak is flat while the samples are dense; a finer one makes it
+  // sharp.
+  double fine_meet = 0.4;
+  // [of the pipe radius] Edge of a cell, which becomes one node at most.
+  double cell = 0.25;
+  // Times that a node is moved onto the local regression curve.
+  int thinning_rounds = 3;
+  // Fewer make no curve: each of its two parabolas has three numbers.
+  std::size_t least_neighbours = 8;
+  // Thickness over length of a piece of a curve-like set; a rounder one has no direction.
+  double most_thickness = 0.6;
+  // [of the pipe radius] From the cell's mean to the node.
+  double most_move = 0.5;
+};
+constexpr MeetingSettings kMeeting;
 
 struct Shrunk {
   std::vector<Eigen::Vector3d> shrunk;
@@ -81,7 +97,7 @@ struct LocalCurve {
 std::optional<LocalCurve> FitLocalCurve(const Eigen::Vector3d& at,
                                         std::span<const std::size_t> neighbours,
                                         std::span<const Eigen::Vector3d> points, double support) {
-  if (neighbours.size() < kMinNeighbours) return std::nullopt;
+  if (neighbours.size() < kMeeting.least_neighbours) return std::nullopt;
   double sum = 0;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const std::size_t j : neighbours) {
@@ -138,18 +154,18 @@ std::vector<SpineNode> ThinToCurve(const Shrunk& set, const ShrinkingOptions& op
   const PointIndex index(set.shrunk, 0.5 * support);
   std::vector<SpineNode> nodes;
   std::vector<std::size_t> neighbours;
-  for (Eigen::Vector3d at : CellMeans(set.shrunk, kCell * options.radius_mm)) {
+  for (Eigen::Vector3d at : CellMeans(set.shrunk, kMeeting.cell * options.radius_mm)) {
     const Eigen::Vector3d start = at;
     std::optional<LocalCurve> curve;
-    for (int round = 0; round < kThinningRounds; ++round) {
+    for (int round = 0; round < kMeeting.thinning_rounds; ++round) {
       neighbours.clear();
       index.Visit(at, support, [&](std::size_t j) { neighbours.push_back(j); });
       curve = FitLocalCurve(at, neighbours, set.shrunk, support);
-      if (!curve || curve->thickness > kMaxThickness) break;
+      if (!curve || curve->thickness > kMeeting.most_thickness) break;
       at = curve->PointAt((at - curve->mean).dot(curve->t));
     }
-    if (!curve || curve->thickness > kMaxThickness ||
-        (at - start).norm() > 0.5 * options.radius_mm) {
+    if (!curve || curve->thickness > kMeeting.most_thickness ||
+        (at - start).norm() > kMeeting.most_move * options.radius_mm) {
       continue;
     }
     // Equation (6), here from the samples around the node only: the radius may vary.
@@ -161,7 +177,7 @@ std::vector<SpineNode> ThinToCurve(const Shrunk& set, const ShrinkingOptions& op
       if ((set.shrunk[j] - at).squaredNorm() > 0.25 * support * support) continue;
       radii.push_back((v - v.dot(t) * t).norm());
     }
-    if (radii.size() < kMinNeighbours) continue;
+    if (radii.size() < kMeeting.least_neighbours) continue;
     const double a = (at - curve->mean).dot(curve->t);
     nodes.push_back(
         {at, curve->TangentAt(a), curve->rms_mm, neighbours.size(), Median(std::move(radii))});
@@ -191,17 +207,22 @@ ShrunkSpine ShrinkPipe(std::span<const OrientedSample> samples, const ShrinkingO
     if (count > peak) {
       peak = count;
       peak_mm = k * step_mm;
-    } else if (static_cast<double>(peak) > kMinMet * static_cast<double>(samples.size()) &&
-               static_cast<double>(count) < kPastPeak * static_cast<double>(peak)) {
+    } else if (static_cast<double>(peak) >
+                   kMeeting.least_met * static_cast<double>(samples.size()) &&
+               static_cast<double>(count) < kMeeting.past_peak * static_cast<double>(peak)) {
       break;
     }
   }
-  if (static_cast<double>(peak) < kMinMet * static_cast<double>(samples.size())) return result;
+  if (static_cast<double>(peak) < kMeeting.least_met * static_cast<double>(samples.size())) {
+    return result;
+  }
   // The peak is flat while the samples are dense; a finer meeting distance makes it sharp.
   double best_mm = peak_mm;
   std::size_t best = 0;
-  for (double d = peak_mm - 2 * step_mm; d <= peak_mm + 2 * step_mm; d += kFine * step_mm) {
-    const std::size_t count = Count(MeetAt(d, 0.4 * meet_mm, options.cosine, samples));
+  for (double d = peak_mm - 2 * step_mm; d <= peak_mm + 2 * step_mm;
+       d += kMeeting.fine_step * step_mm) {
+    const std::size_t count =
+        Count(MeetAt(d, kMeeting.fine_meet * meet_mm, options.cosine, samples));
     if (count > best) {
       best = count;
       best_mm = d;
@@ -248,7 +269,7 @@ ShrunkSpine ShrinkCanal(std::span<const OrientedSample> samples, const Shrinking
     set.original.push_back(samples[i].position_mm);
   }
   result.met = static_cast<double>(set.shrunk.size()) / static_cast<double>(samples.size());
-  if (result.met < kMinMet) return result;
+  if (result.met < kMeeting.least_met) return result;
   result.nodes = ThinToCurve(set, options);
   result.pipe_radius_mm = result.nodes.empty() ? 0.0 : MeanRadius(result.nodes);
   return result;

@@ -14,38 +14,61 @@
 namespace bendloop::pipeline {
 namespace {
 
-// All in pipe radii.
-constexpr double kSpacing = 0.3;  // nodes closer than this say the same
-constexpr double kMaxEdge = 1.5;  // longer is a gap
-constexpr double kMaxGap = 8.0;   // a clamp hides up to 3, and the ends beside it are weak
-constexpr double kMinLength = 2.0;
-constexpr double kMinEdgeCosine = 0.8;  // an edge runs along the tangents of its nodes
-constexpr double kMinGapCosine = 0.2;
-constexpr std::size_t kLeftOut = 1;  // nodes at an end, for a joint
-constexpr double kSmooth = 0.005;
-constexpr double kMuchRougher = 3.0;  // times
-// Neighbours agree when a bend as tight as this leads from one to the other, but for their noise.
-constexpr double kNear = 0.8;
-constexpr double kTightest = 1.5;
-constexpr double kOffNoise = 0.15;
-constexpr double kTurnNoiseRad = 0.2;
+// What nodes, edges and gaps make a spine. Lengths in pipe radii; by trial where nothing else is
+// said.
+struct PolygonSettings {
+  // Nodes closer than this say the same.
+  double spacing = 0.3;
+  // A longer edge is a gap.
+  double longest_edge = 1.5;
+  // A longer gap is not bridged: a clamp hides up to 3, and the ends beside it are weak.
+  double longest_gap = 8.0;
+  // A shorter piece is clutter.
+  double least_length = 2.0;
+  // Cosine between an edge and the tangents of its nodes: it runs along them, within 37 degrees.
+  double least_edge_cosine = 0.8;
+  // The same of a gap, in which the tube may bend: 78 degrees at either end.
+  double least_gap_cosine = 0.2;
+  // A gap counts so many times longer for a turn of 90 degrees at either end.
+  double turn_weight = 4.0;
+  // Nodes that may be left out at an end for a joint: the last may be disturbed.
+  std::size_t left_out = 1;
+  // Distance of nodes from their samples (median) below which all pieces are as smooth.
+  double smooth = 0.005;
+  // So many times rougher is much rougher.
+  double much_rougher = 3.0;
+};
+constexpr PolygonSettings kPolygon;
+
+// When two nodes agree: a bend as tight as this leads from one to the other, but for their noise.
+// Lengths in pipe radii; by trial.
+struct AgreementSettings {
+  double near = 0.8;            // nodes that are asked about each other
+  double tightest = 1.5;        // bend radius
+  double off_noise = 0.15;      // of a node's place, across
+  double turn_noise_rad = 0.2;  // of its tangent
+};
+constexpr AgreementSettings kAgreement;
 
 // Nodes of which most others beside them say that the spine does not pass there: fitted across two
 // things, as where another part of the tube is near, or to too few samples.
 std::vector<SpineNode> WithoutOddOnes(std::span<const SpineNode> nodes, double radius_mm) {
   std::vector<int> votes(nodes.size(), 0);  // more for it than against it
-  VisitNearPairs(nodes, kNear * radius_mm, [&](std::size_t i, std::size_t j, double distance) {
-    const SpineNode& a = nodes[i];
-    const SpineNode& b = nodes[j];
-    const Eigen::Vector3d between = b.position_mm - a.position_mm;
-    const double turn = std::acos(std::min(1.0, std::abs(a.tangent.dot(b.tangent))));
-    const double bent = distance / (kTightest * radius_mm);  // over this distance [rad]
-    const double off = std::max(a.tangent.cross(between).norm(), b.tangent.cross(between).norm());
-    const bool agree =
-        turn < bent + kTurnNoiseRad && off < 0.5 * bent * distance + kOffNoise * radius_mm;
-    votes[i] += agree ? 1 : -1;
-    votes[j] += agree ? 1 : -1;
-  });
+  VisitNearPairs(
+      nodes, kAgreement.near * radius_mm, [&](std::size_t i, std::size_t j, double distance) {
+        const SpineNode& a = nodes[i];
+        const SpineNode& b = nodes[j];
+        const Eigen::Vector3d between = b.position_mm - a.position_mm;
+        const double turn = std::acos(std::min(1.0, std::abs(a.tangent.dot(b.tangent))));
+        const double bent =
+            distance / (kAgreement.tightest * radius_mm);  // over this distance [rad]
+        const double off =
+            std::max(a.tangent.cross(between).norm(), b.tangent.cross(between).norm());
+        const bool agree = turn < bent + kAgreement.turn_noise_rad &&
+                           off < 0.5 * bent * distance + kAgreement.off_noise * radius_mm;
+        votes[i] += agree ? 1 : -1;
+        votes[j] += agree ? 1 : -1;
+      });
   std::vector<SpineNode> kept;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (votes[i] >= 0) kept.push_back(nodes[i]);
@@ -90,8 +113,8 @@ std::vector<SpinePolygon> Follow(std::span<const SpineNode> nodes, double max_ed
       if (j < 0) continue;
       const SpineNode& other = nodes[static_cast<std::size_t>(j)];
       const Eigen::Vector3d edge = (other.position_mm - nodes[i].position_mm).normalized();
-      if (std::abs(edge.dot(nodes[i].tangent)) > kMinEdgeCosine &&
-          std::abs(edge.dot(other.tangent)) > kMinEdgeCosine) {
+      if (std::abs(edge.dot(nodes[i].tangent)) > kPolygon.least_edge_cosine &&
+          std::abs(edge.dot(other.tangent)) > kPolygon.least_edge_cosine) {
         continue;
       }
       for (int& back : neighbours[static_cast<std::size_t>(j)]) {
@@ -131,7 +154,7 @@ double LogRoughness(const SpinePolygon& piece, double radius_mm) {
   std::vector<double> rms_mm;
   rms_mm.reserve(piece.size());
   for (const SpineNode& node : piece) rms_mm.push_back(node.rms_mm);
-  return std::log(std::max(Median(std::move(rms_mm)) / radius_mm, kSmooth));
+  return std::log(std::max(Median(std::move(rms_mm)) / radius_mm, kPolygon.smooth));
 }
 
 void PointTangentsForward(SpinePolygon& polygon) {
@@ -165,13 +188,15 @@ double JoinCost(const SpineNode& a, bool a_front, const SpineNode& b, bool b_fro
                 double roughness, double radius_mm) {
   const Eigen::Vector3d gap = b.position_mm - a.position_mm;
   const double length = gap.norm();
-  if (length > kMaxGap * radius_mm) return std::numeric_limits<double>::infinity();
+  if (length > kPolygon.longest_gap * radius_mm) return std::numeric_limits<double>::infinity();
   const double cos_a = (a_front ? -1.0 : 1.0) * gap.dot(a.tangent) / length;
   const double cos_b = (b_front ? 1.0 : -1.0) * gap.dot(b.tangent) / length;
-  if (!(cos_a >= kMinGapCosine && cos_b >= kMinGapCosine)) {
+  if (!(cos_a >= kPolygon.least_gap_cosine && cos_b >= kPolygon.least_gap_cosine)) {
     return std::numeric_limits<double>::infinity();
   }
-  return length * (1.0 + 4.0 * (1.0 - cos_a) + 4.0 * (1.0 - cos_b)) * (1.0 + roughness);
+  return length *
+         (1.0 + kPolygon.turn_weight * (1.0 - cos_a) + kPolygon.turn_weight * (1.0 - cos_b)) *
+         (1.0 + roughness);
 }
 
 void JoinGaps(std::vector<SpinePolygon>& pieces, double radius_mm) {
@@ -180,8 +205,8 @@ void JoinGaps(std::vector<SpinePolygon>& pieces, double radius_mm) {
   const auto ends_of = [&pieces](std::size_t i) {
     std::vector<PieceEnd> ends;
     for (const bool front : {false, true}) {
-      for (std::size_t left_out = 0; left_out < std::min(kLeftOut + 1, pieces[i].size() - 1);
-           ++left_out) {
+      for (std::size_t left_out = 0;
+           left_out < std::min(kPolygon.left_out + 1, pieces[i].size() - 1); ++left_out) {
         ends.push_back({i, front, left_out});
       }
     }
@@ -225,7 +250,7 @@ void JoinGaps(std::vector<SpinePolygon>& pieces, double radius_mm) {
 
 bool IsMuchRougher(const SpinePolygon& polygon, const SpinePolygon& than, double pipe_radius_mm) {
   return LogRoughness(polygon, pipe_radius_mm) >
-         LogRoughness(than, pipe_radius_mm) + std::log(kMuchRougher);
+         LogRoughness(than, pipe_radius_mm) + std::log(kPolygon.much_rougher);
 }
 
 double LengthOf(const SpinePolygon& polygon) {
@@ -238,8 +263,8 @@ double LengthOf(const SpinePolygon& polygon) {
 
 std::vector<SpinePolygon> SpinePolygons(std::span<const SpineNode> nodes, double pipe_radius_mm) {
   const std::vector<SpineNode> thinned =
-      Thin(WithoutOddOnes(nodes, pipe_radius_mm), kSpacing * pipe_radius_mm);
-  std::vector<SpinePolygon> pieces = Follow(thinned, kMaxEdge * pipe_radius_mm);
+      Thin(WithoutOddOnes(nodes, pipe_radius_mm), kPolygon.spacing * pipe_radius_mm);
+  std::vector<SpinePolygon> pieces = Follow(thinned, kPolygon.longest_edge * pipe_radius_mm);
   return JoinedOverGaps(std::move(pieces), pipe_radius_mm);
 }
 
@@ -249,7 +274,7 @@ std::vector<SpinePolygon> JoinedOverGaps(std::vector<SpinePolygon> pieces, doubl
   for (SpinePolygon& piece : pieces) PointTangentsForward(piece);
   JoinGaps(pieces, pipe_radius_mm);
   std::erase_if(pieces, [pipe_radius_mm](const SpinePolygon& piece) {
-    return LengthOf(piece) < kMinLength * pipe_radius_mm;
+    return LengthOf(piece) < kPolygon.least_length * pipe_radius_mm;
   });
   std::stable_sort(pieces.begin(), pieces.end(),
                    [](const auto& a, const auto& b) { return LengthOf(a) > LengthOf(b); });

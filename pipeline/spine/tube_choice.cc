@@ -12,10 +12,18 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kPiece = 0.2;       // of the first tube's length: worth a word
-constexpr double kPieceRadii = 6.0;  // or so many pipe radii, if it is as smooth
-constexpr double kSecondTube = 0.6;  // of the first one's length: no scrap any more
-constexpr double kPipeToo = 0.3;     // of a rough piece's length: says that the other is no pipe
+// Which pieces of spine count. All by trial.
+struct ChoiceSettings {
+  // A piece is worth a word if it is longer than this part of the first tube, or than so many pipe
+  // radii if it is as smooth.
+  double piece = 0.2;
+  double piece_radii = 6.0;
+  // [of the first one's length] A longer one is a second tube and no scrap any more.
+  double second_tube = 0.6;
+  // [of a rough piece's length] A smooth one as long as this says that the rough one is no pipe.
+  double pipe_too = 0.3;
+};
+constexpr ChoiceSettings kChoice;
 
 // Pieces that may be pipes first, in their order. How many.
 std::size_t PipesFirst(std::vector<SpinePolygon>& polygons, double pipe_radius_mm) {
@@ -23,7 +31,7 @@ std::size_t PipesFirst(std::vector<SpinePolygon>& polygons, double pipe_radius_m
   const auto rough = std::stable_partition(
       polygons.begin(), polygons.end(), [&all, pipe_radius_mm](const SpinePolygon& piece) {
         return std::none_of(all.begin(), all.end(), [&](const SpinePolygon& other) {
-          return LengthOf(other) > kPipeToo * LengthOf(piece) &&
+          return LengthOf(other) > kChoice.pipe_too * LengthOf(piece) &&
                  IsMuchRougher(piece, other, pipe_radius_mm);
         });
       });
@@ -52,7 +60,7 @@ hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons, double 
   }
   const std::size_t pipes = PipesFirst(polygons, pipe_radius_mm);
   const double first_mm = LengthOf(polygons[0]);
-  if (pipes > 1 && LengthOf(polygons[1]) > kSecondTube * first_mm) {
+  if (pipes > 1 && LengthOf(polygons[1]) > kChoice.second_tube * first_mm) {
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "two tubes in the points (" + Mm(first_mm) + " and " +
                          Mm(LengthOf(polygons[1])) +
@@ -61,7 +69,8 @@ hal::Result<SpinePolygon> ChooseTube(std::vector<SpinePolygon> polygons, double 
   }
   for (std::size_t i = 1; i < polygons.size(); ++i) {
     const double length_mm = LengthOf(polygons[i]);
-    if (length_mm > kPiece * first_mm || (i < pipes && length_mm > kPieceRadii * pipe_radius_mm)) {
+    if (length_mm > kChoice.piece * first_mm ||
+        (i < pipes && length_mm > kChoice.piece_radii * pipe_radius_mm)) {
       left_out_mm.push_back(length_mm);
     }
   }
