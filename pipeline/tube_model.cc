@@ -21,28 +21,51 @@
 namespace bendloop::pipeline {
 namespace {
 
-// When a look at the other models is worth its time.
-constexpr double kLookRadius = 0.05;      // of r_P: range of the local radius
-constexpr double kLookOutliers = 0.15;    // of the points
-constexpr double kLookSystematic = 0.02;  // of r_P: distances that neighbours share
-// Tubes for benders are straight for most of their length; where arc follows upon arc they may
-// stand in for something else.
-constexpr double kFewStraights = 0.5;  // of the arcs' length
-constexpr std::size_t kManyBends = 3;
+// When a look at the other models is worth its time. By trial.
+struct LookSettings {
+  double radius_range = 0.05;  // [of r_P] of the local radius, between its 5 % and 95 %
+  double outliers = 0.15;      // [of the points]
+  double systematic = 0.02;    // [of r_P] distances that neighbours share
+  // Tubes for benders are straight for most of their length; where arc follows upon arc they may
+  // stand in for something else: so many bends or more, and straights of at most this part of the
+  // arcs' length.
+  std::size_t many_bends = 3;
+  double few_straights = 0.5;
+};
+constexpr LookSettings kLook;
 
-// When the tube is left.
-constexpr double kOnStraights = 0.10;  // of the mean radius: range on the straights
-// An oval bend seen from one side looks like one of another radius: an ovality of 10 % is the
-// bender's limit and makes up to 16 %, thicker or thinner.
-constexpr double kInBends = 0.35;
-constexpr double kBetter = 3.0;     // of the squared distances
-constexpr double kSpineOff = 0.05;  // of r_P: lines and arcs miss the samples by so much
-constexpr double kEvidence = 20.0;  // in twice the logarithm of the likelihood
-constexpr double kReach = 0.3;      // of r_P: further is just as bad
-constexpr double kExplained = 0.6;  // of the points, when there is no tube to compare with
-constexpr double kNearlyAll = 0.9;  // of the points, to doubt that there is no tube
-constexpr double kMinLength = 6.0;  // pipe radii
-constexpr double kMinShare = 0.8;   // of the tube's samples that the other model must hold
+// When the tube is left for another model, or there is none. By trial where nothing else is said;
+// tests/unit/canal holds what must stay a tube and what must not.
+struct LeaveSettings {
+  // [of the mean radius] Range of the local radius on the straights of a canal.
+  double on_straights = 0.10;
+  // The same anywhere. An oval bend seen from one side looks like one of another radius: an ovality
+  // of 10 % is the bender's limit and makes up to 16 %, thicker or thinner.
+  double in_bends = 0.35;
+  // [times its 1 sigma] A range of radii of less may be noise.
+  double range_sigmas = 6.0;
+  // Times that the tube's squared distances must be the other model's.
+  double better = 3.0;
+  // [of r_P] Lines and arcs miss the samples by so much, beyond the noise.
+  double spine_off = 0.05;
+  // Twice the logarithm of the likelihood's ratio, numbers paid for: odds of 20 000 to 1.
+  double evidence = 20.0;
+  // [of r_P] Points further off are just as bad.
+  double reach = 0.3;
+  // [sigma] Points nearer than this to a surface are explained by it.
+  double explained_sigmas = 5.0;
+  // [of the points] Explained by a canal when there is no tube to compare with.
+  double explained = 0.6;
+  // [of the points] Explained by one pipe, to doubt that there is no tube.
+  double nearly_all = 0.9;
+  // [pipe radii] A canal without a tube is as long as this.
+  double least_length = 6.0;
+  // [of the tube's samples] The other model must hold so many.
+  double least_share = 0.8;
+  // So many points are compared: far more than the models have numbers.
+  std::size_t compared_points = 20'000;
+};
+constexpr LeaveSettings kLeave;
 
 // The part of the squared distances that neighbouring samples have in common, as a length.
 double SystematicMm(const Measurement& tube) {
@@ -87,15 +110,16 @@ bool IsArcUponArc(const hal::Tube& tube) {
   for (const hal::SpineSegment& segment : hal::SpineSegments(tube.program, tube.X_WT)) {
     (segment.is_arc() ? arcs_mm : straights_mm) += segment.length_mm;
   }
-  return tube.program.bend_count() >= kManyBends && straights_mm < kFewStraights * arcs_mm;
+  return tube.program.bend_count() >= kLook.many_bends &&
+         straights_mm < kLook.few_straights * arcs_mm;
 }
 
 bool WorthALook(const Measurement& m) {
   const double r = m.tube.pipe_radius_mm;
   const auto all = static_cast<double>(m.fit.samples + m.fit.outliers);
-  return Range(SmoothRadii(m.spine)) > kLookRadius * r ||
-         static_cast<double>(m.fit.outliers) > kLookOutliers * all ||
-         SystematicMm(m) > kLookSystematic * r || IsArcUponArc(m.tube);
+  return Range(SmoothRadii(m.spine)) > kLook.radius_range * r ||
+         static_cast<double>(m.fit.outliers) > kLook.outliers * all ||
+         SystematicMm(m) > kLook.systematic * r || IsArcUponArc(m.tube);
 }
 
 struct Comparison {
@@ -113,9 +137,9 @@ Comparison Compare(const Measurement& measured, const CanalScan& scan) {
       SegmentFrames(segments, std::numeric_limits<double>::infinity(), measured.flattening);
   std::vector<std::int32_t> all(frames.size());
   std::iota(all.begin(), all.end(), 0);
-  const double reach_mm = kReach * tube.pipe_radius_mm;
+  const double reach_mm = kLeave.reach * tube.pipe_radius_mm;
   Comparison result;
-  const std::size_t stride = scan.points.size() / 20'000 + 1;
+  const std::size_t stride = scan.points.size() / kLeave.compared_points + 1;
   NearestLanes nearest;
   std::vector<Eigen::Vector3d> batch;
   const auto add_batch = [&] {
@@ -140,9 +164,10 @@ Comparison Compare(const Measurement& measured, const CanalScan& scan) {
 }
 
 std::size_t Explained(const CanalScan& scan) {
+  const double near_mm = kLeave.explained_sigmas * scan.fit.sigma_mm;
   std::size_t count = 0;
   for (const CanalFoot& foot : scan.feet) {
-    count += !foot.beyond && std::abs(foot.distance_mm) < 5 * scan.fit.sigma_mm ? 1 : 0;
+    count += !foot.beyond && std::abs(foot.distance_mm) < near_mm ? 1 : 0;
   }
   return count;
 }
@@ -168,13 +193,14 @@ std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
   }
   const std::vector<double> radii = Radii(scan);
   const double mean_mm = Median(radii);
-  const double noise_mm = 6 * scan.fit.pipe_radius_sigma_mm;
+  const double noise_mm = kLeave.range_sigmas * scan.fit.pipe_radius_sigma_mm;
   const double range_mm = Range(radii);
-  const bool varies = Range(straight) > std::max(kOnStraights * mean_mm, noise_mm) ||
-                      range_mm > std::max(kInBends * mean_mm, noise_mm);
+  const bool varies = Range(straight) > std::max(kLeave.on_straights * mean_mm, noise_mm) ||
+                      range_mm > std::max(kLeave.in_bends * mean_mm, noise_mm);
   const Comparison compared = Compare(tube, scan);
-  if (!varies || !(compared.tube_mm2 > kBetter * compared.other_mm2) ||
-      static_cast<double>(Explained(scan)) < kMinShare * static_cast<double>(tube.fit.samples)) {
+  if (!varies || !(compared.tube_mm2 > kLeave.better * compared.other_mm2) ||
+      static_cast<double>(Explained(scan)) <
+          kLeave.least_share * static_cast<double>(tube.fit.samples)) {
     return {};
   }
   return "no tube of one radius: the pipe radius varies by " + Mm(range_mm) +
@@ -194,12 +220,13 @@ std::string WhyFreeform(const Measurement& tube, const CanalScan& scan) {
   const double evidence =
       compared.samples * std::log(compared.tube_mm2 / compared.other_mm2) -
       std::max(0, scan.fit.parameters - parameters) * std::log(compared.samples);
-  const bool simpler = scan.fit.parameters <= parameters && evidence > kEvidence;
-  const bool curved = IsArcUponArc(tube.tube) && evidence > kEvidence;
-  const bool much_better = compared.tube_mm2 > kBetter * compared.other_mm2 &&
-                           off_mm > kSpineOff * tube.tube.pipe_radius_mm;
+  const bool simpler = scan.fit.parameters <= parameters && evidence > kLeave.evidence;
+  const bool curved = IsArcUponArc(tube.tube) && evidence > kLeave.evidence;
+  const bool much_better = compared.tube_mm2 > kLeave.better * compared.other_mm2 &&
+                           off_mm > kLeave.spine_off * tube.tube.pipe_radius_mm;
   if ((!simpler && !curved && !much_better) ||
-      static_cast<double>(Explained(scan)) < kMinShare * static_cast<double>(tube.fit.samples)) {
+      static_cast<double>(Explained(scan)) <
+          kLeave.least_share * static_cast<double>(tube.fit.samples)) {
     return {};
   }
   return "no lines and arcs: " + std::to_string(bends) + " bends leave the samples " +
@@ -215,8 +242,8 @@ std::string WhyFreeform(const Measurement& tube, const CanalScan& scan) {
 bool IsAsDrawn(const Measurement& tube, const ReconstructionOptions& options) {
   const auto all = static_cast<double>(tube.fit.samples + tube.fit.outliers);
   return options.nominal && options.nominal->bend_count() == tube.tube.program.bend_count() &&
-         static_cast<double>(tube.fit.samples) > (1.0 - kLookOutliers) * all &&
-         SystematicMm(tube) < kSpineOff * tube.tube.pipe_radius_mm;
+         static_cast<double>(tube.fit.samples) > (1.0 - kLook.outliers) * all &&
+         SystematicMm(tube) < kLeave.spine_off * tube.tube.pipe_radius_mm;
 }
 
 void SayWhy(const std::string& why, Measurement& measurement) {
@@ -229,7 +256,7 @@ std::optional<Measurement> TubeByShrinking(std::span<const Eigen::Vector3d> poin
                                            const CanalScan& pipe, const std::string& without,
                                            ReconstructionOptions options, const hal::Clock& clock,
                                            Workers* workers) {
-  const double nearly_all = kNearlyAll * static_cast<double>(points.size());
+  const double nearly_all = kLeave.nearly_all * static_cast<double>(points.size());
   if (!(static_cast<double>(Explained(pipe)) > nearly_all)) return std::nullopt;
   options.spine_method = SpineMethod::kShrinking;
   auto tube = Reconstruct(points, options, clock, workers);
@@ -245,9 +272,10 @@ std::optional<Measurement> CanalWithoutTube(std::size_t points, const CanalScan&
   const std::vector<double> radii = Radii(scan);
   const double length_mm = scan.to_mm - scan.from_mm;
   const double range_mm = Range(radii);
-  if (static_cast<double>(Explained(scan)) < kExplained * static_cast<double>(points) ||
-      length_mm < kMinLength * Median(radii) ||
-      range_mm < std::max(kOnStraights * Median(radii), 6 * scan.fit.pipe_radius_sigma_mm)) {
+  if (static_cast<double>(Explained(scan)) < kLeave.explained * static_cast<double>(points) ||
+      length_mm < kLeave.least_length * Median(radii) ||
+      range_mm < std::max(kLeave.on_straights * Median(radii),
+                          kLeave.range_sigmas * scan.fit.pipe_radius_sigma_mm)) {
     return std::nullopt;
   }
   Measurement measurement = DescribeCanal(scan, false, clock);

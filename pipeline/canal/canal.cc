@@ -22,26 +22,46 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr std::size_t kShrinkSamples = 20'000;
-constexpr std::size_t kFitPoints = 60'000;  // more add nothing that the scanner did not get wrong
-constexpr double kBlock = 2.0 / 3.0;        // of the radius
-constexpr double kWidest = 2.5;             // radii from 1/2.5 to 2.5 of the estimated one
-// Of the local radius. Paraboloids make radii a tenth too small, and 1.2 (Bauer & Polthier 2009,
-// section 3.2) of that hardly reaches the surface; but tight bends want the smaller one.
-constexpr std::array<double, 2> kSupports = {1.5, 1.2};
-constexpr double kSecondTube = 0.3;  // of the first one's length
-constexpr double kReach = 0.5;       // of the local radius
-constexpr double kBeyond = 1.5;      // of the radius: nodes end before the pipe does
-constexpr double kSpineStep = 0.5;   // of the radius
-constexpr double kCrowd = 0.2;       // of the inner density; less is a few fliers
-constexpr int kStepsOfSpan = 16;
+// The way from points to a canal surface. Lengths in parts of the typical pipe radius; by trial
+// where nothing else is said.
+struct CanalSettings {
+  // So many samples get normals; each costs the same.
+  std::size_t shrink_samples = 20'000;
+  // So many points are fitted: more add nothing that the scanner did not get wrong.
+  std::size_t fit_points = 60'000;
+  // Edge of a block of the grid: the radius of the local paraboloid (Bauer & Polthier 2009, section
+  // 7).
+  double block = 2.0 / 3.0;
+  // Local radii are looked for from 1/2.5 to 2.5 of the typical one.
+  double widest = 2.5;
+  // [of the local radius] Supports of the cylinders, that with the longest spine counts.
+  // Paraboloids make radii a tenth too small, and 1.2 (Bauer & Polthier 2009, section 3.2) of that
+  // hardly reaches the surface; but tight bends want the smaller one.
+  std::array<double, 2> supports = {1.5, 1.2};
+  // [of the first one's length] A longer piece is another pipe, if its points are its own.
+  double second_tube = 0.3;
+  // [of the local radius] Points further from the surface belong to something else.
+  double reach = 0.5;
+  // The spine goes on straight for so long at either end: nodes end before the pipe does.
+  double beyond = 1.5;
+  // Between places where the spine is told.
+  double spine_step = 0.5;
+  // [of the density further in] Where fewer points are, a few fliers lie beyond the end.
+  double crowd = 0.2;
+  // Steps of a span for the table of arc lengths.
+  int steps_of_span = 16;
+};
+constexpr CanalSettings kCanal;
 
-// Of the radius: a pipe has one spine, so a node beside a better one is a fit to part of the
-// circumference, which noise makes narrower or lays on from outside.
-constexpr double kBesideAlong = 0.7;
-constexpr double kBesideLeast = 0.2;
-constexpr double kBesideMost = 2.2;
-constexpr double kBetterSupport = 1.3;
+// A pipe has one spine, so a node beside a better one is a fit to part of the circumference, which
+// noise makes narrower or lays on from outside. Lengths in parts of the better one's radius; by
+// trial.
+struct SideSettings {
+  double most_along = 0.7;                       // the two stand side by side
+  double least_across = 0.2, most_across = 2.2;  // the latter: laid on from outside, and noise
+  double better = 1.3;                           // the better one has so many times the samples
+};
+constexpr SideSettings kSide;
 
 std::vector<SpineNode> WithoutSideNodes(const std::vector<SpineNode>& nodes) {
   std::vector<Eigen::Vector3d> places;
@@ -57,15 +77,15 @@ std::vector<SpineNode> WithoutSideNodes(const std::vector<SpineNode>& nodes) {
     bool beside = false;
     index.Visit(node.position_mm, 2.4 * widest_mm, [&](std::size_t j) {
       const SpineNode& other = nodes[j];
-      if (static_cast<double>(other.samples) < kBetterSupport * static_cast<double>(node.samples)) {
+      if (static_cast<double>(other.samples) < kSide.better * static_cast<double>(node.samples)) {
         return;
       }
       const Eigen::Vector3d v = node.position_mm - other.position_mm;
       const double along = v.dot(other.tangent);
       const double across = (v - along * other.tangent).norm();
-      beside = beside ||
-               (std::abs(along) < kBesideAlong * other.radius_mm &&
-                across > kBesideLeast * other.radius_mm && across < kBesideMost * other.radius_mm);
+      beside = beside || (std::abs(along) < kSide.most_along * other.radius_mm &&
+                          across > kSide.least_across * other.radius_mm &&
+                          across < kSide.most_across * other.radius_mm);
     });
     if (!beside) kept.push_back(node);
   }
@@ -82,7 +102,7 @@ std::vector<Eigen::Vector4d> Extended(const SpinePolygon& polygon, double radius
     const Eigen::Vector4d at = node(end);
     for (int i = 1; i <= 6; ++i) {
       Eigen::Vector4d p = at;
-      p.head<3>() += sign * kBeyond * radius_mm * i / 6.0 * end.tangent;
+      p.head<3>() += sign * kCanal.beyond * radius_mm * i / 6.0 * end.tangent;
       spine.push_back(p);
     }
   };
@@ -103,7 +123,7 @@ double Border(const std::vector<double>& inward, double window_mm) {
   for (std::size_t i = 0; i + 1 < inward.size(); ++i) {
     const double at = inward[i];
     const double here = within(at, at + window_mm);
-    if (here < 4 || here < kCrowd * within(at + window_mm, at + 2 * window_mm)) continue;
+    if (here < 4 || here < kCanal.crowd * within(at + window_mm, at + 2 * window_mm)) continue;
     double sum = 0, sum2 = 0;
     for (std::size_t k = i; k + 1 < inward.size() && inward[k + 1] < at + window_mm; ++k) {
       const double gap = inward[k + 1] - inward[k];
@@ -130,14 +150,14 @@ double ParameterAt(const std::vector<double>& lengths, double along_mm, int span
 
 void PlaceEndsAndSpine(CanalScan& scan) {
   const CanalSurface& surface = scan.fit.surface;
-  const std::vector<double> lengths = surface.ArcLengths(kStepsOfSpan * surface.spans());
+  const std::vector<double> lengths = surface.ArcLengths(kCanal.steps_of_span * surface.spans());
   const double cut_mm = 4 * scan.fit.sigma_mm;
   std::vector<double> inward;
   scan.along_mm.assign(scan.points.size(), 0.0);
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
     const CanalFoot& foot = scan.feet[i];
     if (foot.beyond) continue;
-    const double place = foot.t * kStepsOfSpan;
+    const double place = foot.t * kCanal.steps_of_span;
     const auto k = std::min(static_cast<std::size_t>(place), lengths.size() - 2);
     // The sphere of a tapered pipe touches it before or behind its centre.
     const Eigen::Vector3d tangent = surface.DerivativeAt(foot.t).head<3>().normalized();
@@ -154,7 +174,7 @@ void PlaceEndsAndSpine(CanalScan& scan) {
 
   const double length_mm = std::max(0.0, scan.to_mm - scan.from_mm);
   const int steps =
-      std::max(1, static_cast<int>(std::ceil(length_mm / (kSpineStep * scan.radius_mm))));
+      std::max(1, static_cast<int>(std::ceil(length_mm / (kCanal.spine_step * scan.radius_mm))));
   for (int i = 0; i <= steps; ++i) {
     const double t = ParameterAt(lengths, scan.from_mm + length_mm * i / steps, surface.spans());
     const Eigen::Vector4d c = surface.At(t);
@@ -173,7 +193,7 @@ bool IsOfItsOwn(const SpinePolygon& polygon, const CanalFit& fit, const SampleGr
     grid.GatherBall(node.position_mm, 1.3 * node.radius_mm, ball);
     points.insert(points.end(), ball.begin(), ball.end());
   }
-  const std::vector<CanalFoot> feet = FindFeet(fit.surface, points, radius_mm, kReach);
+  const std::vector<CanalFoot> feet = FindFeet(fit.surface, points, radius_mm, kCanal.reach);
   std::size_t strangers = 0;
   for (const CanalFoot& foot : feet) {
     strangers += foot.beyond || std::abs(foot.distance_mm) > 5 * fit.sigma_mm ? 1 : 0;
@@ -205,15 +225,15 @@ hal::Result<double> RadiusOf(std::span<const Eigen::Vector3d> points, const Cana
 // Samples to pieces of spine, the longest first.
 std::vector<SpinePolygon> SpinesOf(const SampleGrid& grid, double radius_mm, SpineMethod method) {
   const std::vector<OrientedSample> samples =
-      OrientSamples(grid, radius_mm, kWidest, kShrinkSamples);
+      OrientSamples(grid, radius_mm, kCanal.widest, kCanal.shrink_samples);
   if (method == SpineMethod::kShrinking) {
     return SpinePolygons(
         WithoutSideNodes(
-            ShrinkCanal(samples, {.radius_mm = radius_mm, .most = 1.1 * kWidest}).nodes),
+            ShrinkCanal(samples, {.radius_mm = radius_mm, .most = 1.1 * kCanal.widest}).nodes),
         radius_mm);
   }
   std::vector<SpinePolygon> polygons;
-  for (const double support : kSupports) {
+  for (const double support : kCanal.supports) {
     std::vector<SpinePolygon> found = SpinePolygons(
         WithoutSideNodes(ProjectWithFreeRadius(grid, samples, radius_mm, support)), radius_mm);
     if (found.empty()) continue;
@@ -242,7 +262,7 @@ std::vector<Eigen::Vector3d> PointsNear(std::span<const Eigen::Vector4d> spine,
 // The canal surface next to the scan's points; of a free form one of constant radius, if that does.
 void FitSurfaceTo(CanalScan& scan, std::span<const Eigen::Vector4d> spine, bool freeform) {
   std::vector<Eigen::Vector3d> fitted;
-  const std::size_t stride = scan.points.size() / kFitPoints + 1;
+  const std::size_t stride = scan.points.size() / kCanal.fit_points + 1;
   for (std::size_t i = 0; i < scan.points.size(); i += stride) fitted.push_back(scan.points[i]);
   scan.fit = FitCanal(spine, fitted, {.varying_radius = true, .radius_mm = scan.radius_mm});
   if (!freeform) return;
@@ -259,7 +279,7 @@ hal::Result<void> CheckIsOne(std::span<const SpinePolygon> polygons, const Canal
   const double first_mm = LengthOf(polygons.front());
   for (const SpinePolygon& polygon : polygons.subspan(1)) {
     const double other_mm = LengthOf(polygon);
-    if (other_mm <= kSecondTube * first_mm) break;  // they are sorted
+    if (other_mm <= kCanal.second_tube * first_mm) break;  // they are sorted
     if (!IsOfItsOwn(polygon, fit, grid, radius_mm)) continue;
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "two tubes in the points (" + Mm(first_mm) + " and " + Mm(other_mm) +
@@ -291,7 +311,7 @@ hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
   scan.radius_mm = *radius;
   scan.all_points = all_points.size();
   timer.Done("pipe_radius");
-  SampleGrid grid(kBlock * scan.radius_mm);
+  SampleGrid grid(kCanal.block * scan.radius_mm);
   std::int32_t block = 0;
   for (const Eigen::Vector3d& p : points) grid.Insert(p, block);
   timer.Done("samples");
@@ -310,7 +330,7 @@ hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
     return hal::Fail(one.error());
   }
   timer.Done("fit");
-  scan.feet = FindFeet(scan.fit.surface, scan.points, scan.radius_mm, kReach);
+  scan.feet = FindFeet(scan.fit.surface, scan.points, scan.radius_mm, kCanal.reach);
   PlaceEndsAndSpine(scan);
   timer.Done("ends");
   if (const auto pipe = CheckIsPipe(scan); !pipe) return hal::Fail(pipe.error());

@@ -20,13 +20,22 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kOutlier = 5.0;             // sigma
-constexpr std::size_t kMaxSurface = 20'000;  // samples kept for deviations and pictures
-constexpr double kTightest = 0.7;  // of the tightest bend: the thickest pipe that lines and arcs
-                                   // are looked for on
-constexpr std::size_t kArcPoints = 60'000;
-// What shrinking to an even pipe leaves, neighbours have in common.
-constexpr double kCaution = 4.0;
+// What is told of a canal surface.
+struct DescriptionSettings {
+  // [sigma] Samples further from the surface are outliers: of normal noise hardly one in a million.
+  double outlier_sigmas = 5.0;
+  // Samples that are kept for deviations and pictures (by trial).
+  std::size_t most_surface = 20'000;
+  // [of the tightest bend] The thickest pipe that lines and arcs are looked for on: a thicker one
+  // would nearly fold there (by trial).
+  double tightest = 0.7;
+  // So many points tell lines and arcs: more add nothing that the scanner did not get wrong.
+  std::size_t arc_points = 60'000;
+  // Times the usual evidence for a bend: what shrinking to an even pipe leaves, neighbours have in
+  // common (by trial).
+  double caution = 4.0;
+};
+constexpr DescriptionSettings kDescription;
 
 double MeanRadius(const CanalScan& scan) {
   double sum = 0;
@@ -44,7 +53,10 @@ double DesignEffect(const CanalScan& scan) {
   double sum2 = 0, count = 0;
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
     const CanalFoot& foot = scan.feet[i];
-    if (foot.beyond || std::abs(foot.distance_mm) > kOutlier * scan.fit.sigma_mm) continue;
+    if (foot.beyond ||
+        std::abs(foot.distance_mm) > kDescription.outlier_sigmas * scan.fit.sigma_mm) {
+      continue;
+    }
     Patch& patch = patches[CellKey(CellOf(scan.points[i], 0.5 * scan.radius_mm))];
     patch.sum += foot.distance_mm;
     patch.count += 1;
@@ -68,7 +80,8 @@ void DescribePoints(const CanalScan& scan, Measurement& measurement) {
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
     const CanalFoot& foot = scan.feet[i];
     const double s = scan.along_mm[i] - scan.from_mm;
-    if (foot.beyond || std::abs(foot.distance_mm) > kOutlier * scan.fit.sigma_mm ||
+    if (foot.beyond ||
+        std::abs(foot.distance_mm) > kDescription.outlier_sigmas * scan.fit.sigma_mm ||
         s < -0.2 * scan.radius_mm || s > length_mm + 0.2 * scan.radius_mm) {
       continue;
     }
@@ -84,7 +97,7 @@ void DescribePoints(const CanalScan& scan, Measurement& measurement) {
       magnitudes.empty() ? 0.0 : std::sqrt(sum2 / static_cast<double>(magnitudes.size()));
   fit.p95_abs_distance_mm = Quantile(magnitudes, 0.95);
   fit.median_abs_distance_mm = Median(std::move(magnitudes));
-  const std::size_t stride = surface.size() / kMaxSurface + 1;
+  const std::size_t stride = surface.size() / kDescription.most_surface + 1;
   for (std::size_t i = 0; i < surface.size(); i += stride) {
     measurement.surface.push_back(surface[i]);
   }
@@ -108,10 +121,13 @@ OwnedBlocks OnEvenPipe(const CanalScan& scan, double radius_mm) {
   const double cell_mm = 2.0 / 3.0 * radius_mm;
   std::map<std::uint64_t, std::pair<Eigen::Vector3i, std::vector<Eigen::Vector3d>>> cells;
   std::size_t count = 0;
-  const std::size_t stride = scan.points.size() / kArcPoints + 1;
+  const std::size_t stride = scan.points.size() / kDescription.arc_points + 1;
   for (std::size_t i = 0; i < scan.points.size(); i += stride) {
     const CanalFoot& foot = scan.feet[i];
-    if (foot.beyond || std::abs(foot.distance_mm) > kOutlier * scan.fit.sigma_mm) continue;
+    if (foot.beyond ||
+        std::abs(foot.distance_mm) > kDescription.outlier_sigmas * scan.fit.sigma_mm) {
+      continue;
+    }
     // Across the spine, from the place beside the point: the normals of a taper are inclined.
     double t = foot.t;
     for (int round = 0; round < 6; ++round) {
@@ -173,7 +189,8 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
   const double mean_mm = MeanRadius(scan);
   const CanalSurface& surface = scan.fit.surface;
   const double curvature = surface.MaxCurvature(0, surface.spans());
-  const double radius_mm = curvature > 0 ? std::min(mean_mm, kTightest / curvature) : mean_mm;
+  const double radius_mm =
+      curvature > 0 ? std::min(mean_mm, kDescription.tightest / curvature) : mean_mm;
   const double even_mm = std::max(radius_mm, 0.25 * mean_mm);
   const OwnedBlocks blocks = OnEvenPipe(scan, even_mm);
   SpinePolygon polygon;
@@ -181,7 +198,7 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
     polygon.push_back({scan.spine[i].position_mm, scan.tangents[i], 0, 1, 0});
   }
   const SurfaceFit structure =
-      FindStructure(polygon, even_mm, blocks, blocks, {.caution = kCaution});
+      FindStructure(polygon, even_mm, blocks, blocks, {.caution = kDescription.caution});
   const SurfaceFit fit = FitSurface(structure.tube, blocks,
                                     {.reach_mm = 0.5 * even_mm,
                                      .max_length_mm = 2.0 * LengthOf(polygon),

@@ -10,8 +10,15 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr int kMaxNewton = 8;
-constexpr double kSmooth = 1e-4;  // keeps control points that no point speaks for in line
+// How curves are fitted to nodes, and feet of points found on them. By trial.
+struct SurfaceSettings {
+  // Newton's steps to a foot at most.
+  int most_newton = 8;
+  // [of the nodes' weight for each control point] Of third differences: keeps control points that
+  // no node speaks for in line.
+  double smooth = 1e-4;
+};
+constexpr SurfaceSettings kSurface;
 
 Eigen::Vector4d Weights(double u, int derivative) {
   const double v = 1 - u;
@@ -62,7 +69,8 @@ CanalSurface CanalSurface::Through(std::span<const Eigen::Vector4d> points, int 
     }
   }
   const Eigen::Vector4d third(-1, 3, -3, 1);
-  const double smooth = std::max(kSmooth * static_cast<double>(points.size()) / count, 1e-9);
+  const double smooth =
+      std::max(kSurface.smooth * static_cast<double>(points.size()) / count, 1e-9);
   for (int i = 0; i + 3 < count; ++i) {
     for (int a = 0; a < 4; ++a) {
       for (int b = 0; b < 4; ++b) entries.emplace_back(i + a, i + b, smooth * third[a] * third[b]);
@@ -82,7 +90,7 @@ CanalSurface CanalSurface::Through(std::span<const Eigen::Vector4d> points, int 
 CanalFoot CanalSurface::FootNear(const Eigen::Vector3d& point, double guess) const {
   CanalFoot foot;
   double t = std::clamp(guess, 0.0, static_cast<double>(spans()));
-  for (int i = 0; i < kMaxNewton; ++i) {
+  for (int i = 0; i < kSurface.most_newton; ++i) {
     const Eigen::Vector4d c = At(t);
     const Eigen::Vector4d d1 = DerivativeAt(t);
     const Eigen::Vector4d d2 = SecondAt(t);
