@@ -12,8 +12,15 @@
 namespace bendloop::pipeline {
 namespace {
 
-// Below this a bend's normal, and so the rotation, becomes uncertain in proportion.
-constexpr double kFullNormal_deg = 10.0;
+// How much rotations count beside small bends. By trial.
+struct RotationWeights {
+  // [degrees] Below this angle a bend's normal, and so the rotation, becomes uncertain in
+  // proportion.
+  double full_normal_deg = 10.0;
+  // Rotations of less weight say nothing: a bend of half a degree has no direction.
+  double least = 0.05;
+};
+constexpr RotationWeights kRotation;
 
 hal::BendProgram Mirrored(hal::BendProgram program) {
   for (hal::BendRow& row : program.rows) row.rotation_deg = -row.rotation_deg;
@@ -62,8 +69,8 @@ DirectionFit FitOneWay(const hal::BendProgram& nominal, const hal::BendProgram& 
     if (i == 0) continue;
     const double smallest = std::min(
         {n.angle_deg, nominal.rows[i - 1].angle_deg, m.angle_deg, measured.rows[i - 1].angle_deg});
-    const double weight = std::min(1.0, smallest / kFullNormal_deg);
-    if (weight < 0.05) continue;
+    const double weight = std::min(1.0, smallest / kRotation.full_normal_deg);
+    if (weight < kRotation.least) continue;
     cost.Add(i, hal::WrapRotationDeg(m.rotation_deg - n.rotation_deg),
              expected.rotation_deg / weight, s.rotation_deg);
   }

@@ -7,11 +7,9 @@
 #include <numbers>
 
 namespace bendloop::pipeline {
-namespace {
-constexpr double kDegrees = 180.0 / std::numbers::pi;
-}
 
 hal::Tube TubeFromSpline(const ArcLineSpline& spline, double pipe_radius_mm) {
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
   hal::Tube tube;
   tube.pipe_radius_mm = pipe_radius_mm;
   Eigen::Vector3d tangent = spline.tangent;

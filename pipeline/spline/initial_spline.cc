@@ -9,7 +9,16 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kArcTolerance = 2.0;  // of the simplification's
+// How the chain of nodes becomes lines and arcs. By trial.
+struct InitialSplineSettings {
+  // An edge that stands for so many nodes is a line through them; a shorter one is its chord.
+  std::size_t line_nodes = 8;
+  // Cosine between that line and the chord: 8 degrees. More is a bend that was taken for a line.
+  double least_cosine = 0.99;
+  // Tolerance of the arcs: times the simplification's.
+  double arc_tolerance = 2.0;
+};
+constexpr InitialSplineSettings kInitial;
 
 }  // namespace
 
@@ -24,7 +33,7 @@ ArcLineSpline InitialSpline(const SpinePolygon& polygon, double epsilon_mm) {
   for (std::size_t e = 0; e + 1 < kept.size(); ++e) {
     const Eigen::Vector3d chord = (vertices[e + 1] - vertices[e]).normalized();
     TangentLine line{vertices[e], chord};
-    if (kept[e + 1] - kept[e] >= 8) {
+    if (kept[e + 1] - kept[e] >= kInitial.line_nodes) {
       Eigen::Vector3d mean = Eigen::Vector3d::Zero();
       Eigen::Matrix3d outer = Eigen::Matrix3d::Zero();
       double count = 0;
@@ -38,13 +47,13 @@ ArcLineSpline InitialSpline(const SpinePolygon& polygon, double epsilon_mm) {
       eigen.computeDirect(outer / count - mean * mean.transpose());
       Eigen::Vector3d direction = eigen.eigenvectors().col(2);
       if (direction.dot(chord) < 0) direction = -direction;
-      if (direction.dot(chord) > 0.99) {
+      if (direction.dot(chord) > kInitial.least_cosine) {
         line = {mean + (vertices[e] - mean).dot(direction) * direction, direction};
       }
     }
     tangents.push_back(line);
   }
-  return ApproximateByArcLineSpline(vertices, tangents, kArcTolerance * epsilon_mm);
+  return ApproximateByArcLineSpline(vertices, tangents, kInitial.arc_tolerance * epsilon_mm);
 }
 
 }  // namespace bendloop::pipeline

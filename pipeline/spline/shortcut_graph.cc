@@ -13,10 +13,19 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-constexpr double kWider = 1.5;  // times the tolerance, where there is no spline
-constexpr int kMaxWider = 6;
-constexpr double kMinTurn = 1e-3;  // rad; less is no bend
+// Where there is no spline within the tolerance, a wider one is tried. By trial.
+struct ShortcutSettings {
+  double wider = 1.5;  // times the tolerance before
+  int tolerances = 6;  // at most, the first included: up to 7.6 times
+  // [rad] An arc turns by more, and by less than a full turn without it; 0.06 degrees are no bend.
+  double least_turn_rad = 1e-3;
+};
+constexpr ShortcutSettings kShortcuts;
+
+bool IsBend(double turn_rad) {
+  return turn_rad >= kShortcuts.least_turn_rad &&
+         turn_rad <= 2.0 * std::numbers::pi - kShortcuts.least_turn_rad;
+}
 
 // The plane of an edge: through l_i, as parallel to l_j as it can be.
 struct Plane {
@@ -155,8 +164,8 @@ std::optional<Edge> MakeEdge(std::span<const Eigen::Vector3d> vertices,
 
   const double total = TotalTurn(*plane, tangents, direction1, i, j);
   double turn = std::atan2(direction2.y(), direction2.x());
-  turn += 2.0 * kPi * std::round((total - turn) / (2.0 * kPi));
-  if (std::abs(turn) < kMinTurn || std::abs(turn) > 2.0 * kPi - kMinTurn) return std::nullopt;
+  turn += 2.0 * std::numbers::pi * std::round((total - turn) / (2.0 * std::numbers::pi));
+  if (!IsBend(std::abs(turn))) return std::nullopt;
   const auto circles =
       MakeTangentCircles(Eigen::Vector2d::Zero(), direction1, point2, direction2, turn);
   if (!circles) return std::nullopt;
@@ -233,7 +242,7 @@ ArcLineSpline ApproximateByArcLineSpline(std::span<const Eigen::Vector3d> vertic
   const std::size_t m = tangents.size();
   std::vector<State> states;
   double tolerance_mm = epsilon_mm;
-  for (int i = 0; i < kMaxWider; ++i, tolerance_mm *= kWider) {
+  for (int i = 0; i < kShortcuts.tolerances; ++i, tolerance_mm *= kShortcuts.wider) {
     states = BestWays(vertices, tangents, tolerance_mm);
     if (states.back().arcs < std::numeric_limits<int>::max()) break;
   }

@@ -7,10 +7,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-// A shortcut that misses a point by this many tolerances will not become valid again: the curve has
-// left the direction for good. Keeps the search near linear on straights with noise.
-constexpr double kHopeless = 4.0;
-
 struct Shortcut {
   double worst2 = 0;  // squared distances
   double sum2 = 0;
@@ -44,6 +40,10 @@ std::vector<std::size_t> Simplify(std::span<const Eigen::Vector3d> chain, double
   std::vector<std::size_t> previous(n, 0);
   segments[0] = 0;
   const double epsilon2 = epsilon_mm * epsilon_mm;
+  // A shortcut that misses a point by this many tolerances will not become valid again: the curve
+  // has left the direction for good. Keeps the search near linear on straights with noise (by
+  // trial).
+  constexpr double kHopeless = 4.0;
   const double give_up2 = kHopeless * kHopeless * epsilon2;
   // Vertices come in the order of the chain, so each is final when it is reached.
   for (std::size_t i = 0; i + 1 < n; ++i) {

@@ -13,8 +13,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr int kPointsPerSegment = 8;
-
 }  // namespace
 
 Alignment BestFit(std::span<const Vector3d> measured_W, std::span<const Vector3d> nominal_N,
@@ -57,6 +55,7 @@ Alignment AlignTubes(const hal::BendProgram& nominal, const hal::Tube& measured)
   const auto segments_N = hal::SpineSegments(nominal, {});
   const auto segments_W = hal::SpineSegments(measured.program, measured.X_WT);
   const std::size_t count = std::min(segments_N.size(), segments_W.size());
+  constexpr int kPointsPerSegment = 8;  // an arc of 180 degrees every 22 degrees (by trial)
   std::vector<Vector3d> points_N;
   std::vector<Vector3d> points_W;
   std::vector<double> weights;

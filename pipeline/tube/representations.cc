@@ -14,10 +14,15 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
-// What coordinates rounded to hundredths of a millimetre can take from a straight of length 0.
-constexpr double kOverlapTolerance_mm = 0.01;
-// Below this angle a corner has no plane that numbers could tell.
-constexpr double kCollinear_rad = 1e-9;
+// What numbers rounded for people leave.
+struct RoundingLimits {
+  // [mm] What coordinates rounded to hundredths of a millimetre can take from a straight of length
+  // 0.
+  double overlap_mm = 0.01;
+  // [rad] Below this angle a corner has no plane that numbers could tell.
+  double collinear_rad = 1e-9;
+};
+constexpr RoundingLimits kRounding;
 
 std::string Number(double value) {
   char text[32];
@@ -127,7 +132,7 @@ hal::Result<void> SetStraights(std::span<const double> legs_mm, std::span<const 
                                hal::BendProgram& program) {
   for (std::size_t i = 0; i < legs_mm.size(); ++i) {
     const double length_mm = legs_mm[i] - setbacks_mm[i] - setbacks_mm[i + 1];
-    if (length_mm < -kOverlapTolerance_mm) {
+    if (length_mm < -kRounding.overlap_mm) {
       return BadPolygon("points " + std::to_string(i + 1) + " and " + std::to_string(i + 2) +
                         " are " + Number(legs_mm[i]) + " mm apart, but the bends at them take " +
                         Number(setbacks_mm[i]) + " and " + Number(setbacks_mm[i + 1]) +
@@ -225,12 +230,13 @@ hal::Result<hal::Tube> TubeFromPolygon(const ControlPolygon& polygon) {
       return bad("point " + std::to_string(i + 2) + ": bend radius " + Number(*row.bend_radius_mm) +
                  " mm; expected a positive number of mm");
     }
-    if (std::numbers::pi - angle < kCollinear_rad) {
+    if (std::numbers::pi - angle < kRounding.collinear_rad) {
       return bad("point " + std::to_string(i + 2) +
                  ": the polygon turns back on itself (180 degrees); such a bend has no plane, use "
                  "LRA or pose");
     }
-    if (angle < kCollinear_rad) continue;  // a point on a straight: nothing to bend or rotate
+    if (angle < kRounding.collinear_rad)
+      continue;  // a point on a straight: nothing to bend or rotate
     row.angle_deg = angle / kRadiansPerDegree;
     setbacks_mm[i + 1] = row.bend_radius_mm.value_or(0.0) * std::tan(0.5 * angle);
     const Vector3d n = cross.normalized();
@@ -292,7 +298,7 @@ hal::Result<hal::BendProgram> ProgramFromYbc(const std::vector<YbcRow>& rows,
     }
     if (style.feed != FeedCount::kIncremental) {
       row.length_mm = rows[i].y_mm - fed_mm;
-      if (row.length_mm < -kOverlapTolerance_mm) {
+      if (row.length_mm < -kRounding.overlap_mm) {
         return hal::Fail(hal::ErrorKind::kBadInput,
                          "row " + std::to_string(i + 1) + ": feed " + Number(rows[i].y_mm) +
                              " mm lies before " + Number(fed_mm) +
