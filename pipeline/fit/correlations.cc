@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -16,14 +17,22 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-constexpr double kStrong = 0.9;
-constexpr double kLoneRotationDeg = 1;  // 1 sigma that is worth a word without a correlation
-constexpr double kBetter = 0.5;         // of the worst of the values: worth saying
-constexpr std::size_t kColumns = 4;
-// 1 sigma of a length, rotation and angle that is vague: what the interlocks refuse as shipped. A
-// bend radius is no value of a bender.
-constexpr std::array<double, kColumns> kVague = {0.3, 0.3, 0.2,
-                                                 std::numeric_limits<double>::infinity()};
+constexpr std::size_t kColumns = 4;  // values of a row, by RowValueKind
+
+struct CorrelationSettings {
+  // |coefficient| of a strong one: who knows the one value knows the other to less than half of its
+  // sigma, sqrt(1 - 0.9^2) = 0.44.
+  double strong = 0.9;
+  // [mm, degrees] 1 sigma of a length, rotation and angle that is vague: what the interlocks refuse
+  // as shipped. A bend radius is no value of a bender.
+  std::array<double, kColumns> vague = {0.3, 0.3, 0.2, std::numeric_limits<double>::infinity()};
+  // [degrees] 1 sigma of a rotation that is worth a word without a correlation. By trial.
+  double lone_rotation_deg = 1.0;
+  // Of the sigma of the worst value: what is known together is said where it is known at least
+  // twice as well.
+  double better = 0.5;
+};
+constexpr CorrelationSettings kCorrelation;
 
 // Along the tube: a length and a rotation stand before their bend, bend b at 2 b + 1.
 std::size_t PlaceOf(const RowValue& value) {
@@ -78,7 +87,7 @@ class RowCovariance {
   double SigmaOf(Eigen::Index i) const { return std::sqrt(matrix_(i, i)); }
   double SigmaOf(const RowValue& value) const { return SigmaOf(At(value)); }
   bool IsVague(const RowValue& value) const {
-    return SigmaOf(value) > kVague[static_cast<std::size_t>(value.kind)];
+    return SigmaOf(value) > kCorrelation.vague[static_cast<std::size_t>(value.kind)];
   }
   double SigmaOf(const Eigen::VectorXd& sum) const {
     return std::sqrt(std::max(0.0, sum.dot(matrix_ * sum)));
@@ -103,7 +112,7 @@ std::vector<Correlation> StrongOnes(const RowCovariance& covariance) {
   for (Eigen::Index i = 0; i < covariance.size(); ++i) {
     for (Eigen::Index j = i + 1; j < covariance.size(); ++j) {
       const double coefficient = covariance.Coefficient(i, j);
-      if (std::abs(coefficient) < kStrong) continue;
+      if (std::abs(coefficient) < kCorrelation.strong) continue;
       list.push_back({ValueAt(i), ValueAt(j), coefficient});
     }
   }
@@ -135,7 +144,7 @@ std::vector<KnownTogether> VagueBends(const RowCovariance& covariance,
   for (const Correlation& c : correlations) add(c.first, c.second);
   for (std::size_t i = 1; i < covariance.bends(); ++i) {
     const RowValue rotation{i, RowValueKind::kRotation};
-    if (covariance.SigmaOf(rotation) < kLoneRotationDeg) continue;
+    if (covariance.SigmaOf(rotation) < kCorrelation.lone_rotation_deg) continue;
     list.push_back({.first_bend = i, .last_bend = i, .values = {rotation}});
   }
   std::stable_sort(list.begin(), list.end(),
@@ -180,6 +189,71 @@ double AcrossSigma(const Eigen::Matrix3d& turn, const Eigen::Vector3d& tangent) 
   return std::sqrt(std::max(0.0, eigen.eigenvalues().maxCoeff()));
 }
 
+// The greatest sigmas of a run's vague values.
+struct WorstSigmas {
+  double rotation_deg = 0;
+  double turn_deg = 0;  // of rotations and angles
+  double length_mm = 0;
+};
+
+WorstSigmas WorstOf(const KnownTogether& run, const RowCovariance& covariance) {
+  WorstSigmas worst;
+  for (const RowValue& value : run.values) {
+    if (!covariance.IsVague(value)) continue;
+    const bool is_length = value.kind == RowValueKind::kLength;
+    double& of_kind = is_length ? worst.length_mm : worst.turn_deg;
+    of_kind = std::max(of_kind, covariance.SigmaOf(value));
+    if (value.kind == RowValueKind::kRotation) {
+      worst.rotation_deg = std::max(worst.rotation_deg, covariance.SigmaOf(value));
+    }
+  }
+  return worst;
+}
+
+// The direction in which the tube goes on behind the run and the plane of the next bend against
+// the one before, where they are known. `turn`: the covariance of TurnBehind.
+void SetTurn(const Eigen::Matrix3d& turn, const std::vector<hal::SpineSegment>& segments,
+             std::size_t bends, const WorstSigmas& worst, KnownTogether& run) {
+  const Eigen::Vector3d before = segments[2 * run.first_bend].tangent;
+  const Eigen::Vector3d behind = segments[2 * run.last_bend + 2].tangent;
+  // From both sides, so that it is the same for the tube from its other end.
+  const double direction_deg =
+      kDegrees * std::max(AcrossSigma(turn, before), AcrossSigma(turn, behind));
+  if (direction_deg < kCorrelation.better * worst.turn_deg) run.direction_sigma_deg = direction_deg;
+  const double plane_deg =
+      kDegrees * std::sqrt(std::max({0.0, before.dot(turn * before), behind.dot(turn * behind)}));
+  const bool between_bends = run.first_bend > 0 && run.last_bend + 1 < bends;
+  if (between_bends && plane_deg < kCorrelation.better * worst.rotation_deg) {
+    run.plane_sigma_deg = plane_deg;
+  }
+}
+
+// The length of the spine through the run with the straights on both sides, where it is known.
+void SetLength(const RowCovariance& covariance, const hal::BendProgram& measured,
+               const WorstSigmas& worst, KnownTogether& run) {
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(covariance.size());
+  double sum_mm = 0;
+  for (std::size_t i = run.first_bend; i <= run.last_bend + 1; ++i) {
+    const hal::BendRow& row = measured.rows[i];
+    sum[RowCovariance::At(i, RowValueKind::kLength)] = 1;
+    sum_mm += row.length_mm;
+    if (i > run.last_bend) break;
+    const double radius_mm = row.bend_radius_mm.value_or(0);
+    sum[RowCovariance::At(i, RowValueKind::kAngle)] = radius_mm / kDegrees;
+    sum[RowCovariance::At(i, RowValueKind::kBendRadius)] = row.angle_deg / kDegrees;
+    sum_mm += radius_mm * row.angle_deg / kDegrees;
+  }
+  const double sigma_mm = covariance.SigmaOf(sum);
+  if (!(sigma_mm < kCorrelation.better * worst.length_mm)) return;
+  run.length_mm = sum_mm;
+  run.length_sigma_mm = sigma_mm;
+}
+
+bool SaysNothing(const KnownTogether& run) {
+  return run.values.size() == 1 && std::isnan(run.direction_sigma_deg) &&
+         std::isnan(run.plane_sigma_deg);
+}
+
 }  // namespace
 
 JointUncertainty FindCorrelations(const SurfaceFit& fit, const hal::BendProgram& measured,
@@ -201,50 +275,11 @@ JointUncertainty FindCorrelations(const SurfaceFit& fit, const hal::BendProgram&
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const auto derivatives = parameters.FrameDerivatives(segments);
   for (KnownTogether& run : runs) {
-    // The worst of the values.
-    double rotation_deg = 0, turn_deg = 0, length_mm = 0;
-    for (const RowValue& value : run.values) {
-      if (!covariance.IsVague(value)) continue;
-      const double of_value = covariance.SigmaOf(value);
-      if (value.kind == RowValueKind::kRotation) rotation_deg = std::max(rotation_deg, of_value);
-      if (value.kind == RowValueKind::kLength)
-        length_mm = std::max(length_mm, of_value);
-      else
-        turn_deg = std::max(turn_deg, of_value);
-    }
+    const WorstSigmas worst = WorstOf(run, covariance);
     const Eigen::MatrixXd by_parameter = TurnBehind(run, parameters, segments, derivatives);
-    const Eigen::Matrix3d turn = by_parameter * fit.covariance * by_parameter.transpose();
-    const Eigen::Vector3d before = segments[2 * run.first_bend].tangent;
-    const Eigen::Vector3d behind = segments[2 * run.last_bend + 2].tangent;
-    // From both sides, so that it is the same for the tube from its other end.
-    const double direction_deg =
-        kDegrees * std::max(AcrossSigma(turn, before), AcrossSigma(turn, behind));
-    if (direction_deg < kBetter * turn_deg) run.direction_sigma_deg = direction_deg;
-    const double plane_deg =
-        kDegrees * std::sqrt(std::max({0.0, before.dot(turn * before), behind.dot(turn * behind)}));
-    const bool between_bends = run.first_bend > 0 && run.last_bend + 1 < bends;
-    if (between_bends && plane_deg < kBetter * rotation_deg) run.plane_sigma_deg = plane_deg;
-
-    Eigen::VectorXd sum = Eigen::VectorXd::Zero(covariance.size());
-    double sum_mm = 0;
-    for (std::size_t i = run.first_bend; i <= run.last_bend + 1; ++i) {
-      const hal::BendRow& row = measured.rows[i];
-      sum[RowCovariance::At(i, RowValueKind::kLength)] = 1;
-      sum_mm += row.length_mm;
-      if (i > run.last_bend) break;
-      const double radius_mm = row.bend_radius_mm.value_or(0);
-      sum[RowCovariance::At(i, RowValueKind::kAngle)] = radius_mm / kDegrees;
-      sum[RowCovariance::At(i, RowValueKind::kBendRadius)] = row.angle_deg / kDegrees;
-      sum_mm += radius_mm * row.angle_deg / kDegrees;
-    }
-    const double sum_sigma_mm = covariance.SigmaOf(sum);
-    if (sum_sigma_mm < kBetter * length_mm) {
-      run.length_mm = sum_mm;
-      run.length_sigma_mm = sum_sigma_mm;
-    }
-    const bool says_nothing = run.values.size() == 1 && std::isnan(run.direction_sigma_deg) &&
-                              std::isnan(run.plane_sigma_deg);
-    if (!says_nothing) joint.known_together.push_back(std::move(run));
+    SetTurn(by_parameter * fit.covariance * by_parameter.transpose(), segments, bends, worst, run);
+    SetLength(covariance, measured, worst, run);
+    if (!SaysNothing(run)) joint.known_together.push_back(std::move(run));
   }
   return joint;
 }

@@ -9,17 +9,41 @@
 #include <vector>
 
 #include "pipeline/fit/nearest_lanes.h"
+#include "pipeline/fit/surface_sums.h"
 #include "pipeline/math/magnitude_histogram.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kOutlier = 5.0;  // sigma
-constexpr double kMargin = 0.2;   // of r_P: how far beyond its ends the tube's points are
-constexpr std::size_t kMaxSurface = 20'000;  // samples kept for deviations and pictures
-constexpr double kBin = 0.5;                 // of r_P: resolution of coverage and spine
-constexpr double kMostBins = 1e5;
-constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 8;  // of the walk
+struct DescriptionSettings {
+  // [sigma] Further from the surface a point is an outlier: there it has no weight in the fit.
+  double outlier = kNoWeight;
+  // [of r_P] So far beyond its ends points are still the tube's: a burr, noise. By trial.
+  double margin = 0.2;
+  // Points that are kept for deviations and pictures. By trial.
+  std::size_t most_kept = 20'000;
+  // [of r_P] Resolution of coverage and spine. Three neighbours tell whether a place is covered, so
+  // that points are looked for within a pipe radius.
+  double bin = 0.5;
+  // Bounds the memory for tubes far longer than benders make them.
+  double most_bins = 1e5;
+  // Of the walk: least points of a round, and most rounds, each with bins of its own. By trial.
+  std::size_t points_of_round = 8192, most_rounds = 8;
+};
+constexpr DescriptionSettings kDescription;
+
+// Places along the spine, one behind the other.
+struct Bins {
+  explicit Bins(const hal::Tube& tube)
+      : length_mm(hal::SpineLength(tube.program)),
+        bin_mm(
+            std::max(kDescription.bin * tube.pipe_radius_mm, length_mm / kDescription.most_bins)),
+        count(static_cast<std::size_t>(std::ceil(length_mm / bin_mm)) + 1) {}
+
+  double length_mm;  // of the tube
+  double bin_mm;
+  std::size_t count;
+};
 
 // What points say of the tube that they lie on.
 struct Description {
@@ -45,18 +69,18 @@ struct Description {
 class Describer {
  public:
   // Every `sparse`-th point is kept for the surface.
-  Describer(const hal::Tube& tube, double sigma_mm, double bin_mm, std::size_t bins,
-            std::size_t sparse, Description& description)
+  Describer(const hal::Tube& tube, double sigma_mm, const Bins& bins, std::size_t sparse,
+            Description& description)
       : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
         frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
         pipe_radius_mm_(tube.pipe_radius_mm),
-        length_mm_(hal::SpineLength(tube.program)),
-        reach_mm_(kOutlier * sigma_mm),
-        inverse_bin_(1.0 / bin_mm),
+        length_mm_(bins.length_mm),
+        reach_mm_(kDescription.outlier * sigma_mm),
+        inverse_bin_(1.0 / bins.bin_mm),
         sparse_(sparse),
         out_(description) {
-    out_.count.assign(bins, 0);
-    out_.sum_mm.assign(bins, 0.0);
+    out_.count.assign(bins.count, 0);
+    out_.sum_mm.assign(bins.count, 0.0);
   }
 
   // `index`: of the block's first point among all.
@@ -91,7 +115,7 @@ class Describer {
             ? along_mm_[c][i]
             : std::clamp(nearest_.Local(c).x[i], frames_[k].low_mm, frames_[k].high_mm);
     const double s = segments_[k].from_start_mm + along_mm;
-    const double margin_mm = kMargin * pipe_radius_mm_;
+    const double margin_mm = kDescription.margin * pipe_radius_mm_;
     if (!(std::abs(d) <= reach_mm_) || s < -margin_mm || s > length_mm_ + margin_mm) return;
     out_.magnitudes.Add(d);
     out_.sum2_mm2 += d * d;
@@ -112,76 +136,89 @@ class Describer {
   std::vector<std::array<double, kBatch>> along_mm_;
 };
 
-}  // namespace
-
-void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples, double sigma_mm,
-                     Measurement& measurement, Workers* workers) {
-  const hal::Tube& tube = measurement.tube;
-  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-  const double length_mm = hal::SpineLength(tube.program);
-  const double bin_mm = std::max(kBin * tube.pipe_radius_mm, length_mm / kMostBins);
-  const auto bins = static_cast<std::size_t>(std::ceil(length_mm / bin_mm)) + 1;
-  const std::size_t sparse = CountPoints(blocks) / kMaxSurface + 1;
+// A walk over all points.
+Description Describe(std::span<const PointBlock> blocks, const hal::Tube& tube, double sigma_mm,
+                     const Bins& bins, Workers* workers) {
+  const std::size_t sparse = CountPoints(blocks) / kDescription.most_kept + 1;
   std::vector<std::size_t> first_index;
   std::size_t index = 0;
   for (const PointBlock& block : blocks) {
     first_index.push_back(index);
     index += block.points.size();
   }
-  const std::vector<BlockRange> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  const std::vector<BlockRange> rounds =
+      EvenRounds(blocks, kDescription.points_of_round, kDescription.most_rounds);
   std::vector<Description> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
-    Describer describer(tube, sigma_mm, bin_mm, bins, sparse, parts[round]);
+    Describer describer(tube, sigma_mm, bins, sparse, parts[round]);
     for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
       describer.Add(blocks[i], first_index[i]);
     }
   });
-  Description& all = parts.front();
-  for (std::size_t round = 1; round < parts.size(); ++round) all.Add(parts[round]);
-  const std::vector<std::uint32_t>& count = all.count;
+  for (std::size_t round = 1; round < parts.size(); ++round) parts.front().Add(parts[round]);
+  return std::move(parts.front());
+}
 
-  FitQuality& fit = measurement.fit;
-  fit.samples = all.points;
-  fit.outliers = all_samples - std::min(all_samples, all.points);
+void SetDistances(const Description& points, std::size_t all_samples, FitQuality& fit) {
+  fit.samples = points.points;
+  fit.outliers = all_samples - std::min(all_samples, points.points);
   fit.rms_distance_mm =
-      all.points == 0 ? 0.0 : std::sqrt(all.sum2_mm2 / static_cast<double>(all.points));
-  fit.p95_abs_distance_mm = all.magnitudes.Quantile(0.95);
-  fit.median_abs_distance_mm = all.magnitudes.Quantile(0.5);
-  measurement.surface = std::move(all.surface);
+      points.points == 0 ? 0.0 : std::sqrt(points.sum2_mm2 / static_cast<double>(points.points));
+  fit.p95_abs_distance_mm = points.magnitudes.Quantile(0.95);
+  fit.median_abs_distance_mm = points.magnitudes.Quantile(0.5);
+}
 
-  // A place is covered when samples lie within a pipe radius along the spine: laser lines further
-  // apart than that leave gaps that a bend could hide in.
-  double uncovered = 0;
-  double gap = 0;
+// A place is covered when samples lie within a pipe radius along the spine: laser lines further
+// apart than that leave gaps that a bend could hide in.
+void SetCoverage(const Bins& bins, std::span<const std::uint32_t> count, Measurement& measurement) {
   const auto covered = [&](std::size_t bin) {
     const std::size_t low = bin == 0 ? 0 : bin - 1;
-    const std::size_t high = std::min(bin + 1, bins - 1);
+    const std::size_t high = std::min(bin + 1, bins.count - 1);
     return count[low] + count[bin] + count[high] > 0;
   };
+  double uncovered_mm = 0, gap_mm = 0;
   measurement.longest_gap_mm = 0;
-  for (std::size_t bin = 0; bin + 1 < bins; ++bin) {
+  for (std::size_t bin = 0; bin + 1 < bins.count; ++bin) {
     if (covered(bin)) {
-      gap = 0;
+      gap_mm = 0;
       continue;
     }
-    uncovered += bin_mm;
-    gap += bin_mm;
-    measurement.longest_gap_mm = std::max(measurement.longest_gap_mm, gap);
+    uncovered_mm += bins.bin_mm;
+    gap_mm += bins.bin_mm;
+    measurement.longest_gap_mm = std::max(measurement.longest_gap_mm, gap_mm);
   }
-  measurement.coverage = length_mm > 0 ? std::clamp(1.0 - uncovered / length_mm, 0.0, 1.0) : 0.0;
+  measurement.coverage =
+      bins.length_mm > 0 ? std::clamp(1.0 - uncovered_mm / bins.length_mm, 0.0, 1.0) : 0.0;
+}
 
+// The spine with the radius that the points have there.
+void SetSpine(const Bins& bins, const Description& points, Measurement& measurement) {
+  const hal::Tube& tube = measurement.tube;
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   measurement.spine.clear();
   std::size_t segment = 0;
-  for (std::size_t bin = 0; bin < bins; ++bin) {
-    const double s = std::min(static_cast<double>(bin) * bin_mm, length_mm);
+  for (std::size_t bin = 0; bin < bins.count; ++bin) {
+    const double s = std::min(static_cast<double>(bin) * bins.bin_mm, bins.length_mm);
     while (segment + 1 < segments.size() &&
            s > segments[segment].from_start_mm + segments[segment].length_mm) {
       ++segment;
     }
-    const double mean = count[bin] > 0 ? all.sum_mm[bin] / count[bin] : 0.0;
+    const double mean_mm = points.count[bin] > 0 ? points.sum_mm[bin] / points.count[bin] : 0.0;
     measurement.spine.push_back({segments[segment].PointAt(s - segments[segment].from_start_mm),
-                                 tube.pipe_radius_mm + mean});
+                                 tube.pipe_radius_mm + mean_mm});
   }
+}
+
+}  // namespace
+
+void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples, double sigma_mm,
+                     Measurement& measurement, Workers* workers) {
+  const Bins bins(measurement.tube);
+  Description points = Describe(blocks, measurement.tube, sigma_mm, bins, workers);
+  SetDistances(points, all_samples, measurement.fit);
+  SetCoverage(bins, points.count, measurement);
+  SetSpine(bins, points, measurement);
+  measurement.surface = std::move(points.surface);
 }
 
 }  // namespace bendloop::pipeline

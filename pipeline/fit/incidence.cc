@@ -12,20 +12,38 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kOneSigma = 0.6827;    // of normal noise lies within
-constexpr double kLeastSigmaMm = 1e-4;  // that is believed
-constexpr double kLeastPoints = 200;    // of a class; smaller ones go with their neighbours
-constexpr double kWorthwhile = 0.01;    // of the estimates' variance is to be gained,
-constexpr double kSure = 16;            // and chi square of the classes be so much less
-constexpr double kVarianceOfLog = 3.7;  // of such a sigma's square, of n points: this / n
-constexpr double kMostDifferent = 3.2;  // log of a variance: a factor of 5 in sigma
+constexpr double kOneSigma = 0.6827;  // of normal noise lies within
 constexpr std::uint8_t kNotKnown = 0;
-constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 16;
+
+struct IncidenceSettings {
+  // [mm] The least sigma that is believed: noise-free points are points too.
+  double least_sigma_mm = 1e-4;
+  // Points of a class; smaller ones go with their neighbours. Of 200 sigma is known to 7 %.
+  double least_points = 200;
+  // Of the estimates' variance is to be gained, and chi square of the classes be so much less: 4
+  // sigma, where one trend is all that is asked for.
+  double worthwhile = 0.01, sure = 16.0;
+  // Variance of the logarithm of a class's sigma's square, times its points. From the quantile of
+  // normal noise: 4 p (1 - p) / (density at 1 sigma, both sides)^2 with p = 0.6827.
+  double variance_of_log = 3.7;
+  // Logarithm of a variance: a factor of 5 in sigma either way. By trial.
+  double most_different = 3.2;
+  // The walk over the points: least points of a round, and most rounds. By trial.
+  std::size_t points_of_round = 8192, most_rounds = 16;
+};
+constexpr IncidenceSettings kIncidence;
 
 struct Class {
   double points = 0;
   double cosine = 0;  // mean
   double log_variance = 0;
+};
+
+// All of them, from grazing to face on.
+struct Classes {
+  std::vector<Class> of;
+  double points = 0;
+  double mean = 0;  // of log_variance, by points
 };
 
 // Least squares of values that never fall (`rising`) or never rise from class to class: pools
@@ -65,6 +83,69 @@ double Interpolated(std::span<const Class> classes, std::span<const double> valu
     return std::lerp(values[i - 1], values[i], (cosine - a.cosine) / (b.cosine - a.cosine));
   }
   return values.back();
+}
+
+// `counts`: points by code; `distances`: theirs, by ranges of codes that are equally long. What is
+// left over goes with the last class.
+Classes ClassesOf(std::span<const std::uint32_t> counts,
+                  std::span<const MagnitudeHistogram> distances) {
+  const std::size_t codes_of_range = counts.size() / distances.size();
+  Classes classes;
+  std::vector<MagnitudeHistogram> of_class;
+  bool full = true;
+  for (std::size_t k = 0; k < distances.size(); ++k) {
+    if (full) {
+      classes.of.emplace_back();
+      of_class.emplace_back();
+    }
+    Class& c = classes.of.back();
+    for (std::size_t code = k * codes_of_range; code < (k + 1) * codes_of_range; ++code) {
+      c.points += counts[code];
+      c.cosine += counts[code] * CosineOf(code);
+    }
+    of_class.back().Add(distances[k]);
+    full = c.points >= kIncidence.least_points;
+  }
+  if (!full && classes.of.size() > 1) {
+    Class& last_full = classes.of[classes.of.size() - 2];
+    last_full.points += classes.of.back().points;
+    last_full.cosine += classes.of.back().cosine;
+    of_class[of_class.size() - 2].Add(of_class.back());
+    classes.of.pop_back();
+    of_class.pop_back();
+  }
+  for (std::size_t i = 0; i < classes.of.size(); ++i) {
+    Class& c = classes.of[i];
+    c.cosine /= c.points;
+    c.log_variance =
+        2.0 * std::log(std::max(kIncidence.least_sigma_mm, of_class[i].Quantile(kOneSigma)));
+    classes.points += c.points;
+    classes.mean += c.points * c.log_variance;
+  }
+  classes.mean /= classes.points;
+  return classes;
+}
+
+// Of each class the logarithm of its variance, monotone either way, as the distances have it; both
+// keep the mean. None: they are alike, or not known better than that.
+std::vector<double> TrendOf(const Classes& classes) {
+  std::vector<double> best;
+  double best_spread = 0;  // the variance that it explains
+  for (const bool rising : {false, true}) {
+    std::vector<double> values = Monotone(classes.of, rising);
+    double spread = 0;
+    for (std::size_t i = 0; i < classes.of.size(); ++i) {
+      spread += classes.of[i].points * (values[i] - classes.mean) * (values[i] - classes.mean) /
+                classes.points;
+    }
+    if (spread <= best_spread) continue;
+    best_spread = spread;
+    best = std::move(values);
+  }
+  const double least = std::max(kIncidence.worthwhile,
+                                kIncidence.sure * kIncidence.variance_of_log / classes.points);
+  if (best_spread < least) return {};
+  return best;
 }
 
 // Towards the sensor, unit vectors.
@@ -175,65 +256,21 @@ double NoiseByIncidence::SigmaMm() const {
 }
 
 std::optional<std::array<float, NoiseByIncidence::kCodes>> NoiseByIncidence::Certainties() const {
-  // From grazing to face on; what is left over goes with the last.
-  std::vector<Class> classes;
-  std::vector<MagnitudeHistogram> distances;
-  bool full = true;
-  for (std::size_t k = 0; k < kClasses; ++k) {
-    if (full) {
-      classes.emplace_back();
-      distances.emplace_back();
-    }
-    Class& c = classes.back();
-    for (std::size_t code = k * kCodesOfClass; code < (k + 1) * kCodesOfClass; ++code) {
-      c.points += counts_[code];
-      c.cosine += counts_[code] * CosineOf(code);
-    }
-    distances.back().Add(classes_[k]);
-    full = c.points >= kLeastPoints;
-  }
-  if (!full && classes.size() > 1) {
-    classes[classes.size() - 2].points += classes.back().points;
-    classes[classes.size() - 2].cosine += classes.back().cosine;
-    distances[distances.size() - 2].Add(distances.back());
-    classes.pop_back();
-    distances.pop_back();
-  }
-  if (classes.size() < 2) return std::nullopt;
-  double points = 0, mean = 0;
-  for (std::size_t i = 0; i < classes.size(); ++i) {
-    Class& c = classes[i];
-    c.cosine /= c.points;
-    c.log_variance = 2.0 * std::log(std::max(kLeastSigmaMm, distances[i].Quantile(kOneSigma)));
-    points += c.points;
-    mean += c.points * c.log_variance;
-  }
-  mean /= points;
-
-  // Monotone either way, as the distances have it; both keep the mean.
-  std::vector<double> best;
-  double best_spread = 0;  // the variance that it explains
-  for (const bool rising : {false, true}) {
-    std::vector<double> values = Monotone(classes, rising);
-    double spread = 0;
-    for (std::size_t i = 0; i < classes.size(); ++i) {
-      spread += classes[i].points * (values[i] - mean) * (values[i] - mean) / points;
-    }
-    if (spread <= best_spread) continue;
-    best_spread = spread;
-    best = std::move(values);
-  }
-  if (best_spread < std::max(kWorthwhile, kSure * kVarianceOfLog / points)) return std::nullopt;
+  const Classes classes = ClassesOf(counts_, classes_);
+  if (classes.of.size() < 2) return std::nullopt;
+  const std::vector<double> trend = TrendOf(classes);
+  if (trend.empty()) return std::nullopt;
 
   std::array<double, kCodes> relative{};
   double squares = 0;
   for (std::size_t code = 1; code < kCodes; ++code) {
-    const double log_variance = std::clamp(Interpolated(classes, best, CosineOf(code)),
-                                           mean - kMostDifferent, mean + kMostDifferent);
-    relative[code] = std::exp(0.5 * (mean - log_variance));
+    const double log_variance = std::clamp(Interpolated(classes.of, trend, CosineOf(code)),
+                                           classes.mean - kIncidence.most_different,
+                                           classes.mean + kIncidence.most_different);
+    relative[code] = std::exp(0.5 * (classes.mean - log_variance));
     squares += counts_[code] * relative[code] * relative[code];
   }
-  const double scale = std::sqrt(points / squares);
+  const double scale = std::sqrt(classes.points / squares);
   std::array<float, kCodes> certainties{};
   for (std::size_t code = 1; code < kCodes; ++code) {
     certainties[code] = static_cast<float>(scale * relative[code]);
@@ -255,7 +292,8 @@ IncidenceWeights WeighByIncidence(const hal::Tube& tube, std::span<const Flatten
     points += block.points.size();
   }
   std::vector<std::uint8_t> codes(points);
-  const std::vector<BlockRange> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  const std::vector<BlockRange> rounds =
+      EvenRounds(blocks, kIncidence.points_of_round, kIncidence.most_rounds);
   std::vector<IncidenceWalk> walks(rounds.size(),
                                    IncidenceWalk(tube, flattening, sigma_mm, reach_mm));
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "hal/spine.h"
 #include "pipeline/fit/normal_equations.h"
@@ -18,29 +19,40 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-constexpr double kMadToSigma = 1.4826;
-// Steps that make chi square less by less than this, a tenth of a standard error long, are the
-// last.
-constexpr double kHardly = 0.03;
-constexpr double kFirstDamping = 1e-4;  // of the normal matrix's diagonal
-constexpr double kNoDamping = 1e-10;
-constexpr double kLeastDamping = 1e-8;  // that is felt
-constexpr double kFurther = 8;          // times the last step's gain may still come
-constexpr int kMaxIdle = 2;             // steps without a gain
-constexpr double kLeastGrowth = 4;      // of the damping after a step that was in vain
-constexpr double kMostDamping = 1e6;
-// A step over all points leaves less than a thousandth of what it made chi square less by. The
-// solution of one of ten of the points leaves 9 a parameter.
-constexpr double kLittle = 300;
-constexpr std::size_t kLead = 10;
-// What all points ask for makes chi square of a part worse by one a parameter, or a few.
-constexpr double kNoWorse = 4;
-constexpr int kFullPasses = 8;
-constexpr std::size_t kCoarsePoints = 10'000;
-constexpr std::size_t kLeadingPoints = 2500;
-constexpr std::size_t kLeadingStride = 4;  // at least; a start near the solution loses by it
-constexpr double kLeadingTolerance = 1e-4;
-constexpr std::size_t kFewPoints = 10;
+constexpr double kMadToSigma = 1.4826;  // of normal noise: 1 / its quantile of 0.75
+
+struct SurfaceFitSettings {
+  // Steps that make chi square less by less than this, a tenth of a standard error long, are the
+  // last.
+  double hardly = 0.03;
+  // Of the normal matrix's diagonal: damping at the start, none (which only keeps the matrix from
+  // being singular), the least that is felt, and that from which on no step is to be expected.
+  // By trial.
+  double first_damping = 1e-4, no_damping = 1e-10, least_damping = 1e-8, most_damping = 1e6;
+  // Of the damping after a step that was in vain; after another one its square, and so on.
+  double least_growth = 4.0;
+  // Of the damping after a step that was not, few points or all.
+  double relief = 0.1;
+  // Times the last step's gain may still come. By trial.
+  double further = 8.0;
+  int most_idle = 2;            // steps without a gain
+  std::size_t few_points = 10;  // fewer are no tube
+
+  // A part of the points leads where all are at least so many times more; a start near the solution
+  // loses by it. By trial.
+  std::size_t leading_points = 2500, leading_stride = 4;
+  double leading_tolerance = 1e-4;  // of chi square: SurfaceFitOptions::tolerance
+
+  // Of very many points so many are fitted first, then times more, and so on.
+  std::size_t coarse_points = 10'000, lead = 10;
+  int full_passes = 8;  // at most; two are usual
+  // A step over all points leaves less than a thousandth of what it made chi square less by. The
+  // solution of one of ten of the points leaves 9 a parameter.
+  double little = 300.0;
+  // What all points ask for makes chi square of a part worse by one a parameter, or a few.
+  double no_worse = 4.0;
+};
+constexpr SurfaceFitSettings kFit;
 
 // Where a fit stands: a tube and what the points say of it.
 struct State {
@@ -142,79 +154,118 @@ void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> cou
 }
 
 // Levenberg-Marquardt on few points. Points are given to segments, and weights to points, again at
-// every step. `flattening`: where it starts.
-SurfaceFit FitFew(const hal::Tube& start, std::vector<Flattening> flattening,
-                  std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
-  SurfaceFit fit;
-  fit.tube = start;
-  fit.priors = options.priors;
-  State state, next;
-  state.tube = start;
-  state.flattening = std::move(flattening);
-  const TubeParameters first = state.Parameters(options);
-  const FitBounds bounds(first, start.pipe_radius_mm, options.max_length_mm);
-  state.MoveTo(first, bounds.Inside(first.Initial()), blocks, options);
-  double damping = kFirstDamping;
-  double growth = kLeastGrowth;
-  int idle = 0;
-  double last_cost_mm2 = 0, pace_mm2 = 0;
-  std::optional<NormalEquations> equations;
-  for (int i = 0; state.assignment.distances_mm.size() >= kFewPoints; ++i) {
-    const TubeParameters parameters = state.Parameters(options);
-    if (!equations) {
-      equations.emplace(parameters, state.segments, state.Sums(), options.priors, state.sigma_mm);
+// every step.
+class FitOfFew {
+ public:
+  // `flattening`: where it starts. The points stay where they are.
+  FitOfFew(const hal::Tube& start, std::vector<Flattening> flattening,
+           std::span<const PointBlock> blocks, const SurfaceFitOptions& options)
+      : options_(options),
+        blocks_(blocks),
+        first_(start, options.free_pipe_radius, flattening),
+        bounds_(first_, start.pipe_radius_mm, options.max_length_mm) {
+    fit_.tube = start;
+    fit_.priors = options.priors;
+    state_.MoveTo(first_, bounds_.Inside(first_.Initial()), blocks_, options_);
+  }
+
+  SurfaceFit Solve() {
+    for (int i = 0; state_.assignment.distances_mm.size() >= kFit.few_points; ++i) {
+      Linearize();
+      fit_.tube = state_.tube;
+      fit_.flattening = state_.flattening;
+      if (i >= options_.max_steps || damping_ > kFit.most_damping) break;
+      const double chi_square = state_.ChiSquare(state_.sigma_mm, options_);
+      const double hardly_mm2 = std::max(kFit.hardly, options_.tolerance * chi_square) *
+                                state_.sigma_mm * state_.sigma_mm;
+      const Eigen::VectorXd step = NextStep(hardly_mm2);
+      if (IsHopeless(chi_square * state_.sigma_mm * state_.sigma_mm)) break;
+      // Points that change their segment make steps fail that are much shorter than the noise.
+      idle_ = GainOf(step) < hardly_mm2 ? idle_ + 1 : 0;
+      if (idle_ > kFit.most_idle) break;
+      next_.MoveTo(state_.Parameters(options_), equations_->at + step, blocks_, options_);
+      const bool better = next_.ChiSquare(state_.sigma_mm, options_) < chi_square;
+      if (fit_.converged && better) {
+        fit_.tube = next_.tube;
+        fit_.flattening = next_.flattening;
+      }
+      if (fit_.converged) break;
+      GoOn(better);
     }
-    fit.tube = state.tube;
-    fit.flattening = state.flattening;
-    if (i >= options.max_steps || damping > kMostDamping) break;
-    const double chi_square = state.ChiSquare(state.sigma_mm, options);
-    const double hardly_mm2 =
-        std::max(kHardly, options.tolerance * chi_square) * state.sigma_mm * state.sigma_mm;
-    Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
-    if (step.dot(equations->right) < hardly_mm2) {
-      const Eigen::VectorXd undamped = BoundedStep(*equations, bounds, kNoDamping);
-      fit.converged = undamped.dot(equations->right) < hardly_mm2;
-      if (fit.converged) step = undamped;
-    }
-    const Eigen::VectorXd moved = equations->at + step;
-    const double cost_mm2 = chi_square * state.sigma_mm * state.sigma_mm;
-    pace_mm2 = i == 0 ? cost_mm2 : std::max(0.5 * pace_mm2, last_cost_mm2 - cost_mm2);
-    last_cost_mm2 = cost_mm2;
-    if (cost_mm2 - options.goal_mm2 > kFurther * pace_mm2) break;
-    // Points that change their segment make steps fail that are much shorter than the noise.
-    idle = step.dot(equations->right) < hardly_mm2 ? idle + 1 : 0;
-    if (idle > kMaxIdle) break;
-    next.MoveTo(parameters, moved, blocks, options);
-    const bool better = next.ChiSquare(state.sigma_mm, options) < chi_square;
-    if (fit.converged && better) {
-      fit.tube = next.tube;
-      fit.flattening = next.flattening;
-    }
-    if (fit.converged) break;
+    Linearize();
+    return Reported();
+  }
+
+ private:
+  void Linearize() {
+    if (equations_) return;
+    equations_.emplace(state_.Parameters(options_), state_.segments, state_.Sums(), options_.priors,
+                       state_.sigma_mm);
+  }
+
+  double GainOf(const Eigen::VectorXd& step) const { return step.dot(equations_->right); }
+
+  // The damped step; where little is to be gained that without damping, if it agrees that this is
+  // the end.
+  Eigen::VectorXd NextStep(double hardly_mm2) {
+    Eigen::VectorXd step = BoundedStep(*equations_, bounds_, damping_);
+    if (GainOf(step) >= hardly_mm2) return step;
+    Eigen::VectorXd undamped = BoundedStep(*equations_, bounds_, kFit.no_damping);
+    fit_.converged = GainOf(undamped) < hardly_mm2;
+    return fit_.converged ? undamped : step;
+  }
+
+  // Whether the goal is out of reach at the pace of the last steps. `cost_mm2`: where it stands.
+  bool IsHopeless(double cost_mm2) {
+    pace_mm2_ = last_cost_mm2_ ? std::max(0.5 * pace_mm2_, *last_cost_mm2_ - cost_mm2) : cost_mm2;
+    last_cost_mm2_ = cost_mm2;
+    return cost_mm2 - options_.goal_mm2 > kFit.further * pace_mm2_;
+  }
+
+  // From where the step led, if it was better; else from here with a shorter one.
+  void GoOn(bool better) {
     if (better) {
-      std::swap(state, next);
-      equations.reset();
-      damping = std::max(kNoDamping, 0.1 * damping);
-      growth = kLeastGrowth;
+      std::swap(state_, next_);
+      equations_.reset();
+      damping_ = std::max(kFit.no_damping, kFit.relief * damping_);
+      growth_ = kFit.least_growth;
     } else {
-      damping = growth * std::max(damping, kLeastDamping);
-      growth *= kLeastGrowth;
+      damping_ = growth_ * std::max(damping_, kFit.least_damping);
+      growth_ *= kFit.least_growth;
     }
   }
-  fit.points = state.assignment.total;
-  fit.sigma_mm = state.sigma_mm;
-  fit.cost_mm2 = state.ChiSquare(fit.sigma_mm, options) * fit.sigma_mm * fit.sigma_mm;
-  DesignEffect design_effect;
-  design_effect.Add(state.assignment.segments, state.Frames(), state.tube.pipe_radius_mm,
-                    kNoWeight * state.sigma_mm);
-  fit.design_effect = design_effect.Value();
-  SetMeanSquares(state.assignment.segment_sum_mm2, state.assignment.segment_count, fit);
-  const TubeParameters parameters = state.Parameters(options);
-  if (!equations)
-    equations.emplace(parameters, state.segments, state.Sums(), options.priors, state.sigma_mm);
-  Report(parameters, *equations, options.form, fit);
-  fit.distances_mm = std::move(state.assignment.distances_mm);
-  return fit;
+
+  SurfaceFit Reported() {
+    fit_.points = state_.assignment.total;
+    fit_.sigma_mm = state_.sigma_mm;
+    fit_.cost_mm2 = state_.ChiSquare(fit_.sigma_mm, options_) * fit_.sigma_mm * fit_.sigma_mm;
+    DesignEffect design_effect;
+    design_effect.Add(state_.assignment.segments, state_.Frames(), state_.tube.pipe_radius_mm,
+                      kNoWeight * state_.sigma_mm);
+    fit_.design_effect = design_effect.Value();
+    SetMeanSquares(state_.assignment.segment_sum_mm2, state_.assignment.segment_count, fit_);
+    Report(state_.Parameters(options_), *equations_, options_.form, fit_);
+    fit_.distances_mm = std::move(state_.assignment.distances_mm);
+    return std::move(fit_);
+  }
+
+  const SurfaceFitOptions& options_;
+  std::span<const PointBlock> blocks_;
+  TubeParameters first_;
+  FitBounds bounds_;
+  SurfaceFit fit_;
+  State state_, next_;
+  std::optional<NormalEquations> equations_;  // at `state_`
+  double damping_ = kFit.first_damping;
+  double growth_ = kFit.least_growth;
+  int idle_ = 0;
+  double pace_mm2_ = 0;
+  std::optional<double> last_cost_mm2_;
+};
+
+SurfaceFit FitFew(const hal::Tube& start, std::vector<Flattening> flattening,
+                  std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
+  return FitOfFew(start, std::move(flattening), blocks, options).Solve();
 }
 
 // Whether a step that all points ask for suits a part of them: along what the points hardly feel
@@ -226,18 +277,18 @@ bool IsNoWorse(const TubeParameters& from, const Eigen::VectorXd& at, const Eige
   before.MoveTo(from, at, part, options);
   after.MoveTo(from, to, part, options);
   return after.ChiSquare(sigma_mm, options) <
-         before.ChiSquare(sigma_mm, options) + kNoWorse * static_cast<double>(at.size());
+         before.ChiSquare(sigma_mm, options) + kFit.no_worse * static_cast<double>(at.size());
 }
 
 // The same; of very many points a part leads most of the way.
 SurfaceFit FitSome(const hal::Tube& start, std::span<const PointBlock> blocks,
                    const SurfaceFitOptions& options) {
   std::vector<Flattening> round(options.flattened ? start.program.bend_count() : 0);
-  const std::size_t stride = CountPoints(blocks) / kLeadingPoints;
-  if (stride < kLeadingStride) return FitFew(start, std::move(round), blocks, options);
+  const std::size_t stride = CountPoints(blocks) / kFit.leading_points;
+  if (stride < kFit.leading_stride) return FitFew(start, std::move(round), blocks, options);
   SurfaceFitOptions to_lead = options;
   to_lead.goal_mm2 = std::numeric_limits<double>::infinity();
-  to_lead.tolerance = std::max(options.tolerance, kLeadingTolerance);
+  to_lead.tolerance = std::max(options.tolerance, kFit.leading_tolerance);
   SurfaceFit fit = FitFew(start, std::move(round), Gathered(blocks, stride), to_lead);
   return FitFew(fit.tube, std::move(fit.flattening), blocks, options);
 }
@@ -254,8 +305,8 @@ void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coa
   std::optional<NormalEquations> equations;  // at the best tube so far
   double chi_square = 0;
   double sigma_mm = fit.sigma_mm;
-  double damping = kNoDamping;
-  for (int i = 0; i < kFullPasses && !fit.converged; ++i) {
+  double damping = kFit.no_damping;
+  for (int i = 0; i < kFit.full_passes && !fit.converged; ++i) {
     const TubeParameters parameters(tube, options.free_pipe_radius, flattening);
     const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
     const SurfacePass pass =
@@ -275,16 +326,16 @@ void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coa
       fit.sigma_mm = sigma_mm;
       chi_square =
           ChiSquareOf(pass, sigma_mm, options) + options.priors.ChiSquare(tube.program, flattening);
-      damping = std::max(kNoDamping, 0.1 * damping);
+      damping = std::max(kFit.no_damping, kFit.relief * damping);
     } else {
-      damping = 10.0 * std::max(damping, kFirstDamping);
+      damping = 10.0 * std::max(damping, kFit.first_damping);
     }
     const TubeParameters from(fit.tube, options.free_pipe_radius, fit.flattening);
     const Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
     const Eigen::VectorXd to = equations->at + step;
     tube = from.TubeAt(to);
     flattening = from.FlatteningAt(to);
-    fit.converged = step.dot(equations->right) < kLittle * sigma_mm * sigma_mm;
+    fit.converged = step.dot(equations->right) < kFit.little * sigma_mm * sigma_mm;
     if (fit.converged && IsNoWorse(from, equations->at, to, coarse, sigma_mm, options)) {
       fit.tube = tube;
       fit.flattening = flattening;
@@ -306,10 +357,10 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
                       const SurfaceFitOptions& options) {
   const std::size_t points = CountPoints(blocks);
   if (points <= kPointsAtOnce) return FitSome(start, blocks, options);
-  const OwnedBlocks coarse = Thinned(blocks, points / kCoarsePoints);
+  const OwnedBlocks coarse = Thinned(blocks, points / kFit.coarse_points);
   SurfaceFit fit = FitSome(start, coarse, options);
   fit.distances_mm.clear();
-  for (std::size_t part = kLead * kCoarsePoints; part < points; part *= kLead) {
+  for (std::size_t part = kFit.lead * kFit.coarse_points; part < points; part *= kFit.lead) {
     FitMany(Thinned(blocks, points / part), coarse, options, fit);
   }
   FitMany(blocks, coarse, options, fit);

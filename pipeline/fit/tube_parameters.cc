@@ -12,8 +12,64 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kDegrees = 180.0 / std::numbers::pi;
-constexpr double kSlight = 0.5;  // rad
-constexpr double kLeast = 1e-4;  // rad: a bend of nothing has no plane
+constexpr int kBendRadiusState = kPipeRadiusState - 1;
+
+struct TurnSettings {
+  // [rad] Bends below it move in the plane of their turn vectors: angle and plane are polar
+  // coordinates near their pole there. By trial.
+  double slight_rad = 0.5;
+  // [rad] The least angle: a bend of nothing has no plane. Moves the end of a metre by 0.1 mm.
+  double least_rad = 1e-4;
+};
+constexpr TurnSettings kTurn;
+
+// What a parameter does to the tube behind its place: moves it as a rigid body.
+struct RigidMotion {
+  int parameter;
+  Eigen::Vector3d pivot_mm;
+  Eigen::Vector3d velocity;  // of the point there, by the parameter
+  Eigen::Vector3d omega;
+};
+
+RigidMotion Sliding(int parameter, const Eigen::Vector3d& at_mm, const Eigen::Vector3d& velocity) {
+  return {parameter, at_mm, velocity, Eigen::Vector3d::Zero()};
+}
+
+RigidMotion Turning(int parameter, const Eigen::Vector3d& at_mm, const Eigen::Vector3d& axis) {
+  return {parameter, at_mm, Eigen::Vector3d::Zero(), axis};
+}
+
+// The first five parameters. `R`: the start frame's orientation.
+std::vector<RigidMotion> MotionsOfStart(const Eigen::Matrix3d& R, const Eigen::Vector3d& start_mm) {
+  return {Sliding(0, start_mm, R.col(1)), Sliding(1, start_mm, R.col(2)),
+          Turning(2, start_mm, R.col(0)), Turning(3, start_mm, R.col(1)),
+          Turning(4, start_mm, R.col(2))};
+}
+
+Eigen::Vector3d Inward(const hal::SpineSegment& arc) { return arc.normal.cross(arc.tangent); }
+
+// What is behind an arc turns about the arc's centre.
+RigidMotion ByAngle(int parameter, const hal::SpineSegment& arc) {
+  return Turning(parameter, arc.start_mm + arc.bend_radius_mm * Inward(arc), arc.normal);
+}
+
+// What is behind an arc slides along its chord.
+RigidMotion ByBendRadius(int parameter, const hal::SpineSegment& arc) {
+  const double a = arc.angle_rad();
+  return Sliding(parameter, arc.start_mm,
+                 std::sin(a) * arc.tangent + (1.0 - std::cos(a)) * Inward(arc));
+}
+
+// The velocities of the segment's frame, in that frame: the first six rows of `derivative`.
+void MoveFrame(const std::vector<RigidMotion>& motions, const hal::SpineSegment& segment,
+               Eigen::MatrixXd& derivative) {
+  const Eigen::Matrix3d to_local = segment.axes().transpose();
+  for (const RigidMotion& motion : motions) {
+    derivative.block<3, 1>(0, motion.parameter) =
+        to_local * (motion.velocity + motion.omega.cross(segment.start_mm - motion.pivot_mm));
+    derivative.block<3, 1>(3, motion.parameter) = to_local * motion.omega;
+  }
+}
 
 }  // namespace
 
@@ -57,12 +113,13 @@ std::vector<TubeParameters::Turn> TubeParameters::TurnsAt(const Eigen::VectorXd&
     const double before = row.angle_deg / kDegrees;
     const double along = parameters[angle(i)];
     if (i > 0) azimuth += parameters[rotation(i)] - row.rotation_deg / kDegrees;
-    if (before < kSlight) {
+    if (before < kTurn.slight_rad) {
       const double across = before * azimuth;
-      turns.push_back({std::max(kLeast, std::hypot(along, across)), std::atan2(across, along)});
-    } else {
       turns.push_back(
-          {std::max(kLeast, std::abs(along)), along < 0 ? azimuth + std::numbers::pi : azimuth});
+          {std::max(kTurn.least_rad, std::hypot(along, across)), std::atan2(across, along)});
+    } else {
+      turns.push_back({std::max(kTurn.least_rad, std::abs(along)),
+                       along < 0 ? azimuth + std::numbers::pi : azimuth});
     }
   }
   return turns;
@@ -104,63 +161,33 @@ std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& para
 
 std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
     const std::vector<hal::SpineSegment>& segments) const {
-  // Each parameter moves everything after it as a rigid body: a velocity of the point at `pivot`
-  // and an angular velocity.
-  struct Twist {
-    Eigen::Vector3d pivot = Eigen::Vector3d::Zero();
-    Eigen::Vector3d velocity = Eigen::Vector3d::Zero();
-    Eigen::Vector3d omega = Eigen::Vector3d::Zero();
-  };
-  std::vector<std::pair<int, Twist>> active;
-  const Eigen::Matrix3d R = reference_.X_WT.orientation.toRotationMatrix();
-  const Eigen::Vector3d start = segments.front().start_mm;
-  active.push_back({0, {start, R.col(1), Eigen::Vector3d::Zero()}});
-  active.push_back({1, {start, R.col(2), Eigen::Vector3d::Zero()}});
-  active.push_back({2, {start, Eigen::Vector3d::Zero(), R.col(0)}});
-  active.push_back({3, {start, Eigen::Vector3d::Zero(), R.col(1)}});
-  active.push_back({4, {start, Eigen::Vector3d::Zero(), R.col(2)}});
-
+  std::vector<RigidMotion> motions =
+      MotionsOfStart(reference_.X_WT.orientation.toRotationMatrix(), segments.front().start_mm);
   std::vector<Eigen::MatrixXd> derivatives;
   derivatives.reserve(segments.size());
   for (std::size_t k = 0; k < segments.size(); ++k) {
     const hal::SpineSegment& segment = segments[k];
     const std::size_t bend = k / 2;
-    const bool is_straight = k % 2 == 0;
-    if (is_straight && bend > 0 && bend < bends_) {
-      active.push_back(
-          {rotation(bend), {segment.start_mm, Eigen::Vector3d::Zero(), segment.tangent}});
+    const bool is_arc = k % 2 == 1;
+    const bool leads_to_bend = !is_arc && bend < bends_;
+    if (leads_to_bend && bend > 0) {
+      motions.push_back(Turning(rotation(bend), segment.start_mm, segment.tangent));
     }
     Eigen::MatrixXd& derivative =
         derivatives.emplace_back(Eigen::MatrixXd::Zero(kLocalState, size_));
-    const Eigen::Matrix3d to_local = segment.axes().transpose();
-    for (const auto& [column, twist] : active) {
-      derivative.block<3, 1>(0, column) =
-          to_local * (twist.velocity + twist.omega.cross(segment.start_mm - twist.pivot));
-      derivative.block<3, 1>(3, column) = to_local * twist.omega;
-    }
+    MoveFrame(motions, segment, derivative);
     if (pipe_radius_ >= 0) derivative(kPipeRadiusState, pipe_radius_) = 1.0;
-    if (is_straight) {
-      if (bend < bends_) {
-        active.push_back(
-            {length(bend), {segment.start_mm, segment.tangent, Eigen::Vector3d::Zero()}});
-      }
-    } else {
-      derivative(6, bend_radius(bend)) = 1.0;
-      if (flattened()) {
-        derivative.block<kFlatteningParameters, kFlatteningParameters>(
-            kFlatteningState, flattening(bend)) = Eigen::Matrix3d::Identity();
-      }
-      const double a = segment.angle_rad();
-      const Eigen::Vector3d inward = segment.normal.cross(segment.tangent);
-      const double bend_mm = segment.bend_radius_mm;
-      active.push_back(
-          {angle(bend),
-           {segment.start_mm + bend_mm * inward, Eigen::Vector3d::Zero(), segment.normal}});
-      active.push_back(
-          {bend_radius(bend),
-           {segment.start_mm, std::sin(a) * segment.tangent + (1.0 - std::cos(a)) * inward,
-            Eigen::Vector3d::Zero()}});
+    if (leads_to_bend) {
+      motions.push_back(Sliding(length(bend), segment.start_mm, segment.tangent));
     }
+    if (!is_arc) continue;
+    derivative(kBendRadiusState, bend_radius(bend)) = 1.0;
+    if (flattened()) {
+      derivative.block<kFlatteningParameters, kFlatteningParameters>(
+          kFlatteningState, flattening(bend)) = Eigen::Matrix3d::Identity();
+    }
+    motions.push_back(ByAngle(angle(bend), segment));
+    motions.push_back(ByBendRadius(bend_radius(bend), segment));
   }
   return derivatives;
 }
