@@ -98,7 +98,7 @@ void CheckTimes(TomlDocument& document, const CellConfig& cell) {
                         ", expected at most max_session_age_s, " + NumberText(age_ms) +
                         " ms: a correction would be too old before it is acknowledged");
   }
-  if (cell.scan.silence_seconds > cell.scan.max_seconds) {
+  if (cell.scan.end == ScanEnd::kCoverage && cell.scan.silence_seconds > cell.scan.max_seconds) {
     document.Report("scan.silence_seconds",
                     "found " + NumberText(cell.scan.silence_seconds) +
                         ", expected at most max_seconds = " + NumberText(cell.scan.max_seconds));

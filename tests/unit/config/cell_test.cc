@@ -174,6 +174,78 @@ TEST(Cell, RefusesWhatOneKeyAloneDoesNotShow) {
                         "most max_total_angle_deg = 4"));
 }
 
+TEST(Cell, ReadsHowTubesAreToldApart) {
+  const auto scan = [](const std::string& keys) {
+    const auto cell = ParseCell(std::string(kMinimal) + "[scan]\n" + keys, "cell.toml", "/");
+    EXPECT_TRUE(cell) << cell.error().message;
+    return cell ? cell->scan : ScanConfig{};
+  };
+  EXPECT_EQ(scan("").tubes, TubeSource::kAuto);
+  EXPECT_EQ(scan("").parts_between, 0);
+  EXPECT_EQ(scan("tubes = \"counted\"\nparts_between = 5").tubes, TubeSource::kCounted);
+  EXPECT_EQ(scan("tubes = \"counted\"\nparts_between = 5").parts_between, 5);
+  EXPECT_EQ(scan("parts_between = \"auto\"").parts_between, std::nullopt);
+  EXPECT_EQ(scan("tubes = \"each-scan\"").tubes, TubeSource::kEachScan);
+  EXPECT_EQ(scan("silence_seconds = 0.5").silence_seconds, 0.5);
+
+  const auto error = [](const std::string& keys) {
+    return ErrorOf(std::string(kMinimal) + "[scan]\n" + keys);
+  };
+  EXPECT_THAT(error("tubes = \"count\""),
+              AllOf(HasSubstr("cell.toml:9: key 'scan.tubes': found the text 'count', expected one "
+                              "of 'auto', 'counted', 'each-scan'"),
+                    HasSubstr("did you mean 'counted'?")));
+  for (const char* wrong : {"21", "-1", "1.0", "true", "\"automatic\""}) {
+    EXPECT_THAT(error("parts_between = " + std::string(wrong)),
+                AllOf(HasSubstr("cell.toml:9: key 'scan.parts_between': found "),
+                      HasSubstr("expected a whole number from 0 to 20 or 'auto'")))
+        << wrong;
+  }
+  EXPECT_THAT(error("\nsilence_seconds = 0.4"),
+              HasSubstr("cell.toml:10: key 'scan.silence_seconds': found 0.4, expected a number "
+                        "from 0.5 to 3600"));
+}
+
+// Without the bender's count nobody knows which tube of several is scanned.
+TEST(Cell, TubesBetweenBenderAndScannerNeedTheCount) {
+  for (const char* between : {"1", "\"auto\""}) {
+    EXPECT_THAT(ErrorOf(std::string(kMinimal) +
+                        "[scan]\ntubes = \"each-scan\"\nparts_between = " + between),
+                AllOf(HasSubstr("cell.toml:10: key 'scan.parts_between': found "),
+                      HasSubstr("with tubes = 'each-scan', expected 0")))
+        << between;
+  }
+}
+
+TEST(Cell, TimesThatCannotHoldTogetherAreRefused) {
+  const auto bender = [](const std::string& keys) {
+    return With(kMinimal, "link = \"none\"",
+                "link = \"modbus-tcp\"\nregister_map = \"map.toml\"\n" + keys);
+  };
+  EXPECT_THAT(
+      ErrorOf(bender("response_timeout_ms = 500\ncommit_timeout_ms = 499\n")),
+      HasSubstr("cell.toml:10: key 'bender.commit_timeout_ms': found 499, expected at least "
+                "response_timeout_ms = 500"));
+  EXPECT_THAT(ErrorOf(bender("commit_timeout_ms = 2001\n[interlocks]\nmax_session_age_s = 2\n")),
+              HasSubstr("cell.toml:9: key 'bender.commit_timeout_ms': found 2001, expected at most "
+                        "max_session_age_s, 2000 ms"));
+  // The scan would be held as too long before it could end by silence.
+  const std::string coverage = std::string(kMinimal) + "[scan]\nend = \"coverage\"\n";
+  EXPECT_THAT(ErrorOf(coverage + "silence_seconds = 8\nmax_seconds = 7"),
+              HasSubstr("cell.toml:10: key 'scan.silence_seconds': found 8, expected at most "
+                        "max_seconds = 7"));
+  for (const std::string& good :
+       {bender("response_timeout_ms = 500\ncommit_timeout_ms = 500\n"),
+        bender("commit_timeout_ms = 2000\n[interlocks]\nmax_session_age_s = 2\n"),
+        coverage + "silence_seconds = 7\nmax_seconds = 7",
+        // Silence means nothing where the scanner says the end, and the default is no one's fault.
+        std::string(kMinimal) + "[scan]\nmax_seconds = 3",
+        std::string(kMinimal) + "commit_timeout_ms = 10"}) {
+    const auto cell = ParseCell(good, "cell.toml", "/");
+    EXPECT_TRUE(cell) << cell.error().message;
+  }
+}
+
 TEST(Cell, OtherSchemasAreNamedAndNothingElse) {
   EXPECT_EQ(ErrorOf("schema = \"bendloop.part/1\"\nwhatever = 1"),
             "cell.toml:1: key 'schema': found 'bendloop.part/1', expected 'bendloop.cell/1' of a "
@@ -246,6 +318,26 @@ TEST_F(CellFiles, LoadChecksThatThePartFitsTheMap) {
   const auto cell = LoadCell(file);
   ASSERT_FALSE(cell);
   EXPECT_THAT(cell.error().message, HasSubstr("found a part of 5 rows, expected at most 4"));
+}
+
+TEST_F(CellFiles, CountedTubesNeedACountInTheMap) {
+  std::string map = ReadAll(ShippedConfig() / "register-maps/default.toml");
+  const std::size_t count = map.find("\nparts_bent");
+  ASSERT_NE(count, std::string::npos);
+  const std::string toml =
+      With(kMinimal, "link = \"none\"", "link = \"modbus-tcp\"\nregister_map = \"map.toml\"") +
+      "[scan]\ntubes = \"counted\"\n";
+  Write("part.toml", ReadAll(ShippedConfig() / "parts/demo.toml"));
+  Write("map.toml", map);
+  const auto counted = LoadCell(Write("cell.toml", toml));
+  ASSERT_TRUE(counted) << counted.error().message;
+  Write("map.toml", map.erase(count + 1, map.find('\n', count + 1) - count));
+  const auto refused = LoadCell(Write("cell.toml", toml));
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message,
+              AllOf(HasSubstr("key 'scan.tubes': found 'counted'"), HasSubstr("state.parts_bent")));
+  // Unsaid, it is no error: nothing is corrected, and check says so.
+  EXPECT_TRUE(LoadCell(Write("cell.toml", With(toml, "counted", "auto"))));
 }
 
 TEST_F(CellFiles, ValidateSaysWhatAFileIs) {
