@@ -14,9 +14,14 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kPatch = 2.0 / 3.0;  // of r_P, along the spine
-constexpr int kPatchesAround = 8;
-constexpr double kMostRows = 1024;  // of patches, of a segment
+struct PatchSettings {
+  // [of r_P] Of a patch along the spine; with eight around it is about as wide as long. By trial.
+  double long_part = 2.0 / 3.0;
+  // Rows of patches of a segment: bounds the memory.
+  double most_rows = 1024;
+};
+constexpr PatchSettings kPatch;
+constexpr int kPatchesAround = 8;  // a power of two: numbers wrap by their bits
 
 // How a segment is parted: all round the centre of a bend, or along a line.
 struct PatchRows {
@@ -68,7 +73,7 @@ BENDLOOP_MULTIVERSION(Range, RangeOf, (const double* values, std::size_t count),
 
 PatchRows RowsOf(const SegmentPoints& points, double bend_radius_mm, double patch_mm) {
   const auto rows = [patch_mm](double long_mm) {
-    return std::clamp(std::ceil(long_mm / patch_mm), 1.0, kMostRows);
+    return std::clamp(std::ceil(long_mm / patch_mm), 1.0, kPatch.most_rows);
   };
   if (bend_radius_mm > 0) {
     return {.bend_radius_mm = bend_radius_mm,
@@ -92,7 +97,7 @@ void DesignEffect::Add(std::span<const SegmentPoints> points, std::span<const Se
   for (std::size_t k = 0; k < frames.size(); ++k) {
     const SegmentPoints& of = points[k];
     if (of.size == 0) continue;
-    const PatchRows grid = RowsOf(of, frames[k].bend_radius_mm, kPatch * pipe_radius_mm);
+    const PatchRows grid = RowsOf(of, frames[k].bend_radius_mm, kPatch.long_part * pipe_radius_mm);
     all.assign(static_cast<std::size_t>(grid.rows) * kPatchesAround, {});
     for (std::size_t first = 0; first < of.size; first += kBatch) {
       const std::size_t count = std::min(kBatch, of.size - first);

@@ -9,23 +9,29 @@
 namespace bendloop::pipeline {
 namespace {
 
-// 1 sigma, lengths in pipe radii.
-constexpr double kLengthRange = 10;
-constexpr double kAngleRangeRad = 1;
-constexpr double kRotationRangeRad = 2;
-constexpr double kBendRadiusRange = 3;
+// What is expected of any tube before it is looked at: 1 sigma. As wide as tubes of one pipe
+// differ.
+struct ExpectedRanges {
+  double length = 10.0;  // [of r_P]
+  double angle_rad = 1.0;
+  double rotation_rad = 2.0;  // about that of a rotation of which nothing is known, pi / sqrt(3)
+  double bend_radius = 3.0;   // [of r_P]
+  double start_turn_rad = 1.0;
+};
+constexpr ExpectedRanges kRange;
 
 }  // namespace
 
 Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radius_mm) {
   const double r = pipe_radius_mm;
-  Eigen::VectorXd range = Eigen::VectorXd::Constant(parameters.size(), kLengthRange * r);
-  for (int i = 2; i < parameters.size() && i < parameters.pipe_radius(); ++i) range[i] = 1.0;
+  Eigen::VectorXd range = Eigen::VectorXd::Constant(parameters.size(), kRange.length * r);
+  for (int i = 2; i < parameters.size() && i < parameters.pipe_radius(); ++i)
+    range[i] = kRange.start_turn_rad;
   if (parameters.pipe_radius() >= 0) range[parameters.pipe_radius()] = r;
   for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
-    if (bend > 0) range[parameters.rotation(bend)] = kRotationRangeRad;
-    range[parameters.angle(bend)] = kAngleRangeRad;
-    range[parameters.bend_radius(bend)] = kBendRadiusRange * r;
+    if (bend > 0) range[parameters.rotation(bend)] = kRange.rotation_rad;
+    range[parameters.angle(bend)] = kRange.angle_rad;
+    range[parameters.bend_radius(bend)] = kRange.bend_radius * r;
   }
   if (parameters.flattened()) {
     range.tail(parameters.size() - parameters.flattening(0))

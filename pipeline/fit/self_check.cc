@@ -10,19 +10,25 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr std::size_t kEnough = 5000;  // points of a half
-constexpr int kSteps = 6;              // the solution is near
+struct HalvesSettings {
+  // Points of a half at most: enough that noise alone hardly moves the values, and soon fitted. By
+  // trial.
+  std::size_t points = 5000;
+  // Of Levenberg-Marquardt: the solution is near. By trial.
+  int steps = 6;
+};
+constexpr HalvesSettings kHalves;
 
 }  // namespace
 
 HalvesDiffer CompareHalves(const SurfaceFit& fit, std::span<const PointBlock> blocks,
                            SurfaceFitOptions options) {
   options.flattened = !fit.flattening.empty();
-  options.max_steps = kSteps;
+  options.max_steps = kHalves.steps;
   std::array<SurfaceFit, 2> halves;
   ParallelFor(options.workers, halves.size(), [&](std::size_t i) {
-    halves[i] = FitSurface(fit.tube, HalfOf(blocks, i == 0 ? Half::kFirst : Half::kSecond, kEnough),
-                           options);
+    halves[i] = FitSurface(
+        fit.tube, HalfOf(blocks, i == 0 ? Half::kFirst : Half::kSecond, kHalves.points), options);
   });
   const auto& [a, b] = halves;
   HalvesDiffer worst;

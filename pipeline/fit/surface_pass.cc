@@ -10,8 +10,13 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr std::size_t kChunk = 8192;  // points: what they need stays in the processor's cache
-constexpr std::size_t kMostRounds = 16;
+struct PassSettings {
+  // Points at a time: what they need stays in the processor's cache.
+  std::size_t chunk = 8192;
+  // Each holds sums of its own. By trial.
+  std::size_t most_rounds = 16;
+};
+constexpr PassSettings kPass;
 
 // Two loops, because this is one of those that take the time: where all points are alike, nothing
 // looks at `certainties`.
@@ -83,7 +88,7 @@ void SurfacePass::Add(const SurfacePass& other) {
 SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_radius_mm,
                             std::span<const PointBlock> blocks, double reach_mm, double sigma_mm,
                             Workers* workers) {
-  const std::vector<BlockRange> rounds = EvenRounds(blocks, kChunk, kMostRounds);
+  const std::vector<BlockRange> rounds = EvenRounds(blocks, kPass.chunk, kPass.most_rounds);
   std::vector<SurfacePass> passes(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
     SurfacePass& pass = passes[round];
@@ -93,7 +98,7 @@ SurfacePass PassOverSurface(std::span<const SegmentFrame> frames, double pipe_ra
     SurfaceAssignment chunk;
     for (std::size_t begin = rounds[round].begin; begin < rounds[round].end;) {
       std::size_t end = begin;
-      for (std::size_t points = 0; end < rounds[round].end && points < kChunk; ++end) {
+      for (std::size_t points = 0; end < rounds[round].end && points < kPass.chunk; ++end) {
         points += blocks[end].points.size();
       }
       AssignPoints(frames, pipe_radius_mm, blocks.subspan(begin, end - begin), reach_mm, chunk);

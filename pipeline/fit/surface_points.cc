@@ -12,6 +12,7 @@
 namespace bendloop::pipeline {
 namespace {
 
+// Points in a block on the average: of fewer, half a batch (kBatch), blocks are better joined.
 constexpr std::size_t kFewInBlock = 32;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
