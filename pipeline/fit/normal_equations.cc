@@ -9,11 +9,21 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kMaxTurnBackRad = 0.5;  // a slight bend may turn over to the other side
-constexpr double kMaxStepRad = 1.0;      // where samples hardly feel an angle, linear means nothing
-constexpr double kWidestBend = 100.0;    // pipe radii
-constexpr double kTightest = 0.01;
-constexpr double kMaxFlattening = 0.4;
+struct BoundSettings {
+  // [rad] A slight bend may turn over to the other side; as far as one is slight
+  // (tube_parameters.cc).
+  double turn_back_rad = 0.5;
+  // [rad] The longest step of an angle: where samples hardly feel it, linear means nothing.
+  double step_rad = 1.0;
+  // [of r_P] Of a bend's radius: the greatest, and the least of bends that begin tighter than the
+  // pipe. By trial.
+  double widest_bend = 100.0, tightest_bend = 0.01;
+  // [of the pipe radius that the fit starts with] By trial.
+  double thinnest_pipe = 0.5, thickest_pipe = 2.0;
+  // [of r_P] A term of Flattening, either way: eight times what is usual (kUsualFlattening).
+  double flattening = 0.4;
+};
+constexpr BoundSettings kBounds;
 
 }  // namespace
 
@@ -76,20 +86,22 @@ FitBounds::FitBounds(const TubeParameters& parameters, double pipe_radius_mm, do
   };
   for (std::size_t i = 0; i < parameters.bends(); ++i) {
     bound(parameters.length(i), 0.0, max_length_mm);
-    bound(parameters.angle(i), -kMaxTurnBackRad, 2.0 * std::numbers::pi);
-    step[parameters.angle(i)] = kMaxStepRad;
-    if (i > 0) step[parameters.rotation(i)] = kMaxStepRad;
+    bound(parameters.angle(i), -kBounds.turn_back_rad, 2.0 * std::numbers::pi);
+    step[parameters.angle(i)] = kBounds.step_rad;
+    if (i > 0) step[parameters.rotation(i)] = kBounds.step_rad;
     const int radius = parameters.bend_radius(i);
     bound(radius,
-          std::clamp(parameters.Initial()[radius], kTightest * pipe_radius_mm, pipe_radius_mm),
-          kWidestBend * pipe_radius_mm);
+          std::clamp(parameters.Initial()[radius], kBounds.tightest_bend * pipe_radius_mm,
+                     pipe_radius_mm),
+          kBounds.widest_bend * pipe_radius_mm);
   }
   if (parameters.pipe_radius() >= 0) {
-    bound(parameters.pipe_radius(), 0.5 * pipe_radius_mm, 2.0 * pipe_radius_mm);
+    bound(parameters.pipe_radius(), kBounds.thinnest_pipe * pipe_radius_mm,
+          kBounds.thickest_pipe * pipe_radius_mm);
   }
   for (int i = parameters.flattened() ? parameters.flattening(0) : parameters.size();
        i < parameters.size(); ++i) {
-    bound(i, -kMaxFlattening, kMaxFlattening);
+    bound(i, -kBounds.flattening, kBounds.flattening);
   }
 }
 
