@@ -17,27 +17,43 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kOnSurface = 4.0;  // sigma
-constexpr double kWindow = 3.0;     // of r_P: how far inward the local spacing is looked at
-// Points that stand together. How near, in gaps; what part of the usual number is no fliers: of
-// scattered points so many that two or three fliers are no crowd.
+// Points that stand together. How near, in gaps; what part of the usual number is no fliers.
 struct Crowd {
   double gaps, part;
 };
-constexpr Crowd kLineCrowd{1.0 / 3.0, 0.15}, kScatteredCrowd{10.0, 0.3};
-constexpr double kLeastCrowd = 10.0;  // usual number on a line
-constexpr std::size_t kBegun = 20;    // one in so many points may lie before the tube's end
-constexpr double kEven = 0.3;         // scatter of the gaps between laser lines, of their mean
 
-// A gap of scattered points over 1 sigma of their border: 2 if nothing else moved it.
-constexpr double kScattered = 1.4;
-
-constexpr double kBeyondNodes = 2.0;  // of r_P: the nodes reach this near to the tube's ends
-constexpr std::size_t kSectors = 16;
-// Of the whole tube: their border is known better than the points of a scan lie apart.
-constexpr std::size_t kEnoughPoints = 100'000;
-constexpr std::size_t kPointsOfRound = 8192, kMostRounds = 16;  // of the walk
-constexpr double kDisagreement = 0.15;  // of r_P, beyond the borders' own width
+struct EndSettings {
+  // [sigma] From the surface; points further off are not the tube's.
+  double on_surface = 4.0;
+  // [of r_P] How far inward the local spacing is looked at. By trial.
+  double window = 3.0;
+  // [of r_P] The nodes reach this near to the tube's ends.
+  double beyond_nodes = 2.0;
+  // By trial; of scattered points so many that two or three fliers are no crowd.
+  Crowd line_crowd = {1.0 / 3.0, 0.15}, scattered_crowd = {10.0, 0.3};
+  // Usual number on a line; where fewer stand together the points are scattered. By trial.
+  double least_crowd = 10.0;
+  // Fewer points with a distance to the end tell nothing of their spacing. By trial.
+  std::size_t least_points = 5;
+  // One in so many points may lie before the tube's end. By trial.
+  std::size_t begun = 20;
+  // Of the mean gap: shorter ones are not those between laser lines. By trial.
+  double least_gap = 0.3;
+  // Of the mean gap: a point with a longer one behind it stands alone. By trial.
+  double lone_gap = 4.0;
+  // Of the mean gap between laser lines: scatter of those that are even. By trial.
+  double even = 0.3;
+  // A gap of scattered points over 1 sigma of their border: 2 if nothing else moved it. By trial.
+  double scattered = 1.4;
+  // [of r_P] Borders of sectors may be so far apart beyond their own width. By trial.
+  double disagreement = 0.15;
+  // Of the whole tube: their border is known better than the points of a scan lie apart.
+  std::size_t enough_points = 100'000;
+  // Of the walk: least points of a round, and most rounds. By trial.
+  std::size_t points_of_round = 8192, most_rounds = 16;
+};
+constexpr EndSettings kEnds;
+constexpr std::size_t kSectors = 16;  // of the turn about the end straights
 
 struct Border {
   double at_mm = 0;
@@ -72,7 +88,7 @@ Spacing SpacingWithin(std::span<const double> inward, std::size_t begin, std::si
   }
   if (sum <= 0) return spacing;
   spacing.gap_mm = sum2 / sum;
-  for (const auto& [gaps, part] : {kLineCrowd, kScatteredCrowd}) {
+  for (const auto& [gaps, part] : {kEnds.line_crowd, kEnds.scattered_crowd}) {
     spacing.crowd_mm = gaps * spacing.gap_mm;
     std::vector<double> crowds;
     crowds.reserve(end - begin);
@@ -82,28 +98,28 @@ Spacing SpacingWithin(std::span<const double> inward, std::size_t begin, std::si
     }
     const double usual = Median(std::move(crowds));
     spacing.least_crowd = part * usual;
-    if (usual > kLeastCrowd) break;
+    if (usual > kEnds.least_crowd) break;
   }
   double count = 0;
   sum = sum2 = 0;
   for (std::size_t k = begin; k + 1 < end; ++k) {
     const double gap = inward[k + 1] - inward[k];
-    if (gap < 0.3 * spacing.gap_mm) continue;
+    if (gap < kEnds.least_gap * spacing.gap_mm) continue;
     count += 1;
     sum += gap;
     sum2 += gap * gap;
   }
   const double mean = sum / std::max(1.0, count);
-  spacing.even = count > 0 && sum2 / count - mean * mean < kEven * kEven * mean * mean;
+  spacing.even = count > 0 && sum2 / count - mean * mean < kEnds.even * kEnds.even * mean * mean;
   return spacing;
 }
 
 // Puts those of `inward` in front and in order that FindBorder looks at, which are few of many:
 // up to a window and a quarter after where the straight certainly has begun, and the next one.
 std::span<const double> SortBorder(std::span<double> inward, double pipe_radius_mm) {
-  const auto begin = inward.begin() + static_cast<std::ptrdiff_t>(inward.size() / kBegun);
+  const auto begin = inward.begin() + static_cast<std::ptrdiff_t>(inward.size() / kEnds.begun);
   std::nth_element(inward.begin(), begin, inward.end());
-  const double far_mm = *begin + 1.25 * kWindow * pipe_radius_mm;
+  const double far_mm = *begin + 1.25 * kEnds.window * pipe_radius_mm;
   auto end = std::partition(begin, inward.end(), [far_mm](double at) { return at <= far_mm; });
   if (end != inward.end()) {
     std::iter_swap(end, std::min_element(end, inward.end()));
@@ -115,11 +131,11 @@ std::span<const double> SortBorder(std::span<double> inward, double pipe_radius_
 
 // `points`: distances along the straight, growing into the tube; changes their order.
 std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm) {
-  if (points.size() < 5) return std::nullopt;
+  if (points.size() < kEnds.least_points) return std::nullopt;
   const std::span<const double> inward = SortBorder(points, pipe_radius_mm);
-  const std::size_t begin = points.size() / kBegun;
+  const std::size_t begin = points.size() / kEnds.begun;
   std::size_t end = begin;
-  while (end < inward.size() && inward[end] < inward[begin] + kWindow * pipe_radius_mm) ++end;
+  while (end < inward.size() && inward[end] < inward[begin] + kEnds.window * pipe_radius_mm) ++end;
   if (end - begin < 4) return std::nullopt;
   const Spacing spacing = SpacingWithin(inward, begin, end);
   if (spacing.gap_mm <= 0) return std::nullopt;
@@ -127,11 +143,12 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
   for (std::size_t i = 0; i < end; ++i) {
     // Lone points beyond the tube are fliers; the border has as many neighbours as the rest.
     if (CrowdAt(inward, i, spacing.crowd_mm, last) < spacing.least_crowd) continue;
-    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > 4.0 * spacing.gap_mm) continue;
+    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > kEnds.lone_gap * spacing.gap_mm)
+      continue;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
     const double at_mm = inward[i] - 0.5 * spacing.gap_mm;
     // Scattered points begin behind the end by half a gap, give or take as much.
-    return Border{at_mm, spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : kScattered),
+    return Border{at_mm, spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : kEnds.scattered),
                   at_mm + (spacing.even ? 1.0 : 0.5) * spacing.gap_mm};
   }
   return std::nullopt;
@@ -153,10 +170,10 @@ std::optional<Border> CommonBorder(Sectors& sectors, double pipe_radius_mm) {
   }
   const double common = Median(borders);
   const double width_mm = Quantile(widths_mm, 1.0), usual_width_mm = Median(widths_mm);
-  const double disagree_mm = kDisagreement * pipe_radius_mm;
+  const double disagree_mm = kEnds.disagreement * pipe_radius_mm;
   const auto agrees = [&](const std::optional<Border>& border) {
-    return border && border->least_mm >= common - disagree_mm - kScattered * usual_width_mm &&
-           border->at_mm <= common + disagree_mm + kScattered * width_mm;
+    return border && border->least_mm >= common - disagree_mm - kEnds.scattered * usual_width_mm &&
+           border->at_mm <= common + disagree_mm + kEnds.scattered * width_mm;
   };
   std::vector<double> pooled;
   for (std::size_t i = 0; i < kSectors; ++i) {
@@ -179,7 +196,7 @@ class EndCollector {
         // The lines do not go on for ever: one may pass by the other end.
         frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
         pipe_radius_mm_(tube.pipe_radius_mm),
-        reach_mm_(kOnSurface * sigma_mm),
+        reach_mm_(kEnds.on_surface * sigma_mm),
         points_(points) {}
 
   void Add(const PointBlock& block) {
@@ -195,7 +212,7 @@ class EndCollector {
         const LocalLanes& local = nearest_.Local(c);
         if (std::abs(local.distance[i] - pipe_radius_mm_) > reach_mm_) continue;
         // Further out another part of the tube may lie where the straight would go on.
-        const double beyond_mm = kBeyondNodes * pipe_radius_mm_;
+        const double beyond_mm = kEnds.beyond_nodes * pipe_radius_mm_;
         const std::size_t sector = TurnSector<kSectors>(local.y[i], local.z[i]);
         if (candidates_[c] == 0 && local.x[i] >= -beyond_mm) {
           points_.from_start[sector].push_back(local.x[i]);
@@ -238,9 +255,10 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
   TubeEnds ends{tube, unseen_mm, unseen_mm, false, false};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
-  const OwnedBlocks enough = Thinned(all, StrideTo(CountPoints(all), kEnoughPoints));
+  const OwnedBlocks enough = Thinned(all, StrideTo(CountPoints(all), kEnds.enough_points));
   const std::span<const PointBlock> blocks = enough;
-  const std::vector<BlockRange> rounds = EvenRounds(blocks, kPointsOfRound, kMostRounds);
+  const std::vector<BlockRange> rounds =
+      EvenRounds(blocks, kEnds.points_of_round, kEnds.most_rounds);
   std::vector<EndPoints> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
     EndCollector collector(tube, sigma_mm, parts[round]);

@@ -7,12 +7,21 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kUsualSpread = 0.015;  // 1 sigma: springback opens bends
-constexpr double kKnown = 0.03;         // 1 sigma of a radius that may speak for others
-constexpr double kTightest = 1.05;      // of r_P: where the fit is held
-constexpr double kMaySigma = 4.0;       // from the usual one and still of the same die
-constexpr double kSame = 2.5;           // sigma
-constexpr double kMost = 0.7;           // of the known ones
+struct UsualBendSettings {
+  // [of the radius] 1 sigma of bends of one die: springback opens them. By trial.
+  double spread = 0.015;
+  // [of the radius] 1 sigma of a radius that may speak for others: twice the spread.
+  double known = 0.03;
+  // [of r_P] Tighter bends stand where the fit holds them (FitBounds) and say nothing.
+  double tightest = 1.05;
+  // [sigma] Radii of one die differ by less: 1 % of them by more.
+  double same = 2.5;
+  // [sigma] From the usual one and still to be tried with it.
+  double may = 4.0;
+  // Of the known ones so many agree; of two dies neither is usual. By trial.
+  double most = 0.7;
+};
+constexpr UsualBendSettings kUsual;
 
 }  // namespace
 
@@ -25,18 +34,18 @@ std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit) {
   for (std::size_t i = 0; i < program.bend_count(); ++i) {
     const double radius_mm = *program.rows[i].bend_radius_mm;
     const double sigma_mm = fit.sigma.rows[i].bend_radius_mm.value_or(0.0);
-    const bool held = radius_mm < kTightest * fit.tube.pipe_radius_mm;
-    if (sigma_mm < kKnown * radius_mm && !held) known.push_back({radius_mm, sigma_mm});
+    const bool held = radius_mm < kUsual.tightest * fit.tube.pipe_radius_mm;
+    if (sigma_mm < kUsual.known * radius_mm && !held) known.push_back({radius_mm, sigma_mm});
   }
   UsualBendRadius best;
   std::size_t most = 0;
   for (const Known& one : known) {
     double weights = 0, sum = 0;
     std::size_t count = 0;
-    const double usual_mm = kUsualSpread * one.radius_mm;
+    const double usual_mm = kUsual.spread * one.radius_mm;
     for (const Known& other : known) {
       const double sigma_mm = std::hypot(usual_mm, one.sigma_mm, other.sigma_mm);
-      if (std::abs(other.radius_mm - one.radius_mm) > kSame * sigma_mm) continue;
+      if (std::abs(other.radius_mm - one.radius_mm) > kUsual.same * sigma_mm) continue;
       const double weight = 1.0 / (usual_mm * usual_mm + other.sigma_mm * other.sigma_mm);
       weights += weight;
       sum += weight * other.radius_mm;
@@ -44,10 +53,10 @@ std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit) {
     }
     if (count <= most) continue;
     most = count;
-    best = {sum / weights, kUsualSpread * sum / weights};
+    best = {sum / weights, kUsual.spread * sum / weights};
   }
   const bool shared =
-      most >= 2 && static_cast<double>(most) >= kMost * static_cast<double>(known.size());
+      most >= 2 && static_cast<double>(most) >= kUsual.most * static_cast<double>(known.size());
   if (!shared || most == program.bend_count()) return std::nullopt;
   return best;
 }
@@ -58,7 +67,7 @@ hal::Tube WithUsualRadii(const SurfaceFit& fit, const UsualBendRadius& usual) {
     double& radius_mm = *tube.program.rows[i].bend_radius_mm;
     const double sigma_mm =
         std::hypot(usual.sigma_mm, fit.sigma.rows[i].bend_radius_mm.value_or(0.0));
-    if (std::abs(radius_mm - usual.mean_mm) < kMaySigma * sigma_mm) radius_mm = usual.mean_mm;
+    if (std::abs(radius_mm - usual.mean_mm) < kUsual.may * sigma_mm) radius_mm = usual.mean_mm;
   }
   return tube;
 }
