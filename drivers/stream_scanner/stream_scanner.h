@@ -15,7 +15,7 @@ struct StreamScannerOptions {
   std::uint16_t port = 0;
   std::chrono::nanoseconds connect_timeout = std::chrono::seconds(3);  // and until it has answered
   std::optional<WireSettings> settings;                                // sent before start
-  std::chrono::nanoseconds patience = std::chrono::seconds(2);         // as WireScannerOptions
+  std::chrono::nanoseconds patience = std::chrono::seconds(5);         // as WireScannerOptions
 };
 
 // A scanner that speaks the wire protocol (../scanner_wire) over TCP. One that says nothing for

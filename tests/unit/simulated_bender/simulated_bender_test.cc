@@ -174,7 +174,7 @@ TEST(Misbehaviour, EveryFaultOfTheHelpIsUnderstood) {
     std::istringstream words(line);
     std::string verb, value;
     words >> verb >> value;
-    if (value == "MS" || value == "N") verb += " 4";
+    if (value == "MS" || value == "N" || value == "DEG") verb += " 4";
     if (value == "MODE") verb += " fault";
     Misbehaviour now;
     EXPECT_TRUE(ParseMisbehaviour(verb, now)) << verb;
