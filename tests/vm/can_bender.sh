@@ -50,7 +50,7 @@ kill $foreign $dump
 grep -E 'bender   CANopen|committed|PASS|of the tolerance' demo.out
 grep -q 'committed as sequence 2' demo.out
 
-step "The same session again, over CANopen, with a bender that holds what bent the part"
+step "The same session again, over CANopen: its tube is no new one, and nothing is sent"
 sed 's/state_dir = "."/state_dir = "again"/' demo/live-cell.toml >demo/again.toml
 mkfifo other
 bendloop-simbender --map demo/canopen-map.toml --program demo/first-program.json --pipe-radius 4 \
@@ -58,11 +58,14 @@ bendloop-simbender --map demo/canopen-map.toml --program demo/first-program.json
 exec 4>other
 until grep -q 'listening vcan0' simnode; do usleep 50000; done
 cansend vcan0 605#4000200100000000 # the mode, as can-utils ask for it
-bendloop replay demo/sessions/part-0001.session --config demo/again.toml >again.out 2>&1 || [ $? = 1 ]
-grep 'committed' again.out
+if bendloop replay demo/sessions/part-0001.session --config demo/again.toml --send >again.out 2>&1; then
+  cat again.out
+  exit 1
+fi
+grep 'nothing was sent' again.out || { cat again.out; exit 1; }
 echo status >&4
 until grep 'sequence' simnode; do usleep 50000; done
-grep -q 'sequence 2 .*accepted 1 ' simnode
+grep -q 'accepted 0 ' simnode
 echo quit >&4
 
 step "CANopen frames, for dissect_canopen.sh"
