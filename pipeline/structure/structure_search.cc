@@ -21,48 +21,69 @@
 namespace bendloop::pipeline {
 namespace {
 
-// Tolerances of the simplification, in pipe radii.
-constexpr std::array<double, 3> kTolerances = {0.04, 0.08, 0.16};
-constexpr double kReach = 0.35;          // of r_P: how far a sample may be from a wrong model
-constexpr double kLongest = 1.1;         // straight, of the polygon's length
-constexpr std::size_t kMostMerged = 5;   // arcs, into one
-constexpr std::size_t kMostDropped = 4;  // that undo each other
-constexpr double kLeftBehind = 3.0;      // of r_P: what the end straights see beyond their ends
-constexpr double kDropAngleDeg = 3.0;
-constexpr double kSuspicious = 1.5;  // mean square of an arc's distances over the median segment's
-constexpr std::size_t kMaxSplits = 4;
-constexpr std::size_t kMaxAdded = 16;    // bends
-constexpr int kMaxCycles = 3;            // of adding and simplifying
-constexpr double kAsk = 20.0;            // gain, in variances, at which one more bend is tried
-constexpr std::size_t kMaxTries = 4;     // places
-constexpr double kDoubtfulBorder = 8.0;  // of r_P: up to here a bend near the border is doubted
-constexpr std::size_t kFew = 1500;       // samples that find out what is hopeless
 constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
 constexpr double kNoGoal = std::numeric_limits<double>::infinity();
-constexpr double kSlack = 100;  // variances, by which criteria that are not quite the same differ
-// Variances that a part of a tube may gain when it no longer has to meet the rest.
-constexpr double kLoose = 30;
-// A straight that is known so well, in sigma, is no accident of a wide bend or of one taken for
-// two.
-constexpr double kSettled = 300;
-// Where the search starts anew.
-constexpr std::array<double, 7> kOtherTolerances = {0.06, 0.03, 0.1, 0.05, 0.13, 0.2, 0.02};
-constexpr int kMostAnew = 4;
-constexpr double kLeastExcess = 100;  // of squared distances, in variances
-constexpr double kClearExcess = 6;    // sigma
-constexpr double kTruncated = 5;      // sigma, of a distance
-// Bends that may be bows: those of L / 100, the worst that are straightened, look like one of less.
-constexpr double kSlightDeg = 5.0;
-constexpr double kKinkOdds = 12;  // twice the logarithm of those against a bow
-constexpr double kWidest = 25;    // of r_P: a die for slight bends has less
-// Beside another bend, where a straight is too short to tell: what eases looks like it.
-constexpr double kEasedDeg = 1.5;
-constexpr double kEased = 0.002;     // FormDeviation::across of tubes that do ease
-constexpr double kMostForm = 0.025;  // the same, that is learnt at most
-constexpr double kTrueForm = 0.002;  // of tubes that are lines and arcs
-constexpr double kLessForm = 0.7;    // of what was learnt before, to look again
-constexpr double kOfBend = 4;        // parameters
-constexpr double kTolerance = 2e-5;  // of chi square, far below the price of a parameter
+
+// What the search goes by. A variance is that of a sample: gains and criteria are twice the
+// logarithm of odds. Chosen by trial where nothing else is said.
+struct SearchSettings {
+  // [of r_P] Tolerances of the simplification: to start with, and where the search starts anew.
+  std::array<double, 3> tolerances = {0.04, 0.08, 0.16};
+  std::array<double, 7> other_tolerances = {0.06, 0.03, 0.1, 0.05, 0.13, 0.2, 0.02};
+  int most_anew = 4;
+  // [of r_P] How far a sample may be from a wrong model.
+  double reach = 0.35;
+  // [of the polygon's length] A straight is no longer.
+  double longest = 1.1;
+  // [of r_P] What the end straights see beyond their ends.
+  double left_behind = 3.0;
+  // Of chi square, where a fit stops: far below the price of a parameter.
+  double fit_tolerance = 2e-5;
+
+  // Arcs that become one at most, and bends that undo each other within so many degrees.
+  std::size_t most_merged = 5, most_dropped = 4;
+  double undone_deg = 3.0;
+  // Mean square of an arc's distances, over the median segment's, from which on it is split.
+  double suspicious = 1.5;
+  std::size_t most_splits = 4;
+  // Bends, and turns of adding and simplifying.
+  std::size_t most_added = 16;
+  int most_cycles = 3;
+  // [variances] Gain from which on one more bend is tried, at so many places.
+  double worth_trying = 20.0;
+  std::size_t most_places = 4;
+  // [of r_P] Up to here a bend near the border is doubted.
+  double doubtful_border = 8.0;
+  // [sigma] A straight known so well is no accident of a wide bend or of one taken for two.
+  double settled_sigmas = 300;
+
+  // So many samples find out what is hopeless.
+  std::size_t first_samples = 1500;
+  // [variances] By which criteria that are not quite the same differ.
+  double criteria_differ = 100;
+  // [variances] That a part of a tube may gain when it no longer has to meet the rest.
+  double unjoined_gain = 30;
+
+  // Where samples are explained worse than elsewhere: [variances] the least excess of squared
+  // distances, [sigma] what is no chance, and [sigma] what a distance counts at most.
+  double least_excess = 100, clear_excess_sigmas = 6, cut_sigmas = 5;
+
+  // [degrees] Bends that may be bows: those of L / 100, the worst that are straightened, look like
+  // one of less.
+  double slight_deg = 5.0;
+  // Twice the logarithm of the odds against a bow.
+  double kink_odds = 12;
+  // [of r_P] A die for slight bends has less.
+  double widest = 25;
+  // [degrees] Beside another bend, where a straight is too short to tell, what eases looks like a
+  // bend of less, on tubes that do ease: of more than this FormDeviation::across.
+  double eased_deg = 1.5, eased_across = 0.002;
+  // FormDeviation::across that is learnt at most, and of tubes that are lines and arcs.
+  double most_across = 0.025, true_across = 0.002;
+  // [of what was learnt before] To look again.
+  double less_form = 0.7;
+};
+constexpr SearchSettings kSearch;
 
 ArcLineSpline Without(const ArcLineSpline& spline, std::size_t first, std::size_t last) {
   ArcLineSpline without = spline;
@@ -109,9 +130,9 @@ std::vector<double> Excess(const SurfaceFit& fit, std::span<const PointBlock> bl
   const double r = fit.tube.pipe_radius_mm;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   SurfaceAssignment assignment;
-  AssignPoints(SegmentFrames(segments, kBeyond * r, fit.flattening), r, blocks, kReach * r,
+  AssignPoints(SegmentFrames(segments, kBeyond * r, fit.flattening), r, blocks, kSearch.reach * r,
                assignment);
-  const double limit_mm = kTruncated * std::hypot(fit.sigma_mm, fit.form_mm);
+  const double limit_mm = kSearch.cut_sigmas * std::hypot(fit.sigma_mm, fit.form_mm);
   const double scale_mm = std::sqrt(fit.variance_mm2 / fit.design_effect);
   std::vector<double> excess, mean_square;
   for (const SegmentPoints& points : assignment.segments) {
@@ -128,14 +149,16 @@ std::vector<double> Excess(const SurfaceFit& fit, std::span<const PointBlock> bl
   for (std::size_t k = 0; k < excess.size(); ++k) {
     const auto n = static_cast<double>(assignment.segments[k].size);
     excess[k] -= usual * n;
-    const double chance = kClearExcess * std::sqrt(2.0 * n) * usual * fit.design_effect;
-    if (excess[k] < std::max(kLeastExcess, chance)) excess[k] = 0;
+    const double chance =
+        kSearch.clear_excess_sigmas * std::sqrt(2.0 * n) * usual * fit.design_effect;
+    if (excess[k] < std::max(kSearch.least_excess, chance)) excess[k] = 0;
   }
   return excess;
 }
 
 // Parts of the tube whose samples are explained much worse than the others, worst first.
-std::vector<StructureWindow> BadParts(const SurfaceFit& fit, std::span<const PointBlock> blocks) {
+std::vector<StructureWindow> BadlyExplainedParts(const SurfaceFit& fit,
+                                                 std::span<const PointBlock> blocks) {
   const std::vector<double> excess = Excess(fit, blocks);
   std::vector<std::pair<double, StructureWindow>> parts;
   for (std::size_t k = 0; k < excess.size(); ++k) {
@@ -175,7 +198,8 @@ SpinePolygon NodesOf(const SpinePolygon& polygon, const hal::Tube& tube, Structu
 }
 
 bool IsSettled(const SurfaceFit& fit, std::size_t row) {
-  return fit.tube.program.rows[row].length_mm > kSettled * fit.sigma.rows[row].length_mm;
+  return fit.tube.program.rows[row].length_mm >
+         kSearch.settled_sigmas * fit.sigma.rows[row].length_mm;
 }
 
 }  // namespace
@@ -185,13 +209,14 @@ StructureSearch::StructureSearch(const SpinePolygon& polygon, double pipe_radius
                                  const SearchOptions& options)
     : radius_mm_(pipe_radius_mm),
       options_(options),
-      longest_mm_(kLongest * LengthOf(polygon)),
+      longest_mm_(kSearch.longest * LengthOf(polygon)),
       polygon_(&polygon),
       blocks_(Gathered(blocks, StrideTo(CountPoints(blocks), enough))),
       criterion_(blocks_.point_count(), options.caution) {}
 
 void StructureSearch::LearnForm(const SurfaceFit& fit) {
-  options_.form = LearntForm(fit, blocks_, kReach * radius_mm_, FormDeviation{.across = kMostForm});
+  options_.form = LearntForm(fit, blocks_, kSearch.reach * radius_mm_,
+                             FormDeviation{.across = kSearch.most_across});
 }
 
 SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(tube, kNoGoal); }
@@ -199,7 +224,7 @@ SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(t
 SurfaceFit StructureSearch::Start() const {
   std::optional<SurfaceFit> best;
   std::size_t last_bends = kAll;
-  for (const double tolerance : kTolerances) {
+  for (const double tolerance : kSearch.tolerances) {
     const hal::Tube tube =
         TubeFromSpline(InitialSpline(*polygon_, tolerance * radius_mm_), radius_mm_);
     if (best && tube.program.bend_count() == last_bends) continue;
@@ -212,7 +237,7 @@ SurfaceFit StructureSearch::Start() const {
 
 void StructureSearch::Split(SurfaceFit& best) {
   nearest_.reset();
-  for (std::size_t i = 0; i < kMaxSplits && SplitWorst(best); ++i) {
+  for (std::size_t i = 0; i < kSearch.most_splits && SplitWorst(best); ++i) {
   }
 }
 
@@ -228,13 +253,15 @@ bool StructureSearch::IsBentMore(const SurfaceFit& rival, SurfaceFit& fit) {
     return IsSeenPlaceByPlace(rival, fit) && !FindBow(fit, form);
   };
   if (advantage > 0) return holds(options_.form);
-  const FormDeviation own = LearntForm(fit, blocks_, kReach * radius_mm_, options_.form);
-  if (own.across > std::min(kTrueForm, kLessForm * options_.form.across)) return false;
+  const FormDeviation own = LearntForm(fit, blocks_, kSearch.reach * radius_mm_, options_.form);
+  if (own.across > std::min(kSearch.true_across, kSearch.less_form * options_.form.across))
+    return false;
   const double before_mm2 = fit.variance_mm2;
   SetForm(own, fit);
   const double more = static_cast<double>(fit.tube.program.bend_count()) -
                       static_cast<double>(rival.tube.program.bend_count());
-  const double learnt_more = kOfBend * more * std::log(before_mm2 / fit.variance_mm2);
+  // A bend has four parameters.
+  const double learnt_more = 4.0 * more * std::log(before_mm2 / fit.variance_mm2);
   if (criterion_.Advantage(fit, rival) > learnt_more && holds(own)) {
     options_.form = own;
     return true;
@@ -246,13 +273,14 @@ bool StructureSearch::IsBentMore(const SurfaceFit& rival, SurfaceFit& fit) {
 bool StructureSearch::IsBow(const SurfaceFit& fit, std::size_t bend,
                             const FormDeviation& form) const {
   const hal::BendRow& row = fit.tube.program.rows[bend];
-  if (row.angle_deg > kSlightDeg) return false;
+  if (row.angle_deg > kSearch.slight_deg) return false;
   if (row.angle_deg < options_.least_angle_deg) return true;
   const double least_mm = *row.bend_radius_mm - fit.sigma.rows[bend].bend_radius_mm.value_or(0.0);
-  if (least_mm > kWidest * fit.tube.pipe_radius_mm) return true;
-  const double evidence = KinkEvidence(fit, bend, blocks_, kReach * radius_mm_, form);
-  if (std::isinf(evidence)) return row.angle_deg < kEasedDeg && form.across > kEased;
-  return evidence < kKinkOdds;
+  if (least_mm > kSearch.widest * fit.tube.pipe_radius_mm) return true;
+  const double evidence = KinkEvidence(fit, bend, blocks_, kSearch.reach * radius_mm_, form);
+  if (std::isinf(evidence))
+    return row.angle_deg < kSearch.eased_deg && form.across > kSearch.eased_across;
+  return evidence < kSearch.kink_odds;
 }
 
 std::optional<std::size_t> StructureSearch::FindBow(const SurfaceFit& fit,
@@ -277,10 +305,10 @@ void StructureSearch::Refine(SurfaceFit& best) {
   nearest_.reset();
   DropBows(best);
   simpler_.assign(best.tube.program.bend_count(), std::nullopt);
-  for (int cycle = 0; cycle < kMaxCycles; ++cycle) {
+  for (int cycle = 0; cycle < kSearch.most_cycles; ++cycle) {
     // Adding first: what was one by mistake is found before what is two by mistake is joined.
     bool added = false;
-    for (std::size_t i = 0; i < kMaxAdded && Added(best); ++i) added = true;
+    for (std::size_t i = 0; i < kSearch.most_added && Added(best); ++i) added = true;
     if (cycle > 0 && !added) break;
     bool simplified = false;
     for (std::size_t arc = 0; arc < best.tube.program.bend_count();) {
@@ -296,9 +324,9 @@ void StructureSearch::Refine(SurfaceFit& best) {
 }
 
 void StructureSearch::StartAnew(SurfaceFit& best) {
-  for (int i = 0; i < kMostAnew; ++i) {
+  for (int i = 0; i < kSearch.most_anew; ++i) {
     bool started = false;
-    for (const StructureWindow& window : BadParts(best, blocks_)) {
+    for (const StructureWindow& window : BadlyExplainedParts(best, blocks_)) {
       if ((started = StartedAnew(best, window))) break;
     }
     if (!started) return;
@@ -312,10 +340,10 @@ bool StructureSearch::StartedAnew(SurfaceFit& fit, StructureWindow window) {
   Part part = Around(spline, window);
   const SpinePolygon nodes = NodesOf(*polygon_, fit.tube, part.window);
   if (nodes.size() < 3) return false;
-  for (const double tolerance : kOtherTolerances) {
+  for (const double tolerance : kSearch.other_tolerances) {
     const ArcLineSpline other = InitialSpline(nodes, tolerance * radius_mm_);
     auto better = Better(fit, spline, part, other);
-    if (better && criterion_.Advantage(*better, fit) > kAsk) {
+    if (better && criterion_.Advantage(*better, fit) > kSearch.worth_trying) {
       Accept(fit, std::move(*better), part.window);
       return true;
     }
@@ -329,13 +357,13 @@ SurfaceFit StructureSearch::FitTo(std::span<const PointBlock> blocks, const hal:
   // Splines that were changed boldly may begin and end far outside the scan.
   for (hal::BendRow& row : start.program.rows) row.length_mm = std::min(row.length_mm, longest_mm_);
   return FitSurface(start, blocks,
-                    {.reach_mm = kReach * radius_mm_,
+                    {.reach_mm = kSearch.reach * radius_mm_,
                      .max_length_mm = longest_mm_,
                      .flattened = options_.flattened,
                      .priors = options_.priors,
                      .form = options_.form,
                      .max_steps = options_.max_fit_steps,
-                     .tolerance = kTolerance,
+                     .tolerance = kSearch.fit_tolerance,
                      .goal_mm2 = goal_mm2});
 }
 
@@ -343,7 +371,7 @@ SurfaceFit StructureSearch::FitWhole(const hal::Tube& tube, double goal_mm2) con
   SurfaceFit fit = FitTo(blocks_, tube, goal_mm2);
   // A fit may slide along the tube and leave its end behind, where samples then ask for nothing.
   ArcLineSpline spline = SplineFromTube(fit.tube);
-  if (ReachEnds(spline, *polygon_, kLeftBehind * radius_mm_)) {
+  if (ReachEnds(spline, *polygon_, kSearch.left_behind * radius_mm_)) {
     fit = FitTo(blocks_, TubeFromSpline(spline, fit.tube.pipe_radius_mm), goal_mm2);
   }
   for (std::size_t i = 0; i < tube.program.bend_count(); ++i) {
@@ -374,8 +402,9 @@ const StructureSearch::Part::Fitted& StructureSearch::Fitted(const SurfaceFit& w
 
 double StructureSearch::GoalOf(const SurfaceFit& rival, const SurfaceFit& like,
                                double fewer_bends) const {
-  return rival.cost_mm2 + (4.0 * std::max(0.0, fewer_bends) * criterion_.price() + kSlack) *
-                              StructureCriterion::Variance(like);
+  return rival.cost_mm2 +
+         (4.0 * std::max(0.0, fewer_bends) * criterion_.price() + kSearch.criteria_differ) *
+             StructureCriterion::Variance(like);
 }
 
 std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
@@ -388,11 +417,12 @@ std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
     const SurfaceFit fit = FitTo(as_it_is.samples, tube, GoalOf(as_it_is.fit, rival, fewer));
     const double worse = criterion_.Advantage(as_it_is.fit, fit);
     tube = fit.tube;
-    if (worse > kLoose) Note(worse);
-    return worse > kLoose;
+    if (worse > kSearch.unjoined_gain) Note(worse);
+    return worse > kSearch.unjoined_gain;
   };
   // What few samples say against fewer bends, more say louder.
-  if (fewer > 0 && is_hopeless(Fitted(rival, part, kFew, part.few))) return std::nullopt;
+  if (fewer > 0 && is_hopeless(Fitted(rival, part, kSearch.first_samples, part.few)))
+    return std::nullopt;
   if (is_hopeless(Fitted(rival, part, kAll, part.all))) return std::nullopt;
   const ArcLineSpline spline = WithPart(whole, part.window, SplineFromTube(tube));
   SurfaceFit fit =
@@ -424,7 +454,7 @@ void StructureSearch::Accept(SurfaceFit& fit, SurfaceFit better, const Structure
     if (i + after >= before) simpler[i + after - before] = simpler_[i];
   }
   // What begins before may reach into it.
-  for (std::size_t i = window.first - std::min(window.first, kMostMerged);
+  for (std::size_t i = window.first - std::min(window.first, kSearch.most_merged);
        i < std::min(after, window.last + 1); ++i) {
     simpler[i] = std::nullopt;
   }
@@ -434,7 +464,7 @@ void StructureSearch::Accept(SurfaceFit& fit, SurfaceFit better, const Structure
 // Splits the arc that explains its samples worst, if two arcs do so better. False: none does.
 bool StructureSearch::SplitWorst(SurfaceFit& fit) {
   const ArcLineSpline spline = SplineFromTube(fit.tube);
-  const double suspicious = kSuspicious * Median(fit.segment_mean_square_mm2);
+  const double suspicious = kSearch.suspicious * Median(fit.segment_mean_square_mm2);
   std::vector<std::pair<double, std::size_t>> worst;
   for (std::size_t i = 0; i < spline.arcs.size(); ++i) {
     const double mean_square = fit.segment_mean_square_mm2[2 * i + 1];
@@ -459,14 +489,15 @@ bool StructureSearch::SplitWorst(SurfaceFit& fit) {
 // One bend more where the samples ask for it most. False: they are content.
 bool StructureSearch::Added(SurfaceFit& fit) {
   margin_ = kNoGoal;
-  const std::vector<MissingBend> places = FindMissingBends(fit, blocks_, kReach * radius_mm_);
+  const std::vector<MissingBend> places =
+      FindMissingBends(fit, blocks_, kSearch.reach * radius_mm_);
   for (const MissingBend& missing : places) {
-    if (missing.gain >= kAsk) continue;
+    if (missing.gain >= kSearch.worth_trying) continue;
     Note(4.0 * criterion_.price() - missing.gain);
     break;
   }
-  for (std::size_t i = 0; i < std::min(places.size(), kMaxTries); ++i) {
-    if (places[i].gain < kAsk) break;
+  for (std::size_t i = 0; i < std::min(places.size(), kSearch.most_places); ++i) {
+    if (places[i].gain < kSearch.worth_trying) break;
     if (AddedAt(fit, places[i])) return true;
   }
   return false;
@@ -505,18 +536,18 @@ bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
     if (better && (!best || criterion_.IsBetter(*better, *best))) best = std::move(better);
   };
   for (std::size_t last = arc + 1;
-       last < std::min(arc + kMostMerged, arcs) && !IsSettled(fit, last); ++last) {
+       last < std::min(arc + kSearch.most_merged, arcs) && !IsSettled(fit, last); ++last) {
     look(last);
     if (const auto simpler = Merged(part->spline, local(arc), local(last))) consider(*simpler);
   }
   // Bends that undo each other, as nodes disturbed by a clamp pretend them.
-  for (std::size_t last = arc; last < std::min(arc + kMostDropped, arcs); ++last) {
-    if (TurnDeg(spline.arcs[arc], spline.arcs[last]) > kDropAngleDeg) continue;
+  for (std::size_t last = arc; last < std::min(arc + kSearch.most_dropped, arcs); ++last) {
+    if (TurnDeg(spline.arcs[arc], spline.arcs[last]) > kSearch.undone_deg) continue;
     look(last);
     consider(Without(part->spline, local(arc), local(last)));
   }
   // A bend near the border that clutter beside it pretends: the tube that goes straight on.
-  const double border_mm = kDoubtfulBorder * radius_mm_;
+  const double border_mm = kSearch.doubtful_border * radius_mm_;
   for (const bool at_start : {true, false}) {
     if (arc != (at_start ? 0 : arcs - 1)) continue;
     look(arc);
