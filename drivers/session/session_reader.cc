@@ -220,9 +220,9 @@ Result<void> SessionReader::Advance(Statement& statement, Cursor& cursor, const 
   if (outcome == Outcome::kEnd) return {};
   damaged_ = true;
   return Fail(database_.Failed(std::string("table ") + table + ": damaged after " +
-                                std::to_string(profiles_read_) + " profiles (last seq " +
-                                std::to_string(last_sequence_) + ") and " +
-                                std::to_string(events_read_) + " events"));
+                               std::to_string(profiles_read_) + " profiles (last seq " +
+                               std::to_string(last_sequence_) + ") and " +
+                               std::to_string(events_read_) + " events"));
 }
 
 Result<std::optional<std::int64_t>> SessionReader::PeekProfile() {

@@ -63,9 +63,9 @@ struct DatabaseOptions {
   // Kind of the errors that are neither a damaged file (kBadInput), nor the disk's (kDevice), nor
   // for want of memory (kInternal). kBadInput where the file is a stranger's.
   hal::ErrorKind otherwise = hal::ErrorKind::kInternal;
-  std::string mend_damage = {};    // "; move it away", said of a damaged file
-  const char* vfs = nullptr;  // SQLite's way to the file system; null: the usual one
-  bool name_is_uri = false;   // sqlite.org/uri.html
+  std::string mend_damage = {};  // "; move it away", said of a damaged file
+  const char* vfs = nullptr;     // SQLite's way to the file system; null: the usual one
+  bool name_is_uri = false;      // sqlite.org/uri.html
 };
 
 // One connection to a SQLite file. Errors name the file, what was being done and SQLite's words.
