@@ -116,17 +116,22 @@ class ShopFloor {
     return {clock_.Now().count(), clock_.Now().count() / 1'000'000 + 1'700'000'000'000};
   }
 
-  void StartDaemon() {
+  // A desk lives with one link: each fault to come has a link and a daemon of its own.
+  void OpenDesk(Fault fault) {
     desk_.reset();
     host::BenderDesk::Options options;
     options.journal = folder_ / "journal.db";
     options.commit = plan_.commit;
     options.ledger.parts_between = between_;
     options.moment = [this] { return Now(); };
-    auto desk = host::BenderDesk::Open(std::make_unique<Borrowed>(Link({})), options, clock_);
+    auto desk =
+        host::BenderDesk::Open(std::make_unique<Borrowed>(Link(std::move(fault))), options, clock_);
     ASSERT_TRUE(desk) << desk.error().message;
     desk_ = std::move(*desk);
     waiting_.reset();
+  }
+  void StartDaemon() {
+    ASSERT_NO_FATAL_FAILURE(OpenDesk({}));
     Guarded([&] {
       (void)desk_->Resume();
       (void)desk_->Look();
@@ -142,30 +147,16 @@ class ShopFloor {
     links_.push_back(std::make_unique<FaultyLink>(bender_, std::move(fault)));
     return *links_.back();
   }
-  void Rewire(Fault fault) {
-    // A link of its own for each fault: a desk lives with one link, so the daemon begins anew.
-    desk_.reset();
-    host::BenderDesk::Options options;
-    options.journal = folder_ / "journal.db";
-    options.commit = plan_.commit;
-    options.ledger.parts_between = between_;
-    options.moment = [this] { return Now(); };
-    auto desk =
-        host::BenderDesk::Open(std::make_unique<Borrowed>(Link(std::move(fault))), options, clock_);
-    ASSERT_TRUE(desk);
-    desk_ = std::move(*desk);
-    waiting_.reset();
-  }
   void DieAtACall() {
-    Rewire({.at_call = Uniform(0, 60),
-            .when = Uniform(0, 1) == 0 ? FaultWhen::kBefore : FaultWhen::kAfter,
-            .crash = true});
+    OpenDesk({.at_call = Uniform(0, 60),
+              .when = Uniform(0, 1) == 0 ? FaultWhen::kBefore : FaultWhen::kAfter,
+              .crash = true});
     Look();
   }
   void LoseAnAnswer() {
-    Rewire({.at_call = Uniform(0, 60),
-            .when = Uniform(0, 1) == 0 ? FaultWhen::kBefore : FaultWhen::kAfter,
-            .down_for = Uniform(0, 3)});
+    OpenDesk({.at_call = Uniform(0, 60),
+              .when = Uniform(0, 1) == 0 ? FaultWhen::kBefore : FaultWhen::kAfter,
+              .down_for = Uniform(0, 3)});
     Look();
   }
   // Nothing is seen of the bender, which goes on.
