@@ -105,11 +105,13 @@ double UnitOf(std::string_view cell) {
 
 struct Columns {
   std::array<std::size_t, 3> of_axis = {0, 1, 2};
-  double unit_mm = 0;  // stated by the header; 0: not stated
+  double unit_mm = 0;     // stated by the header; 0: not stated
+  std::size_t count = 3;  // that the header names
 };
 
 std::optional<Columns> ColumnsFrom(const std::vector<std::string_view>& cells) {
   Columns columns;
+  columns.count = cells.size();
   std::array<int, 3> found{};
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const int axis = AxisOf(cells[i]);
@@ -155,12 +157,31 @@ std::optional<Columns> ParseNames(std::string_view header, char delimiter, std::
   return columns;
 }
 
+bool EndsWithDelimiter(std::string_view line, char delimiter) {
+  const std::size_t last = line.rfind(delimiter);
+  return last != std::string_view::npos && Trimmed(line.substr(last + 1)).empty();
+}
+
+// Cells of a line; a delimiter at its end begins none, and a comment at its end is none.
+std::size_t CountCells(std::string_view line, char delimiter) {
+  if (delimiter != kWhitespace) {
+    const auto delimiters = std::count(line.begin(), line.end(), delimiter);
+    return static_cast<std::size_t>(delimiters) + (EndsWithDelimiter(line, delimiter) ? 0 : 1);
+  }
+  std::size_t cells = 0;
+  for (auto word = NextWord(line); !word.empty() && !IsComment(word); word = NextWord(line)) {
+    ++cells;
+  }
+  return cells;
+}
+
 // What stands before the first point.
 struct Layout {
   char delimiter = kWhitespace;
   Columns columns;
   bool named = false;
-  std::size_t width = 0;
+  std::size_t width = 0;       // cells of every row
+  std::size_t width_line = 0;  // the header's or the first row's
   std::optional<std::size_t> stated_points;
   std::size_t stated_line = 0;
   std::string_view first;  // the first line of numbers, already taken from the Lines
@@ -213,13 +234,19 @@ hal::Result<Layout> FindLayout(Lines& lines, std::string_view name) {
       continue;
     }
     layout.delimiter = *delimiter;
-    layout.width = Split(line, *delimiter).size();
+    layout.width = CountCells(line, *delimiter);
+    layout.width_line = lines.number();
     layout.first = line;
     const auto names = ParseNames(header.empty() ? comment : header, *delimiter, layout.width);
     if (!header.empty() && !names) return NoPoint(name, header_line, header);
     if (names) {
       layout.columns = *names;
       layout.named = true;
+    }
+    // A comment may name the first columns only.
+    if (names && !header.empty()) {
+      layout.width = names->count;
+      layout.width_line = header_line;
     }
     return layout;
   }
@@ -252,14 +279,30 @@ class RowReader {
         point[axis] = *value;
       }
     }
-    if (column <= last_) {
-      return "found " + std::to_string(column) + " column(s) in " + Found(whole) +
-             ", expected at least " + std::to_string(last_ + 1);
-    }
-    return std::nullopt;
+    // What is left of the line is counted where it stands.
+    const std::size_t cells = done ? column : column + CountCells(line, layout_.delimiter);
+    if (column > last_ && cells == layout_.width) return std::nullopt;
+    return WrongWidth(whole);
   }
 
  private:
+  std::optional<std::string> WrongWidth(std::string_view line) const {
+    const std::size_t cells = CountCells(line, layout_.delimiter);
+    // An empty cell at the end stands there all the same.
+    if (cells + 1 == layout_.width && layout_.delimiter != kWhitespace && cells > last_ &&
+        EndsWithDelimiter(line, layout_.delimiter)) {
+      return std::nullopt;
+    }
+    if (cells == layout_.width) return std::nullopt;
+    std::string wrong = "found " + std::to_string(cells) + " column(s) in " + Found(line) +
+                        ", expected " + std::to_string(layout_.width) + " as in line " +
+                        std::to_string(layout_.width_line);
+    if (layout_.delimiter == ',' && cells > layout_.width) {
+      wrong += "; decimal commas need semicolons, tabs or blanks between the columns";
+    }
+    return wrong;
+  }
+
   const Layout& layout_;
   std::size_t last_ = 0;
 };
@@ -305,6 +348,9 @@ hal::Result<PointCloud> ParseXyz(std::string_view bytes, std::string_view name,
   const RowReader reader(*layout);
   std::string_view line = layout->first;
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
+  const std::size_t first_line = lines.number();
+  // Six columns without names may be three numbers with decimal commas, until one has a point.
+  bool may_be_halves = layout->delimiter == ',' && !layout->named && layout->width == 6;
   do {
     // Most lines are points: ask for blanks and comments only when they are not.
     if (const auto wrong = reader.Read(line, point)) {
@@ -318,7 +364,14 @@ hal::Result<PointCloud> ParseXyz(std::string_view bytes, std::string_view name,
                      "more than " + std::to_string(kMaxCloudPoints) + " points, expected fewer");
     }
     sink.Add(point);
+    if (may_be_halves) may_be_halves = line.find_first_of(".eE") == std::string_view::npos;
   } while (lines.Next(line));
+  if (may_be_halves) {
+    return BadLine(
+        name, first_line,
+        "six columns of whole numbers: three numbers with decimal commas? Separate those "
+        "by semicolons, tabs or blanks, or name the columns in a header line");
+  }
 
   if (layout->stated_points && *layout->stated_points > sink.added()) {
     return BadLine(name, lines.number(),

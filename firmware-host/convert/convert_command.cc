@@ -43,6 +43,7 @@ struct Words {
   std::optional<double> bend_radius_mm;
   std::optional<int> decimals;
   bool reverse = false;
+  std::string order = "nominal";
   std::string length = "incremental", rotation = "incremental", sign = "+1";
   std::string out_length, out_rotation, out_sign;  // empty: see OutStyle
 };
@@ -102,6 +103,7 @@ hal::Result<std::string> Convert(const Words& words, std::istream& in, std::ostr
   read.units = *units;
   read.bend_radius_mm = words.bend_radius_mm;
   read.style = InStyle(words);
+  read.in_scan_order = words.order == "scan";
   TableWriteOptions write;
   write.to = kKinds.at(words.to);
   write.format = kFormats.at(words.format);
@@ -136,11 +138,7 @@ int Run(const Words& words, std::istream& in, std::ostream& out, std::ostream& e
     err << "bendloop: " << written.error().message << "\n";
     return hal::ExitCode(written.error().kind);
   }
-  out << *written << std::flush;
-  if (!out) {
-    err << "bendloop: standard output: cannot be written; is the disk full or the pipe closed?\n";
-    return hal::ExitCode(hal::ErrorKind::kDevice);
-  }
+  out << *written << std::flush;  // main() asks whether it arrived
   return 0;
 }
 
@@ -151,17 +149,23 @@ constexpr const char* kFooter = R"(The kinds of table
   ybc   the same as a machine counts it: see --length, --rotation, --rotation-sign
   pose  start point, orientation (quaternion w x y z) and lra
 
-A line with column names says what a table is (x y z; length rotation angle; y b c;
-with a bend radius as bend_radius, radius or clr); JSON says it in its keys, results
-of bendloop too. Without names say --from. Output is in mm and degrees.
+A line with column names says what a table is (x y z; length rotation angle;
+y b c; with a bend radius as bend_radius, radius or clr); JSON says it in its
+keys, results of bendloop too. Without names say --from. Each row has as many
+cells as the names or the first row; numbers with decimal commas need semicolons,
+tabs or blanks between them. Output is in mm and degrees.
 
---length, --rotation and --rotation-sign describe the machine's table: the one that is
-read if that is ybc, otherwise the one that is written. From ybc to ybc, the --out-...
-options describe the second; they default to the counting of lra.
+A result is read in the nominal's order where it knows one, otherwise as it was
+scanned; standard error says which. --order scan takes the scan's all the same.
+
+--length, --rotation and --rotation-sign describe the machine's table: the one
+that is read if that is ybc, otherwise the one that is written. From ybc to ybc,
+the --out-... options describe the second; they default to the counting of lra.
 
 Examples
   bendloop convert --to lra --from xyz --bend-radius 35 points.txt
   bendloop convert --to xyz --format csv result.json > points.csv
+  bendloop convert --to lra result.json
   bendloop convert --to ybc --rotation cumulative --length cumulative program.csv
   bendloop convert --from ybc --rotation-sign -1 --to lra --reverse machine.txt)";
 
@@ -190,6 +194,11 @@ CLI::App* AddConvertCommand(CLI::App& app, std::function<int()>& run, std::istre
       ->check(CLI::Range(0.0, 1e6));
   command->add_option("--decimals", words->decimals, "4 in text, 6 in CSV and JSON if not given")
       ->check(CLI::Range(0, 9));
+  command
+      ->add_option("--order", words->order,
+                   "of a result's rows: the nominal's, where known, or the scan's")
+      ->check(CLI::IsMember({"nominal", "scan"}))
+      ->capture_default_str();
   command->add_flag("--reverse", words->reverse, "feed the tube from its other end");
   command
       ->add_option(

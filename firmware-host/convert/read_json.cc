@@ -85,6 +85,33 @@ void ReadStyle(const JsonReader& json, pipeline::YbcStyle& style) {
   }
 }
 
+// A result has its tube twice: as it was scanned, and, where it was inspected, in the nominal's
+// order. The bender and the drawing know the second only.
+JsonReader TubeOf(const JsonReader& result, bool in_scan_order, std::string& note) {
+  const JsonReader tube = result.At("tube");
+  if (!result.Has("inspection") || !result.At("inspection").Has("measured")) {
+    note = "rows in the order of the scan: the result knows no nominal; --reverse turns them round";
+    return tube;
+  }
+  const JsonReader inspection = result.At("inspection");
+  const std::string state =
+      inspection.Has("direction") ? inspection.At("direction").At("state").Text() : "";
+  if (state != "forward" && state != "reverse") {
+    note = "rows in the order of the scan: which end is the nominal's first is not settled (" +
+           state.substr(0, 40) + "); --reverse turns them round";
+    return tube;
+  }
+  const bool reversed = state == "reverse";
+  if (in_scan_order) {
+    note = std::string("rows in the order of the scan, ") +
+           (reversed ? "against the nominal's" : "which is the nominal's, too");
+    return tube;
+  }
+  note = std::string("rows in the nominal's order") +
+         (reversed ? "; the scan came from the other end" : "");
+  return inspection.At("measured");
+}
+
 TableKind KindOf(const JsonReader& json, const TableReadOptions& options) {
   if (json.Has("points")) return TableKind::kXyz;
   if (json.Has("orientation_wxyz")) return TableKind::kPose;
@@ -120,8 +147,8 @@ hal::Result<RawTable> ReadJsonTableRows(std::string_view text, std::string_view 
   std::optional<hal::Error> error;
   const JsonReader top(root, name, error);
   const bool result = top.Has("tube");  // a result or what has one's shape
-  const JsonReader json = result ? top.At("tube") : top;
   RawTable table;
+  const JsonReader json = result ? TubeOf(top, options.in_scan_order, table.note) : top;
   table.style = options.style;
   table.kind = KindOf(json, options);
   switch (table.kind) {

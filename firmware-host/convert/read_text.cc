@@ -39,13 +39,15 @@ char DelimiterOf(std::string_view line) {
   return words > 1 ? kWhitespace : ',';
 }
 
-std::vector<std::string_view> Split(std::string_view line, char delimiter) {
+// `given` counts the cells that stand there, the empty ones at the end too.
+std::vector<std::string_view> Split(std::string_view line, char delimiter, std::size_t& given) {
   std::vector<std::string_view> cells;
   if (delimiter == kWhitespace) {
     for (auto word = NextWord(line); !word.empty() && cells.size() < kMostColumns;
          word = NextWord(line)) {
       cells.push_back(word);
     }
+    given = cells.size();
     return cells;
   }
   while (cells.size() < kMostColumns) {
@@ -58,6 +60,7 @@ std::vector<std::string_view> Split(std::string_view line, char delimiter) {
     if (end == std::string_view::npos) break;
     line.remove_prefix(end + 1);
   }
+  given = cells.size();
   while (!cells.empty() && cells.back().empty()) cells.pop_back();
   return cells;
 }
@@ -81,7 +84,8 @@ struct Columns {
   TableKind kind = TableKind::kLra;
   std::array<std::size_t, 3> values = {0, 1, 2};
   std::size_t radius = 3;
-  std::size_t most = 4;  // cells in a line without a header; more may be anything
+  std::size_t width = 0;       // cells of the header, or of the first row
+  std::size_t width_line = 0;  // where that stands
 };
 
 std::size_t Find(const std::vector<std::string>& names,
@@ -109,7 +113,7 @@ std::optional<Columns> ColumnsFrom(const std::vector<std::string_view>& cells,
     return std::count(found.begin(), found.end(), kNone) == 0;
   };
   Columns columns;
-  columns.most = kMostColumns;
+  columns.width = names.size();
   columns.radius = Find(names, {"bend_radius", "radius", "clr", "bendradius"});
   if (complete(xyz)) {
     columns.kind = TableKind::kXyz;
@@ -178,7 +182,8 @@ class Reader {
     }
     // A title may hold any character, so each line of words decides for itself.
     const char delimiter = have_numbers_ ? delimiter_ : DelimiterOf(line);
-    const auto cells = Split(line, delimiter);
+    std::size_t given = 0;
+    const auto cells = Split(line, delimiter, given);
     if (cells.empty()) return {};
     if (!have_numbers_) {
       const std::string key = Lower(cells[0]);
@@ -189,9 +194,10 @@ class Reader {
         return ReadHeader(line, cells);
     }
     if (!have_numbers_) {
-      auto started = Start(line, delimiter, cells.size());
+      auto started = Start(line, delimiter, given, cells.size());
       if (!started) return started;
     }
+    if (auto fits = CheckWidth(given, cells.size()); !fits) return fits;
     return ReadRow(cells);
   }
 
@@ -202,6 +208,7 @@ class Reader {
       return Bad("found " + Found(line) + ", expected column names " + ExpectedNames() +
                  " or numbers");
     }
+    columns_->width_line = line_;
     if (options_.units != Units::kMillimetres && SaysMillimetres(line)) {
       return hal::Fail(hal::ErrorKind::kUsage, std::string(name_) + ":" + std::to_string(line_) +
                                                    ": the columns " + Found(line) +
@@ -262,7 +269,8 @@ class Reader {
   }
 
   // At the first line of numbers.
-  hal::Result<void> Start(std::string_view line, char delimiter, std::size_t cells) {
+  hal::Result<void> Start(std::string_view line, char delimiter, std::size_t given,
+                          std::size_t cells) {
     have_numbers_ = true;
     delimiter_ = delimiter;
     if (columns_) return {};
@@ -278,16 +286,43 @@ class Reader {
     }
     columns_.emplace();
     columns_->kind = table_.kind;
+    columns_->width = std::max<std::size_t>(std::min<std::size_t>(given, 4), cells);
+    columns_->width_line = line_;
     return {};
+  }
+
+  // A row with another number of cells than the names or the first row is misread sooner or later:
+  // most often a decimal comma has become two cells.
+  hal::Result<void> CheckWidth(std::size_t given, std::size_t cells) {
+    const std::size_t width = columns_->width;
+    if (cells > width) return WrongWidth(cells);
+    if (given >= width) return {};
+    // The last row may end after its length, and needs no radius. Between commas the second could
+    // be the half of a number.
+    const bool ends_early = given == columns_->values[0] + 1;
+    const bool no_radius = delimiter_ != ',' && cells > *std::max_element(columns_->values.begin(),
+                                                                          columns_->values.end());
+    if (table_.kind == TableKind::kXyz || !(ends_early || no_radius)) return WrongWidth(given);
+    if (!pending_ && no_radius) short_row_ = WrongWidth(given).value();
+    return {};
+  }
+
+  tl::unexpected<hal::Error> WrongWidth(std::size_t found) const {
+    std::string message = "found " + std::to_string(found) + " cells, expected " +
+                          std::to_string(columns_->width) + " as in line " +
+                          std::to_string(columns_->width_line);
+    if (delimiter_ == ',') {
+      message += "; decimal commas need semicolons, tabs or blanks between the cells";
+    } else if (found < columns_->width) {
+      message += "; an empty cell is -";
+    }
+    return Bad(message);
   }
 
   hal::Result<void> ReadRow(const std::vector<std::string_view>& cells) {
     // A row that ends early, as last rows do, was not the last.
     if (pending_) return hal::Fail(*pending_);
-    if (cells.size() > columns_->most) {
-      return Bad("found " + std::to_string(cells.size()) + " columns, expected at most " +
-                 std::to_string(columns_->most));
-    }
+    pending_ = std::exchange(short_row_, std::nullopt);
     const bool points = table_.kind == TableKind::kXyz;
     TableRow row;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -332,7 +367,8 @@ class Reader {
   double mm_per_unit_;
   RawTable table_;
   std::optional<Columns> columns_;
-  std::optional<hal::Error> pending_;  // wrong unless this row was the last
+  std::optional<hal::Error> pending_;    // wrong unless this row was the last
+  std::optional<hal::Error> short_row_;  // of the row that is read now
   char delimiter_ = kWhitespace;
   std::size_t line_ = 1;
   bool have_numbers_ = false;

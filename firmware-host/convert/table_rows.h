@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -23,6 +24,7 @@ struct RawTable {
   hal::Pose X_WT;              // of pose
   double pipe_radius_mm = 0;
   pipeline::YbcStyle style;  // of ybc
+  std::string note;          // for a person; empty: none
 };
 
 hal::Result<RawTable> ReadTextTableRows(std::string_view text, std::string_view name,

@@ -75,6 +75,7 @@ hal::Result<TubeTable> ReadTubeTable(std::string_view text, std::string_view nam
 
   TubeTable table;
   table.kind = raw->kind;
+  if (!raw->note.empty()) table.notes.push_back(raw->note);
   const bool points = raw->kind == TableKind::kXyz;
   for (std::size_t i = 0; i < raw->rows.size(); ++i) {
     TableRow& row = raw->rows[i];

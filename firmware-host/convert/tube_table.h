@@ -35,6 +35,8 @@ struct TableReadOptions {
   Units units = Units::kMillimetres;     // of all lengths in text; JSON says mm in its keys
   std::optional<double> bend_radius_mm;  // where the file has none; 0: sharp corners
   pipeline::YbcStyle style;              // of YBC in text; JSON of ours carries its own
+  // Of results: the rows as the scan came along the tube, although the nominal's order is known.
+  bool in_scan_order = false;
 };
 
 struct TubeTable {

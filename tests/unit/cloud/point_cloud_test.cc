@@ -199,6 +199,10 @@ TEST(Xyz, ReadsEveryDelimiterHeaderAndLineEnd) {
       "1.5 -2 3\n# between\n// also\n  # indented\n4 5.25 -6\n# last",
       "1.5 -2 3\r4 5.25 -6\r",
       "x_mm,y_mm,z_mm\n1.5,-2,3\n4,5.25,-6\n",
+      "1.5,-2,3,0,0,1\n4,5.25,-6,0,1,0\n",
+      "x;y;z;i\n1,5;-2;3;7\n4;5,25;-6;\n",
+      "1.5\t-2\t3\t7\n4\t5.25\t-6\t\n",
+      "1.5 -2 3 # the first\n4 5.25 -6\n",
   };
   for (const auto& text : texts) {
     SCOPED_TRACE(text);

@@ -138,6 +138,18 @@ TEST(Convert, ReadsTablesOfTheTrade) {
   }
 }
 
+TEST(Convert, ReadsDecimalCommasWhereCommasSeparateNothing) {
+  const std::string expected = Convert({"--to", "lra"}, "L R A CLR\n100.5 0 90 20\n50.5\n").out;
+  for (const char* delimiter : {";", "\t", " ", " ; "}) {
+    std::string table = "L;R;A;CLR\n100,5;0,0;90;20\n50,5\n";
+    for (auto at = table.find(';'); at != std::string::npos;
+         at = table.find(';', at + std::string(delimiter).size())) {
+      table.replace(at, 1, delimiter);
+    }
+    EXPECT_EQ(Convert({"--to", "lra"}, table).out, expected) << table;
+  }
+}
+
 TEST(Convert, ReadsResults) {
   RunResult result;
   result.measurement.tube.pipe_radius_mm = 4;
@@ -148,6 +160,33 @@ TEST(Convert, ReadsResults) {
   EXPECT_EQ(done.code, 0) << done.err;
   EXPECT_EQ(done.out,
             "x_mm,y_mm,z_mm,bend_radius_mm\n1.0,2.0,3.0,\n61.0,2.0,3.0,10.0\n61.0,72.0,3.0,\n");
+}
+
+// A tube of two unlike straights, scanned from the end that is the nominal's last.
+TEST(Convert, GivesAResultInTheNominalsOrderAndSaysSo) {
+  RunResult result;
+  result.measurement.tube.pipe_radius_mm = 4;
+  result.measurement.tube.program = {{{60, 0, 90, 10.0}, {50, 0, 0, std::nullopt}}};
+  const std::vector<std::string> words = {"--to", "lra", "--format", "csv", "--decimals", "0"};
+  const auto scanned = Convert(words, WriteResultJson(result));
+  EXPECT_THAT(scanned.out, HasSubstr("\n60,0,90,10\n50,0,0,\n"));
+  EXPECT_THAT(scanned.err, HasSubstr("rows in the order of the scan: the result knows no nominal"));
+
+  result.inspection.emplace();
+  result.inspection->direction.state = pipeline::DirectionState::kReverse;
+  result.inspection->measured = pipeline::ReverseTube(result.measurement.tube);
+  const auto inspected = Convert(words, WriteResultJson(result));
+  EXPECT_THAT(inspected.out, HasSubstr("\n50,0,90,10\n60,0,0,\n"));
+  EXPECT_THAT(inspected.err,
+              HasSubstr("rows in the nominal's order; the scan came from the other end"));
+  auto as_scanned = words;
+  as_scanned.insert(as_scanned.end(), {"--order", "scan"});
+  const auto scan = Convert(as_scanned, WriteResultJson(result));
+  EXPECT_EQ(scan.out, scanned.out);
+  EXPECT_THAT(scan.err, HasSubstr("in the order of the scan, against the nominal's"));
+
+  result.inspection->direction.state = pipeline::DirectionState::kAmbiguous;
+  EXPECT_THAT(Convert(words, WriteResultJson(result)).err, HasSubstr("not settled (ambiguous)"));
 }
 
 TEST(Convert, KeepsRotationsInRangeWhenItRounds) {
@@ -222,6 +261,24 @@ TEST(Convert, SaysWhatIsWrongAndWhere) {
        "length_mm rotation angle\n1 0 90\n3 0 0\n",
        2,
        "expected --units mm"},
+      {{"--to", "lra"},
+       "L,R,A,radius\n100,5,0,90,20\n50,5\n",
+       3,
+       ":2: found 5 cells, expected 4 as in line 1; decimal commas need semicolons, tabs or "
+       "blanks"},
+      {{"--to", "lra"},
+       "L,R,A,radius\n100,0,90,20\n50,5\n",
+       3,
+       ":3: found 2 cells, expected 4 as in line 1; decimal commas"},
+      {{"--to", "lra"},
+       "l r a clr\n1 0 90 5\n2 0 9\n3 0 0 0\n",
+       3,
+       ":3: found 3 cells, expected 4"},
+      {{"--to", "lra", "--from", "lra"},
+       "1,0,90\n2,0,90,5\n3\n",
+       3,
+       ":2: found 4 cells, expected 3 as in line 1"},
+      {{"--to", "lra"}, "x;y;z\n1;2;3\n4;5\n", 3, ":3: found 2 cells, expected 3 as in line 1"},
       {{"--to", "lra"}, "position_mm 1 2\n", 3, ":1: position_mm has 2 value(s), expected 3"},
       {{"--to", "lra"},
        "position_mm 1 2 3\nl r a\n1 0 0\n",
