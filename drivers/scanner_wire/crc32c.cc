@@ -30,8 +30,9 @@ constexpr Tables MakeTables() {
 constexpr Tables kTables = MakeTables();
 
 #if defined(__x86_64__)
-__attribute__((target("sse4.2"))) std::uint32_t Crc32cSse42(std::span<const std::uint8_t> bytes) {
-  std::uint64_t crc = 0xFFFFFFFFU;
+__attribute__((target("sse4.2"))) std::uint32_t Crc32cSse42(std::span<const std::uint8_t> bytes,
+                                                            std::uint32_t before) {
+  std::uint64_t crc = ~before;
   const std::uint8_t* at = bytes.data();
   std::size_t left = bytes.size();
   for (; left >= 8; left -= 8, at += 8) {
@@ -47,8 +48,8 @@ __attribute__((target("sse4.2"))) std::uint32_t Crc32cSse42(std::span<const std:
 
 }  // namespace
 
-std::uint32_t Crc32cPortable(std::span<const std::uint8_t> bytes) {
-  std::uint32_t crc = 0xFFFFFFFFU;
+std::uint32_t Crc32cPortable(std::span<const std::uint8_t> bytes, std::uint32_t before) {
+  std::uint32_t crc = ~before;
   for (; bytes.size() >= 8; bytes = bytes.subspan(8)) {
     const std::uint64_t word = LoadLittle<std::uint64_t>(bytes.data()) ^ crc;
     crc = 0;
@@ -58,12 +59,12 @@ std::uint32_t Crc32cPortable(std::span<const std::uint8_t> bytes) {
   return ~crc;
 }
 
-std::uint32_t Crc32c(std::span<const std::uint8_t> bytes) {
+std::uint32_t Crc32c(std::span<const std::uint8_t> bytes, std::uint32_t before) {
 #if defined(__x86_64__)
   static const bool has_instruction = __builtin_cpu_supports("sse4.2") != 0;
-  if (has_instruction) return Crc32cSse42(bytes);
+  if (has_instruction) return Crc32cSse42(bytes, before);
 #endif
-  return Crc32cPortable(bytes);
+  return Crc32cPortable(bytes, before);
 }
 
 }  // namespace bendloop::drivers

@@ -3,12 +3,18 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <limits>
+
+#include "drivers/session/session_format.h"
 #include "drivers/session/session_reader.h"
 
 namespace bendloop::drivers {
 namespace {
 
 constexpr std::size_t kMaxProblems = 100;
+// No scan takes a day: times that lie further apart are damage.
+constexpr std::int64_t kLongestScanNs = 86'400'000'000'000;
 
 void Add(SessionSummary& summary, const std::string& problem) {
   if (summary.problems.size() < kMaxProblems) {
@@ -37,12 +43,40 @@ void CheckPages(const SessionReader& reader, SessionSummary& summary) {
   }
 }
 
+void CheckTimes(const std::string& path, std::int64_t earliest, std::int64_t latest,
+                SessionSummary& summary) {
+  if (summary.profiles == 0) return Add(summary, path + ": holds no profile: nothing to replay");
+  const std::uint64_t apart =
+      static_cast<std::uint64_t>(latest) - static_cast<std::uint64_t>(earliest);
+  if (apart <= std::uint64_t{kLongestScanNs}) return;
+  Add(summary, path + ": table profile: t_ns goes from " + std::to_string(earliest) + " to " +
+                   std::to_string(latest) + ", more than a day; expected nanoseconds of one scan");
+}
+
+// What the file said of itself when it was closed.
+void CheckDigest(const SessionReader& reader, bool has_log, SessionSummary& summary) {
+  if (!reader.has_sums()) return;
+  const std::string stated = reader.MetaOr(kSessionDigestKey, "");
+  if (stated.empty()) {
+    summary.warnings.push_back(
+        reader.path() + ": was never closed: the recorder was cut off, or still writes; " +
+        (has_log ? "the log beside it, " + reader.path() + "-wal, belongs to it: keep both together"
+                 : "what its log (" + reader.path() + "-wal) held and was not kept is missing"));
+  } else if (const std::string found = reader.DigestText(); stated != found) {
+    Add(summary, reader.path() + ": table meta, key digest: found \"" + found +
+                     "\" in the file, expected \"" + stated.substr(0, 100) +
+                     "\": rows are missing, altered or added since it was closed");
+  }
+}
+
 void CheckProfiles(SessionReader& reader, SessionSummary& summary) {
   hal::LaserProfile profile(reader.max_points());
   std::size_t backward = 0;
   std::size_t lost = 0;
   bool first = true;
   std::uint64_t sequence_before = 0;
+  std::int64_t earliest = std::numeric_limits<std::int64_t>::max();
+  std::int64_t latest = std::numeric_limits<std::int64_t>::min();
   while (!reader.damaged()) {
     const auto taken = reader.NextProfile(profile);
     if (!taken) {
@@ -56,9 +90,12 @@ void CheckProfiles(SessionReader& reader, SessionSummary& summary) {
     first = false;
     sequence_before = profile.sequence;
     summary.last_t_ns = profile.t_ns;
+    earliest = std::min(earliest, profile.t_ns);
+    latest = std::max(latest, profile.t_ns);
     ++summary.profiles;
     summary.points += profile.points.size();
   }
+  CheckTimes(reader.path(), earliest, latest, summary);
   if (backward > 0) {
     summary.warnings.push_back(reader.path() + ": table profile: t_ns goes back " +
                                std::to_string(backward) + " times");
@@ -102,11 +139,12 @@ hal::Result<SessionSummary> CheckSession(const std::string& path) {
     ++summary.events;
   }
   struct stat status {};
-  if (stat((path + "-wal").c_str(), &status) == 0 && status.st_size > 0) {
+  const bool has_log = stat((path + "-wal").c_str(), &status) == 0 && status.st_size > 0;
+  if (has_log && !reader->has_sums()) {
     summary.warnings.push_back(path + ": not finished, a log stands beside it; keep " + path +
                                "-wal with it");
   }
-  if (summary.profiles == 0) summary.warnings.push_back(path + ": no profiles");
+  CheckDigest(*reader, has_log, summary);
   return summary;
 }
 

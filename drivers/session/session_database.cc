@@ -11,6 +11,8 @@
 #include <string_view>
 #include <system_error>
 
+#include "drivers/session/session_format.h"
+
 namespace bendloop::drivers {
 namespace {
 
@@ -20,7 +22,8 @@ using hal::Result;
 
 constexpr std::string_view kMagic{"SQLite format 3\0", 16};
 constexpr std::size_t kReadVersionByte = 19;  // 2: write-ahead log, see sqlite.org/fileformat2
-constexpr int kMaxRowBytes = 16 << 20;        // a profile of kSessionMaxPoints fits
+constexpr std::size_t kApplicationIdByte = 68;
+constexpr int kMaxRowBytes = 16 << 20;  // a profile of kSessionMaxPoints fits
 
 bool HasContent(const std::string& path) {
   struct stat status {};
@@ -133,6 +136,18 @@ Result<Database> OpenSessionReadOnly(const std::string& path) {
   }
   if (code != SQLITE_OK) return Fail(database->Failed("cannot read the session"));
   return database;
+}
+
+bool LooksLikeDatabase(const std::string& path) { return ReadHeader(path).has_value(); }
+
+bool LooksLikeSession(const std::string& path) {
+  const auto header = ReadHeader(path);
+  if (!header) return false;
+  std::int32_t id = 0;  // big-endian
+  for (std::size_t i = 0; i < 4; ++i) {
+    id = id << 8 | static_cast<unsigned char>((*header)[kApplicationIdByte + i]);
+  }
+  return id == kSessionApplicationId;
 }
 
 Result<Database> OpenSessionForWriting(const std::string& path) {

@@ -12,6 +12,10 @@ namespace bendloop::drivers {
 // possible: on read-only media, with a leftover write-ahead log, with or without its index.
 hal::Result<Database> OpenSessionReadOnly(const std::string& path);
 
+// Whether the file begins as a SQLite database does, and as a session does: by its first 100 bytes.
+bool LooksLikeDatabase(const std::string& path);
+bool LooksLikeSession(const std::string& path);
+
 // Opens (creates) a database for writing.
 hal::Result<Database> OpenSessionForWriting(const std::string& path);
 

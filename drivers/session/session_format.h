@@ -8,7 +8,8 @@
 namespace bendloop::drivers {
 
 constexpr std::int32_t kSessionApplicationId = 0x424C5345;  // "BLSE"
-constexpr std::int32_t kSessionVersion = 1;
+constexpr std::int32_t kSessionVersion = 2;
+constexpr std::int32_t kSessionVersionWithoutSums = 1;  // still read
 
 constexpr std::size_t kSessionPoseBytes = 7 * sizeof(double);
 constexpr std::size_t kSessionPointBytes = 2 * sizeof(float);
@@ -20,7 +21,10 @@ constexpr double kSessionUnitTolerance = 1e-6;
 constexpr const char* kSessionTables =
     "CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL);"
     "CREATE TABLE profile(seq INTEGER PRIMARY KEY, t_ns INTEGER NOT NULL, pose BLOB NOT NULL,"
-    " points BLOB NOT NULL, intensity BLOB);"
+    " points BLOB NOT NULL, intensity BLOB, crc INTEGER NOT NULL);"
     "CREATE TABLE event(t_ns INTEGER NOT NULL, kind TEXT NOT NULL, detail TEXT);";
+
+// Key of meta under which the closed file's digest stands.
+constexpr const char* kSessionDigestKey = "digest";
 
 }  // namespace bendloop::drivers

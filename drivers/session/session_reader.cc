@@ -101,7 +101,8 @@ Result<SessionReader> SessionReader::Open(const std::string& path) {
   if (auto read = reader.ReadMeta(); !read) return Fail(read.error());
   reader.FindMaxPoints();
   auto profiles = reader.database_.Prepare(
-      "SELECT seq, t_ns, pose, points, intensity FROM profile ORDER BY seq");
+      reader.has_sums() ? "SELECT seq, t_ns, pose, points, intensity, crc FROM profile ORDER BY seq"
+                        : "SELECT seq, t_ns, pose, points, intensity FROM profile ORDER BY seq");
   if (!profiles) return Fail(profiles.error());
   reader.select_profile_ = std::move(*profiles);
   auto events =
@@ -126,13 +127,16 @@ Result<void> SessionReader::CheckHead() {
   }
   const auto version = database_.Integer("PRAGMA user_version");
   if (!version) return Fail(version.error());
-  if (*version != kSessionVersion) {
-    return Fail(ErrorKind::kBadInput, path_ + ": user_version is " + std::to_string(*version) +
-                                          ", expected " + std::to_string(kSessionVersion) +
-                                          "; use the software version that wrote it");
+  version_ = *version;
+  if (version_ != kSessionVersion && version_ != kSessionVersionWithoutSums) {
+    return Fail(ErrorKind::kBadInput,
+                path_ + ": user_version is " + std::to_string(version_) + ", expected " +
+                    std::to_string(kSessionVersionWithoutSums) + " or " +
+                    std::to_string(kSessionVersion) + "; use the software version that wrote it");
   }
   auto checked = CheckTable("meta", {"key", "value"});
   if (checked) checked = CheckTable("profile", {"seq", "t_ns", "pose", "points", "intensity"});
+  if (checked && has_sums()) checked = CheckTable("profile", {"crc"});
   if (checked) checked = CheckTable("event", {"t_ns", "kind", "detail"});
   return checked;
 }
@@ -184,6 +188,7 @@ Result<void> SessionReader::ReadMeta() {
                   path_ + ": table meta: more than " + std::to_string(kMaxMetaEntries) +
                       " entries or one of more than " + std::to_string(kMaxMetaBytes) + " bytes");
     }
+    if (key != kSessionDigestKey) digest_.AddMeta(key, value);
     meta_[std::string(key)] = std::string(value);
   }
   if (outcome == Outcome::kFailed) {
@@ -230,6 +235,11 @@ Result<std::optional<std::int64_t>> SessionReader::PeekProfile() {
     return Fail(moved.error());
   }
   if (profile_cursor_ == Cursor::kEnd) return std::optional<std::int64_t>();
+  if (const std::string why = CheckSum(select_profile_); !why.empty()) {
+    profile_cursor_ = Cursor::kBeforeRow;
+    return Fail(ErrorKind::kBadInput, path_ + ": table profile, seq " +
+                                          std::to_string(select_profile_.Integer(0)) + ": " + why);
+  }
   return std::optional(select_profile_.Integer(1));
 }
 
@@ -274,12 +284,37 @@ Result<void> SessionReader::DecodeProfile(hal::LaserProfile& profile) {
   hal::Pose pose;
   if (const std::string why = DecodePose(row, pose); !why.empty()) return fail(why);
   if (const std::string why = CheckPoints(row); !why.empty()) return fail(why);
+  if (row.Blob(3).size() > kSessionPointBytes * max_points_) {
+    // The table was another one when it was asked for its longest profile.
+    damaged_ = true;
+    profile_cursor_ = Cursor::kEnd;
+    return fail("more points than the longest profile that was found, " +
+                std::to_string(max_points_) + "; the table is damaged");
+  }
+  if (const std::string why = CheckSum(row); !why.empty()) return fail(why);
+  if (has_sums()) digest_.AddProfile(static_cast<std::uint32_t>(row.Integer(5)));
   profile.sequence = static_cast<std::uint64_t>(sequence);
   profile.t_ns = row.Integer(1);
   profile.X_WS = pose;
   DecodePoints(row, profile);
   return {};
 }
+
+// What is wrong with the row as a whole; empty: nothing, or nobody knows.
+std::string SessionReader::CheckSum(const Statement& row) const {
+  if (!has_sums()) return {};
+  const auto intensity =
+      row.type(4) == Type::kBlob ? row.Blob(4) : std::span<const unsigned char>();
+  const std::uint32_t sum =
+      ProfileSum(row.Integer(0), row.Integer(1), row.Blob(2), row.Blob(3), intensity);
+  if (row.type(5) != Type::kInteger || row.Integer(5) != std::int64_t{sum}) {
+    return "crc is " + (row.type(5) == Type::kInteger ? Hex(row.Integer(5)) : TypeName(row, 5)) +
+           ", expected " + Hex(sum) + "; the profile is damaged";
+  }
+  return {};
+}
+
+std::string SessionReader::DigestText() const { return digest_.Text(); }
 
 void SessionReader::DecodePoints(const Statement& row, hal::LaserProfile& profile) {
   const auto points = row.Blob(3);
@@ -320,6 +355,7 @@ Result<bool> SessionReader::NextEvent(hal::ScanEvent& event) {
   event.t_ns = row.Integer(0);
   const std::string_view kind = row.Text(1);
   const std::string_view detail = row.Text(2);
+  digest_.AddEvent(event.t_ns, kind, detail);
   event.kind = hal::ScanEventKindFromName(kind);
   if (event.kind == hal::ScanEventKind::kOther && kind != hal::Name(event.kind)) {
     event.set_detail(std::string(kind.substr(0, 200)) + ": " + std::string(detail.substr(0, 200)));

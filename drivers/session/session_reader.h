@@ -8,6 +8,8 @@
 #include <string>
 
 #include "drivers/session/session_database.h"
+#include "drivers/session/session_digest.h"
+#include "drivers/session/session_format.h"
 #include "hal/laser_profile.h"
 #include "hal/result.h"
 #include "hal/scan_event.h"
@@ -28,7 +30,8 @@ class SessionReader {
   // Most points of one profile in the file, at most kSessionMaxPoints.
   std::size_t max_points() const { return max_points_; }
 
-  // t_ns of the next one; empty at the end.
+  // t_ns of the next one; empty at the end. A profile whose checksum is wrong is an error here as
+  // in NextProfile, and is passed over: nobody should wait for its time.
   hal::Result<std::optional<std::int64_t>> PeekProfile();
   hal::Result<std::optional<std::int64_t>> PeekEvent();
   // False at the end. After an error in one row the next call takes the next row, unless
@@ -43,6 +46,11 @@ class SessionReader {
   std::size_t events_read() const { return events_read_; }
   // Points that are not finite, as scanners mark those that they missed: not in the profiles.
   std::size_t points_left_out() const { return points_left_out_; }
+  // Whether rows carry checksums (user_version 2): what is damaged is known by itself, and the rest
+  // can be trusted.
+  bool has_sums() const { return version_ > kSessionVersionWithoutSums; }
+  // Over what was read; equal to the file's own once all of a sound session is.
+  std::string DigestText() const;
   // Profiles whose intensity was left out because it has not one value a point.
   std::size_t intensities_ignored() const { return intensities_ignored_; }
   // seq of the last row reached; -1 before the first.
@@ -61,6 +69,7 @@ class SessionReader {
   void FindMaxPoints();
   hal::Result<void> Advance(Statement& statement, Cursor& cursor, const char* table);
   hal::Result<void> DecodeProfile(hal::LaserProfile& profile);
+  std::string CheckSum(const Statement& row) const;
   void DecodePoints(const Statement& row, hal::LaserProfile& profile);
 
   std::string path_;
@@ -77,6 +86,8 @@ class SessionReader {
   std::size_t points_left_out_ = 0;
   std::size_t intensities_ignored_ = 0;
   std::int64_t last_sequence_ = -1;
+  std::int64_t version_ = kSessionVersion;
+  SessionDigest digest_;
 };
 
 }  // namespace bendloop::drivers

@@ -28,6 +28,8 @@ Result<hal::SourceInfo> SessionSource::Open() {
   failed_.reset();
   first_t_ns_.reset();
   pending_event_read_ = false;
+  profiles_left_out_ = 0;
+  first_damage_.clear();
   auto reader = SessionReader::Open(path_);
   if (!reader) return Fail(reader.error());
   reader_.emplace(std::move(*reader));
@@ -66,10 +68,18 @@ Result<ReadStatus> SessionSource::FailForGood(hal::Error error) {
 
 Result<ReadStatus> SessionSource::Read(hal::LaserProfile& profile, hal::ScanEvent& event,
                                        nanoseconds timeout) {
+  while (true) {
+    auto status = ReadNext(profile, event, timeout);
+    if (status || failed_ || !reader_) return status;
+  }
+}
+
+Result<ReadStatus> SessionSource::ReadNext(hal::LaserProfile& profile, hal::ScanEvent& event,
+                                           nanoseconds timeout) {
   if (failed_) return Fail(*failed_);
   if (!reader_) return Fail(hal::ErrorKind::kInternal, path_ + ": the session is not open");
   const auto profile_t_ns = reader_->PeekProfile();
-  if (!profile_t_ns) return FailForGood(profile_t_ns.error());
+  if (!profile_t_ns) return LeaveOut(profile_t_ns.error());
   if (!pending_event_read_) {
     const auto found = reader_->NextEvent(pending_event_);
     if (!found) return FailForGood(found.error());
@@ -89,8 +99,14 @@ Result<ReadStatus> SessionSource::Read(hal::LaserProfile& profile, hal::ScanEven
   if (!*profile_t_ns) return ReadStatus::kEnd;
   if (!WaitUntilDue(**profile_t_ns, timeout)) return ReadStatus::kTimeout;
   const auto taken = reader_->NextProfile(profile);
-  if (!taken) return FailForGood(taken.error());
+  if (!taken) return LeaveOut(taken.error());
   return ReadStatus::kProfile;
+}
+
+Result<ReadStatus> SessionSource::LeaveOut(hal::Error error) {
+  if (!reader_->has_sums() || reader_->damaged()) return FailForGood(std::move(error));
+  if (profiles_left_out_++ == 0) first_damage_ = std::move(error.message);
+  return Fail(hal::ErrorKind::kBadInput, first_damage_);
 }
 
 }  // namespace bendloop::drivers

@@ -95,7 +95,7 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
     return {};
   };
   auto done = prepare(writer.insert_meta_, "INSERT OR REPLACE INTO meta VALUES(?, ?)");
-  if (done) done = prepare(writer.insert_profile_, "INSERT INTO profile VALUES(?, ?, ?, ?, ?)");
+  if (done) done = prepare(writer.insert_profile_, "INSERT INTO profile VALUES(?, ?, ?, ?, ?, ?)");
   if (done) done = prepare(writer.insert_event_, "INSERT INTO event VALUES(?, ?, ?)");
   if (!done) return Fail(done.error());
   return writer;
@@ -120,7 +120,10 @@ Result<void> SessionWriter::Begin() {
 Result<void> SessionWriter::Run(Statement& statement, const std::string& what) {
   auto done = database_.Run(statement, what);
   // Some errors (a full disk) end the transaction by themselves.
-  if (!database_.in_transaction()) in_transaction_ = false;
+  if (!database_.in_transaction()) {
+    in_transaction_ = false;
+    lost_ = true;
+  }
   return done;
 }
 
@@ -164,8 +167,12 @@ Result<void> SessionWriter::Write(const hal::LaserProfile& profile) {
   } else {
     insert_profile_.Bind(std::span<const unsigned char>(profile.intensity));
   }
+  const std::uint32_t sum = ProfileSum(static_cast<std::int64_t>(profile.sequence), profile.t_ns,
+                                       pose, points_bytes_, profile.intensity);
+  insert_profile_.Bind(std::int64_t{sum});
   auto done = Run(insert_profile_, "table profile, seq " + std::to_string(profile.sequence));
   if (!done) return done;
+  digest_.AddProfile(sum);
   ++profiles_;
   ++waiting_;
   return Tick();
@@ -182,6 +189,7 @@ Result<void> SessionWriter::Write(const hal::ScanEvent& event) {
     insert_event_.Bind(detail);
   }
   if (auto done = Run(insert_event_, "table event"); !done) return done;
+  digest_.AddEvent(event.t_ns, kind, detail);
   ++events_;
   return Tick();
 }
@@ -200,14 +208,35 @@ Result<void> SessionWriter::Commit() {
   if (!committed && database_.in_transaction()) {
     (void)database_.Execute("ROLLBACK");
   }
+  if (!committed) lost_ = true;
   in_transaction_ = false;
   waiting_ = 0;
   return committed;
 }
 
+Result<void> SessionWriter::WriteDigest() {
+  SessionDigest digest = digest_;
+  auto select = database_.Prepare("SELECT key, value FROM meta WHERE key <> ?");
+  if (!select) return Fail(select.error());
+  select->Bind(std::string_view(kSessionDigestKey));
+  auto outcome = Statement::Outcome::kRow;
+  while ((outcome = select->Step()) == Statement::Outcome::kRow) {
+    digest.AddMeta(select->Text(0), select->Text(1));
+  }
+  if (outcome == Statement::Outcome::kFailed) return Fail(database_.Failed("table meta"));
+  *select = {};
+  if (auto begun = Begin(); !begun) return begun;
+  const std::string text = digest.Text();
+  insert_meta_.Bind(std::string_view(kSessionDigestKey)).Bind(text);
+  if (auto done = Run(insert_meta_, "table meta, key digest"); !done) return done;
+  return Commit();
+}
+
 Result<void> SessionWriter::Finish() {
   if (!database_) return {};
+  // What a failed commit lost is no part of the file, which then stays without a digest.
   auto result = Commit();
+  if (result && !lost_) result = WriteDigest();
   for (Statement* insert : {&insert_meta_, &insert_profile_, &insert_event_}) *insert = {};
   // Leaving log mode moves the whole log into the file and removes it and its index.
   const auto left =

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "drivers/session/session_database.h"
+#include "drivers/session/session_digest.h"
 #include "hal/clock.h"
 #include "hal/laser_profile.h"
 #include "hal/result.h"
@@ -52,7 +53,8 @@ class SessionWriter {
   // Commits if the interval is over; for times without profiles.
   hal::Result<void> Tick();
   hal::Result<void> Commit();
-  // Commits and leaves one single file behind. Nothing can be written any more.
+  // Commits, with the digest of everything, and leaves one single file behind. Nothing can be
+  // written any more.
   hal::Result<void> Finish();
 
   std::size_t profiles() const { return profiles_; }
@@ -63,6 +65,7 @@ class SessionWriter {
   SessionWriter() = default;
   hal::Result<void> Begin();
   hal::Result<void> Run(Statement& statement, const std::string& what);
+  hal::Result<void> WriteDigest();
 
   std::string path_;
   const hal::Clock* clock_ = nullptr;
@@ -77,6 +80,8 @@ class SessionWriter {
   std::size_t profiles_ = 0;
   std::size_t events_ = 0;
   std::vector<unsigned char> points_bytes_;
+  SessionDigest digest_;  // of profiles and events
+  bool lost_ = false;     // some of these are not in the file: the disk
 };
 
 }  // namespace bendloop::drivers

@@ -117,6 +117,21 @@ std::size_t RingSlots(const config::CellConfig& cell, std::size_t max_points) {
   return std::min<std::size_t>(cell.scanner.queue_profiles, fit);
 }
 
+// Damaged profiles are missing ones to the interlocks; here a person is told.
+void TellDamage(const drivers::SessionSource& source, bool decided, Replay& replay,
+                std::optional<hal::Error>& failed) {
+  const drivers::SessionReader& reader = *source.reader();
+  if (reader.has_sums() && reader.MetaOr("digest", "").empty()) {
+    replay.notes.push_back("the recording was never closed: it ends where it was cut off");
+  }
+  if (source.profiles_left_out() == 0) return;
+  const std::string words =
+      std::to_string(source.profiles_left_out()) +
+      " damaged profiles of the session are left out; the first: " + source.first_damage();
+  if (decided) replay.outcome.result.measurement.warnings.push_back(words);
+  if (failed) failed->message += " (" + words + ")";
+}
+
 }  // namespace
 
 hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOptions& options,
@@ -163,6 +178,7 @@ hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOp
     if (decided) replay.outcome.result.measurement.warnings.push_back(words);
     if (failed) failed->message += " (" + words + ")";
   }
+  TellDamage(source, decided, replay, failed);
   if (decided) return replay;
   if (end == CellEnd::kSourceFault) return hal::Fail(acquisition.fault());
   if (end == CellEnd::kPartsDone && failed && !acquisition.fault().message.empty()) {

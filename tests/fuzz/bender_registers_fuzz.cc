@@ -14,11 +14,16 @@
 #include "drivers/register_bender/program_codec.h"
 #include "drivers/simulated_bender/bender_memory.h"
 #include "firmware-host/commit/journal_json.h"
+#include "tests/fuzz/reached.h"
 #include "tests/support/bender_maps.h"
 
 namespace {
 
 using namespace bendloop;
+
+Reached journal("a program of the journal");
+Reached staged_program("a staged program that is taken");
+Reached accepted("a commit that is accepted");
 
 void Check(bool holds) {
   if (!holds) std::abort();
@@ -49,7 +54,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   --size;
   if (choice & 0x80) {
     const auto block = host::ProgramFromJson({reinterpret_cast<const char*>(data), size});
-    if (block) (void)host::ProgramToJson(*block);
+    if (!block) return 0;
+    journal.Mark();
+    (void)host::ProgramToJson(*block);
     return 0;
   }
   static const hal::RegisterMap kMaps[] = {test::PlainMap(), test::OddMap()};
@@ -65,11 +72,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const auto& range : heads) Fill(memory.image(), range, data, size);
   Fill(memory.image(), drivers::RowsRange(map, map.staging, map.max_rows), data, size);
   const auto staged = memory.Staged();
-  if (staged) CheckProgram(map, *staged);
+  if (staged) {
+    staged_program.Mark();
+    CheckProgram(map, *staged);
+  }
   memory.HandleCommit(0);
   const auto after = memory.Active();
   Check(after.has_value());
   CheckProgram(map, *after);
+  if (*after != before) accepted.Mark();
   Check(*after == before || (staged && *after == *staged));
   return 0;
 }

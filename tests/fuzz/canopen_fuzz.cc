@@ -9,6 +9,7 @@
 
 #include "drivers/canopen_bender/node_watch.h"
 #include "drivers/canopen_bender/sdo_client.h"
+#include "tests/fuzz/reached.h"
 #include "tests/support/sdo_store.h"
 
 namespace {
@@ -17,6 +18,11 @@ using namespace bendloop::drivers;
 
 constexpr std::size_t kMaxSize = 300;
 constexpr ObjectId kObject{0x2001, 3};
+
+bendloop::Reached uploaded("an upload to its end");
+bendloop::Reached downloaded("a download to its end");
+bendloop::Reached answered("an answer of the server");
+bendloop::Reached watched("a remark of the watch");
 
 void Check(bool holds) {
   if (!holds) std::abort();
@@ -63,8 +69,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       case 4:
       case 5: {
         server.Receive(frame);
-        int answered = 0;
-        while (server.NextFrame(frame)) Check(++answered <= 128);
+        int answers = 0;
+        while (server.NextFrame(frame)) Check(++answers <= 128);
+        if (answers > 0) answered.Mark();
         break;
       }
       default:
@@ -72,8 +79,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         break;
     }
     Check(client.data().size() <= kMaxSize + 7);
-    Check(watch.Remarks(now).find('\n') == std::string::npos);
+    const std::string remarks = watch.Remarks(now);
+    if (!remarks.empty()) watched.Mark();
+    Check(remarks.find('\n') == std::string::npos);
   }
+  if (client.finished() && !client.failed()) (choice & 1 ? uploaded : downloaded).Mark();
   Check(!client.failed() || !client.error().empty());
   return 0;
 }

@@ -6,6 +6,12 @@
 #include <string_view>
 
 #include "firmware-host/convert/tube_table.h"
+#include "tests/fuzz/reached.h"
+
+namespace {
+bendloop::Reached kinds[] = {bendloop::Reached("xyz"), bendloop::Reached("lra"),
+                             bendloop::Reached("ybc"), bendloop::Reached("pose")};
+}
 
 // Whatever is read as a tube can be written as LRA; errors are one line.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -16,6 +22,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (table.error().message.find('\n') != std::string::npos) std::abort();
     return 0;
   }
+  kinds[static_cast<std::size_t>(table->kind)].Mark();
   for (const auto format : {TableFormat::kText, TableFormat::kCsv, TableFormat::kJson}) {
     if (!WriteTubeTable(table->tube, {TableKind::kLra, format, {}, {}})) std::abort();
   }

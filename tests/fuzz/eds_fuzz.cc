@@ -6,8 +6,11 @@
 #include <string_view>
 
 #include "config/object_dictionary.h"
+#include "tests/fuzz/reached.h"
 
 namespace {
+
+bendloop::Reached bound("a map bound to a dictionary");
 
 // As register-maps/canopen.toml has them.
 bendloop::hal::RegisterMap Map() {
@@ -39,6 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (dictionary->objects.size() > 200000) __builtin_trap();
   auto map = Map();
   if (!bendloop::config::BindObjects(map, *dictionary)) return 0;
+  bound.Mark();
   // What was bound fits, one beside the other.
   if (map.active.rows_address + 320 > 65536 || map.staging.rows_address + 320 > 65536) {
     __builtin_trap();

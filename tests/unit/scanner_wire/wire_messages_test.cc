@@ -22,6 +22,12 @@ TEST(Crc32c, MatchesThePublishedVectors) {
   EXPECT_EQ(Crc32c(Bytes(32, 0x00)), 0x8A9136AAU);
   EXPECT_EQ(Crc32c(Bytes(32, 0xFF)), 0x62A8AB43U);
   EXPECT_EQ(Crc32c({}), 0U);
+  // In pieces as in one.
+  const std::span<const std::uint8_t> all(digits);
+  for (std::size_t cut = 0; cut <= all.size(); ++cut) {
+    EXPECT_EQ(Crc32c(all.subspan(cut), Crc32c(all.first(cut))), 0xE3069283U);
+    EXPECT_EQ(Crc32cPortable(all.subspan(cut), Crc32cPortable(all.first(cut))), 0xE3069283U);
+  }
   std::mt19937_64 engine(1);
   for (std::size_t size = 0; size < 100; ++size) {
     Bytes bytes(size);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fstream>
+#include <iterator>
 
 #include "drivers/session/session_check.h"
+#include "drivers/session/session_source.h"
 #include "session_fixture.h"
 
 namespace bendloop::drivers {
@@ -50,12 +52,12 @@ class DamagedSessionTest : public SessionTest {
 
 TEST_F(DamagedSessionTest, SaysWhatIsWrongAndWhere) {
   ExpectError("PRAGMA application_id=1", "application_id is 0x00000001, expected 0x424C5345");
-  ExpectError("PRAGMA user_version=2", "user_version is 2, expected 1");
+  ExpectError("PRAGMA user_version=3", "user_version is 3, expected 1 or 2");
   ExpectError("DROP TABLE event", "table event: missing");
   ExpectError("DROP TABLE event; CREATE VIEW event AS SELECT 1 t_ns, 2 kind, 3 detail",
               "table event: missing");
   ExpectError("ALTER TABLE profile RENAME COLUMN pose TO poze",
-              "table profile: columns are (seq, t_ns, poze, points, intensity), expected");
+              "table profile: columns are (seq, t_ns, poze, points, intensity, crc), expected");
   ExpectError("UPDATE meta SET value='m' WHERE key='units'", "key units: found \"m\"");
   ExpectError("UPDATE profile SET pose=zeroblob(48) WHERE seq=3",
               "table profile, seq 3: pose has 48 bytes, expected 56");
@@ -116,6 +118,8 @@ TEST_F(DamagedSessionTest, ChecksTheWholeFileNotOnlyTheFirstFault) {
   const std::string path = Good();
   EXPECT_TRUE(CheckSession(path)->ok());
   EXPECT_TRUE(CheckSession(path)->warnings.empty());
+  Sql(path, kWithoutSums);
+  EXPECT_TRUE(CheckSession(path)->ok());
   Sql(path,
       "UPDATE profile SET pose=zeroblob(5) WHERE seq IN (3, 9); DELETE FROM profile WHERE seq=5;"
       "UPDATE profile SET t_ns=0 WHERE seq=12; UPDATE profile SET intensity=x'00' WHERE seq=1");
@@ -126,6 +130,143 @@ TEST_F(DamagedSessionTest, ChecksTheWholeFileNotOnlyTheFirstFault) {
   EXPECT_EQ(summary->profiles, 17u);
   EXPECT_EQ(summary->points, 17u * 30u);
   EXPECT_EQ(summary->events, 1u);
+}
+
+// What a replay delivers of a file; the numbers of its profiles.
+struct Replayed {
+  std::vector<hal::LaserProfile> profiles;
+  std::size_t left_out = 0;
+  std::string error;
+};
+
+Replayed Replay(const std::string& path) {
+  Replayed replayed;
+  hal::ManualClock clock;
+  SessionSource source(path, ReplayPace::kMax, clock);
+  const auto info = source.Open();
+  if (!info) return {{}, 0, info.error().message};
+  (void)source.Start();
+  hal::LaserProfile profile(info->max_points);
+  hal::ScanEvent event;
+  while (true) {
+    const auto status = source.Read(profile, event, std::chrono::nanoseconds(0));
+    if (!status) replayed.error = status.error().message;
+    if (!status || *status == hal::ReadStatus::kEnd) break;
+    if (*status == hal::ReadStatus::kProfile) replayed.profiles.push_back(profile);
+  }
+  replayed.left_out = source.profiles_left_out();
+  return replayed;
+}
+
+TEST_F(DamagedSessionTest, ADamagedProfileIsLeftOutCountedAndTold) {
+  const std::string path = Good();
+  Sql(path, "UPDATE profile SET t_ns = t_ns + 1 WHERE seq IN (3, 9)");
+  const Replayed replayed = Replay(path);
+  EXPECT_EQ(replayed.error, "");
+  EXPECT_EQ(replayed.left_out, 2u);
+  ASSERT_EQ(replayed.profiles.size(), 18u);
+  EXPECT_EQ(replayed.profiles[3].sequence, 4u);
+  const auto summary = CheckSession(path);
+  ASSERT_EQ(summary->problems.size(), 3u);  // the profiles, and the whole
+  EXPECT_NE(summary->problems[0].find("seq 3: crc is 0x"), std::string::npos);
+  EXPECT_NE(summary->problems[0].find("; the profile is damaged"), std::string::npos);
+}
+
+TEST_F(DamagedSessionTest, NobodyWaitsForTheTimeOfADamagedProfile) {
+  const std::string path = Good();
+  Sql(path, "UPDATE profile SET t_ns = 9223372036854775807 WHERE seq = 0");
+  hal::ManualClock clock;
+  SessionSource source(path, ReplayPace::kRecorded, clock);
+  ASSERT_TRUE(source.Open() && source.Start());
+  hal::LaserProfile profile(100);
+  hal::ScanEvent event;
+  std::size_t profiles = 0;
+  while (true) {
+    const auto status = source.Read(profile, event, std::chrono::seconds(1));
+    ASSERT_TRUE(status);
+    if (*status == hal::ReadStatus::kEnd) break;
+    ASSERT_NE(*status, hal::ReadStatus::kTimeout);
+    profiles += *status == hal::ReadStatus::kProfile ? 1 : 0;
+  }
+  EXPECT_EQ(profiles, 19u);
+}
+
+// Every bit counts: whatever is damaged, what comes is what was recorded, and "ok" means all of it.
+TEST_F(DamagedSessionTest, NoFlippedBitChangesWhatIsReplayedUnseen) {
+  const std::string good = Good(100);
+  const std::vector<hal::LaserProfile> recorded = Replay(good).profiles;
+  ASSERT_EQ(recorded.size(), 20u);
+  std::ifstream file(good, std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(file)), {});
+  std::mt19937_64 engine(9);
+  int seen = 0;
+  for (int round = 0; round < 400; ++round) {
+    std::string flipped = bytes;
+    flipped[engine() % bytes.size()] ^= static_cast<char>(1U << engine() % 8);
+    std::ofstream(Path("bad"), std::ios::binary) << flipped;
+    const Replayed replayed = Replay(Path("bad"));
+    for (const hal::LaserProfile& profile : replayed.profiles) {
+      ASSERT_LT(profile.sequence, recorded.size());
+      EXPECT_TRUE(SameBits(profile, recorded[profile.sequence])) << "round " << round;
+    }
+    const auto summary = CheckSession(Path("bad"));
+    const bool ok = summary && summary->ok();
+    EXPECT_TRUE(!ok || replayed.profiles.size() == recorded.size()) << "round " << round;
+    seen += ok ? 0 : 1;
+  }
+  EXPECT_GT(seen, 40);  // the others lie where nothing is stored
+}
+
+TEST_F(DamagedSessionTest, RowsThatGoOrComeAfterwardsAreSeen) {
+  for (const char* change :
+       {"DELETE FROM profile WHERE seq = 19", "DELETE FROM event",
+        "INSERT INTO meta VALUES('part', 'another')", "UPDATE event SET detail = 'dome'"}) {
+    const std::string path = Good();
+    Sql(path, change);
+    const auto summary = CheckSession(path);
+    ASSERT_EQ(summary->problems.size(), 1u) << change;
+    EXPECT_NE(summary->problems[0].find("key digest"), std::string::npos) << change;
+  }
+}
+
+TEST_F(DamagedSessionTest, ReadsFilesWithoutChecksums) {
+  const std::string path = Good();
+  const std::vector<hal::LaserProfile> recorded = Replay(path).profiles;
+  Sql(path, kWithoutSums);
+  const Replayed replayed = Replay(path);
+  ASSERT_EQ(replayed.profiles.size(), recorded.size());
+  for (std::size_t i = 0; i < recorded.size(); ++i) {
+    EXPECT_TRUE(SameBits(replayed.profiles[i], recorded[i]));
+  }
+}
+
+TEST_F(DamagedSessionTest, IsNotOkWhereNothingCanBeReplayed) {
+  const std::string path = Good();
+  Sql(path,
+      "UPDATE profile SET t_ns = 9223372036854775807 WHERE seq = 7;" + std::string(kWithoutSums));
+  auto summary = CheckSession(path);
+  ASSERT_EQ(summary->problems.size(), 1u);
+  EXPECT_NE(summary->problems[0].find("9223372036854775807, more than a day"), std::string::npos);
+  Sql(path, "DELETE FROM profile");
+  summary = CheckSession(path);
+  ASSERT_EQ(summary->problems.size(), 1u);
+  EXPECT_NE(summary->problems[0].find("holds no profile"), std::string::npos);
+}
+
+TEST_F(DamagedSessionTest, SaysThatARecorderWasCutOff) {
+  std::mt19937_64 engine(7);
+  const hal::ManualClock clock;
+  auto writer = SessionWriter::Create(Path("live"), clock, {.commit_profiles = 1});
+  ASSERT_TRUE(writer && writer->Write(RandomProfile(engine, 0, 3)));
+  auto summary = CheckSession(Path("live"));
+  EXPECT_TRUE(summary->ok());
+  ASSERT_EQ(summary->warnings.size(), 1u);
+  EXPECT_NE(summary->warnings[0].find("was never closed"), std::string::npos);
+  EXPECT_NE(summary->warnings[0].find("keep both together"), std::string::npos);
+  std::filesystem::copy_file(Path("live"), Path("alone"));
+  summary = CheckSession(Path("alone"));
+  EXPECT_FALSE(summary->ok());
+  EXPECT_NE(summary->warnings.at(0).find("is missing"), std::string::npos);
 }
 
 // Files that arrive without their log, or whose recorder was killed in rollback mode.

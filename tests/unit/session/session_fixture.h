@@ -18,6 +18,11 @@
 
 namespace bendloop::drivers {
 
+// Makes a file as of before the checksums, and as others write them.
+inline constexpr const char* kWithoutSums =
+    "ALTER TABLE profile DROP COLUMN crc; DELETE FROM meta WHERE key='digest';"
+    "PRAGMA user_version=1;";
+
 // A folder of its own for each test.
 class SessionTest : public ::testing::Test {
  protected:

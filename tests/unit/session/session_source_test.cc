@@ -85,6 +85,7 @@ TEST_F(SessionSourceTest, KeepsTheRecordedPace) {
 
 TEST_F(SessionSourceTest, SurvivesLyingTimes) {
   const std::string path = Record();
+  Sql(path, kWithoutSums);
   Sql(path,
       "UPDATE profile SET t_ns=-9223372036854775808 WHERE seq=1;"
       "UPDATE profile SET t_ns=9223372036854775807 WHERE seq=3");
@@ -97,6 +98,7 @@ TEST_F(SessionSourceTest, SurvivesLyingTimes) {
 
 TEST_F(SessionSourceTest, ErrorsAreFinal) {
   const std::string path = Record();
+  Sql(path, kWithoutSums);
   Sql(path, "UPDATE profile SET points=x'00' WHERE seq=2; DELETE FROM event");
   SessionSource source(path, ReplayPace::kMax, clock_);
   EXPECT_FALSE(source.Read(profile_, event_, nanoseconds(0)));

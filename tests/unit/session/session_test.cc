@@ -190,6 +190,7 @@ TEST_F(SessionTest, PointsThatTheScannerMissedAreLeftOutAndCounted) {
   }
   ASSERT_TRUE(writer->Finish());
   // (NaN, 1), (2, 1), (1, infinity); intensities 1, 2, 3.
+  Sql(path, kWithoutSums);
   Sql(path,
       "UPDATE profile SET points = x'0000c07f0000803f000000400000803f0000803f0000807f',"
       " intensity = x'010203' WHERE seq = 1");
