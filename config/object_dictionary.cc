@@ -185,10 +185,10 @@ class EdsReader {
     object.line = section.line;
     constexpr std::uint64_t kVar = 7;
     constexpr std::uint64_t kDomainObject = 2;
-    constexpr std::uint64_t kDomain = 15;
+    constexpr std::uint64_t kDomainType = 15;
     const std::uint64_t kind = NumberOf(name, section, "ObjectType", 0xff, kVar);
     object.data_type = static_cast<std::uint16_t>(
-        NumberOf(name, section, "DataType", 0xffff, kind == kDomainObject ? kDomain : 0));
+        NumberOf(name, section, "DataType", 0xffff, kind == kDomainObject ? kDomainType : 0));
     const std::uint64_t compact = NumberOf(name, section, "CompactSubObj", kMaxSubs, 0);
     if (const auto access = section.entries.find("accesstype"); access != section.entries.end()) {
       const std::string word = Lower(access->second.value);

@@ -2,12 +2,10 @@
 #include "hal/spine.h"
 
 #include <cmath>
-#include <numbers>
+
+#include "hal/angles.h"
 
 namespace bendloop::hal {
-namespace {
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
-}
 
 Eigen::Matrix3d SpineSegment::axes() const {
   Eigen::Matrix3d columns;

@@ -7,13 +7,13 @@
 #include <numbers>
 
 #include "drivers/simulated_scanner/random.h"
+#include "hal/angles.h"
 
 namespace bendloop::drivers {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 constexpr std::size_t kMaxProfiles = 10'000'000;  // an absurd spacing must not eat all memory
 
 Vector3d Across(const Vector3d& v, const Vector3d& tangent) { return v - v.dot(tangent) * tangent; }
@@ -77,7 +77,7 @@ std::vector<hal::Pose> ScanPath(const std::vector<hal::SpineSegment>& spine,
       Vector3d upside = Across(options.up, tangent) + 0.3 * Across(side, tangent).normalized();
       if (upside.norm() < 1e-6) upside = tangent.unitOrthogonal();
       side = upside.normalized();
-      const Vector3d view = Eigen::AngleAxisd(view_deg * kRadiansPerDegree, tangent) * side;
+      const Vector3d view = Eigen::AngleAxisd(view_deg * hal::kRadiansPerDegree, tangent) * side;
       Eigen::Matrix3d R_WS;
       R_WS.col(0) = tangent.cross(view);
       R_WS.col(1) = -tangent;
@@ -86,7 +86,7 @@ std::vector<hal::Pose> ScanPath(const std::vector<hal::SpineSegment>& spine,
       const auto swing = [&](std::size_t axis) { return swings[axis].At(along_mm); };
       const Vector3d shift = options.jitter_mm * Vector3d(swing(0), swing(1), swing(2));
       const Vector3d turn =
-          options.jitter_deg * kRadiansPerDegree * Vector3d(swing(3), swing(4), swing(5));
+          options.jitter_deg * hal::kRadiansPerDegree * Vector3d(swing(3), swing(4), swing(5));
       hal::Pose hand{shift, Eigen::Quaterniond::Identity()};
       if (turn.norm() > 0) {
         hand.orientation = Eigen::AngleAxisd(turn.norm(), turn.normalized());

@@ -10,13 +10,13 @@
 #include "drivers/scanner_wire/wire_format.h"
 #include "drivers/scanner_wire/wire_messages.h"
 #include "drivers/simulated_scanner/random.h"
+#include "hal/angles.h"
 
 namespace bendloop::drivers {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 // A hit hides nothing from itself within this length.
 constexpr double kSelfMm = 1e-4;
 
@@ -87,7 +87,7 @@ VirtualScan::VirtualScan(const hal::Tube& tube, const VirtualScanOptions& option
   options_.rays = std::clamp(options_.rays, 1, static_cast<int>(kWireMaxPoints));
   for (int i = 0; i < options_.rays; ++i) {
     const double share = options_.rays == 1 ? 0.5 : double(i) / (options_.rays - 1);
-    const double angle = (2 * share - 1) * options_.fan_half_angle_deg * kRadiansPerDegree;
+    const double angle = (2 * share - 1) * options_.fan_half_angle_deg * hal::kRadiansPerDegree;
     fan_.emplace_back(std::sin(angle), std::cos(angle));
   }
 }
@@ -170,7 +170,7 @@ void VirtualScan::Make(std::size_t index, hal::LaserProfile& profile) const {
       {y_W, plane_mm + std::min(baseline_mm, 0.0), plane_mm + std::max(baseline_mm, 0.0)},
       before_camera);
   View view{Random(options_.seed, index), X_WS.position_mm + baseline_mm * y_W,
-            std::cos(options_.max_incidence_deg * kRadiansPerDegree), in_laser_plane,
+            std::cos(options_.max_incidence_deg * hal::kRadiansPerDegree), in_laser_plane,
             before_camera};
   if (options_.pose_noise_mm > 0) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -206,7 +206,7 @@ hal::Tube LayOnTable(hal::Tube tube, std::uint64_t seed, double tilt_deg) {
   const double turn = random.Uniform(0, 2 * std::numbers::pi);
   const double lean_to = random.Uniform(0, 2 * std::numbers::pi);
   const Eigen::AngleAxisd yaw(turn, Vector3d::UnitZ());
-  const Eigen::AngleAxisd tilt(random.Uniform(0, tilt_deg * kRadiansPerDegree),
+  const Eigen::AngleAxisd tilt(random.Uniform(0, tilt_deg * hal::kRadiansPerDegree),
                                Vector3d(std::cos(lean_to), std::sin(lean_to), 0));
   tube.X_WT.orientation =
       (Eigen::Quaterniond(tilt) * Eigen::Quaterniond(yaw) * lie_down).normalized();

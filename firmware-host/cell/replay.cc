@@ -110,10 +110,10 @@ CellLoopOptions LoopOf(const config::CellConfig& cell) {
 // A recording waits when the ring is full, so few slots lose nothing; and a file's word on the size
 // of its profiles must not take all memory.
 std::size_t RingSlots(const config::CellConfig& cell, std::size_t max_points) {
-  constexpr std::size_t kMostPoints = 4'000'000;
+  constexpr std::size_t kMostPointsWaiting = 4'000'000;
   constexpr std::size_t kFewestSlots = 16;
   const std::size_t fit =
-      std::max(kFewestSlots, kMostPoints / std::max<std::size_t>(max_points, 1));
+      std::max(kFewestSlots, kMostPointsWaiting / std::max<std::size_t>(max_points, 1));
   return std::min<std::size_t>(cell.scanner.queue_profiles, fit);
 }
 

@@ -16,7 +16,7 @@
 namespace bendloop::host {
 namespace {
 
-constexpr const char* kFooter = R"(
+constexpr const char* kCheckFooter = R"(
 Examples:
   bendloop check /etc/bendloop/cell.toml
   bendloop check cells/*.toml parts/*.toml sessions/*.session
@@ -94,7 +94,7 @@ CLI::App* AddCheckCommand(CLI::App& app, Run& run) {
   auto files = std::make_shared<std::vector<std::string>>();
   CLI::App* command =
       app.add_subcommand("check", "Validate cell, part, register-map and session files");
-  command->footer(kFooter);
+  command->footer(kCheckFooter);
   command->add_option("files", *files, "Any of them")->required()->type_name("FILE...");
   command->callback([files, &run] { run = [files] { return Check(*files); }; });
   return command;

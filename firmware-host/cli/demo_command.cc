@@ -11,7 +11,7 @@
 namespace bendloop::host {
 namespace {
 
-constexpr const char* kFooter = R"(
+constexpr const char* kDemoFooter = R"(
 Examples:
   bendloop demo
   bendloop demo --parts 5 --seed 7 --out /tmp/demo
@@ -38,7 +38,7 @@ CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
   auto no_color = std::make_shared<bool>(false);
   CLI::App* command = app.add_subcommand(
       "demo", "The whole main job on simulated hardware: bend, scan, measure, correct, bend again");
-  command->footer(kFooter);
+  command->footer(kDemoFooter);
   command->add_option("--out", options->out, "Folder for everything it makes")
       ->type_name("DIR")
       ->capture_default_str();

@@ -19,7 +19,7 @@ struct DoctorArguments {
   bool json = false;
 };
 
-constexpr const char* kFooter = R"(
+constexpr const char* kDoctorFooter = R"(
 Examples:
   bendloop doctor
   bendloop doctor --config /etc/bendloop/cell.toml
@@ -63,7 +63,7 @@ int Doctor(const DoctorArguments& arguments) {
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run) {
   auto arguments = std::make_shared<DoctorArguments>();
   CLI::App* command = app.add_subcommand("doctor", "Is this machine fit for real time?");
-  command->footer(kFooter);
+  command->footer(kDoctorFooter);
   command->add_option("--config", arguments->config, "Looks at this cell's state_dir as well")
       ->type_name("CELL.toml");
   command->add_flag("--json", arguments->json, "JSON, schema bendloop.doctor/1");

@@ -36,7 +36,7 @@ struct ReconstructArguments {
 // A known radius is measured to a few percent even through paint and noise.
 constexpr double kRadiusDoubt = 0.05;
 
-constexpr const char* kFooter = R"(
+constexpr const char* kReconstructFooter = R"(
 Examples:
   bendloop reconstruct tube.ply
   bendloop reconstruct coil.ply --units m
@@ -175,7 +175,7 @@ CLI::App* AddReconstructCommand(CLI::App& app, Run& run) {
   auto arguments = std::make_shared<ReconstructArguments>();
   CLI::App* command =
       app.add_subcommand("reconstruct", "Point cloud to lengths, rotations and angles (LRA)");
-  command->footer(kFooter);
+  command->footer(kReconstructFooter);
   command->add_option("cloud", arguments->cloud, "PLY, PCD or XYZ/CSV text")
       ->required()
       ->type_name("CLOUD");

@@ -26,7 +26,7 @@ struct ReplayArguments {
   bool send = false;
 };
 
-constexpr const char* kFooter = R"(
+constexpr const char* kReplayFooter = R"(
 Examples:
   bendloop replay demo-out/sessions/part-0002.session --config demo-out/cell.toml
   bendloop replay part.session --config cell.toml --pace recorded --json result.json
@@ -91,7 +91,7 @@ CLI::App* AddReplayCommand(CLI::App& app, Run& run) {
   auto arguments = std::make_shared<ReplayArguments>();
   CLI::App* command =
       app.add_subcommand("replay", "A recorded session through the daemon's own way, then exit");
-  command->footer(kFooter);
+  command->footer(kReplayFooter);
   command->add_option("session", arguments->session, "Recorded session")
       ->required()
       ->type_name("SESSION");

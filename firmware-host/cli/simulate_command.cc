@@ -32,7 +32,7 @@ struct SimulateArguments {
   std::uint32_t serial = 1;
 };
 
-constexpr const char* kFooter = R"(
+constexpr const char* kSimulateFooter = R"(
 Examples:
   bendloop simulate --part part.toml --out part.session
   bendloop simulate --part part.toml --out noisy.session --seed 7 --noise 0.1 --outliers 0.02
@@ -92,7 +92,7 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
   auto a = std::make_shared<SimulateArguments>();
   CLI::App* command =
       app.add_subcommand("simulate", "A recorded session of a virtual scan of a virtual tube");
-  command->footer(kFooter);
+  command->footer(kSimulateFooter);
   command->add_option("--part", a->part, "Part file")->required()->type_name("PART.toml");
   command->add_option("--out", a->out, "Session to write, over one that is there")
       ->required()

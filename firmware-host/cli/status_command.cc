@@ -17,7 +17,7 @@ struct StatusArguments {
   bool json = false;
 };
 
-constexpr const char* kFooter = R"(
+constexpr const char* kStatusFooter = R"(
 Examples:
   bendloop status
   bendloop status --config /etc/bendloop/cell.toml
@@ -43,7 +43,7 @@ int Status(const StatusArguments& arguments) {
 CLI::App* AddStatusCommand(CLI::App& app, Run& run) {
   auto arguments = std::make_shared<StatusArguments>();
   CLI::App* command = app.add_subcommand("status", "The running daemon's state and health");
-  command->footer(kFooter);
+  command->footer(kStatusFooter);
   auto* config = command->add_option("--config", arguments->config, "The daemon's cell file")
                      ->type_name("CELL.toml");
   command->add_option("--state-dir", arguments->state_dir, "The daemon's state directory")

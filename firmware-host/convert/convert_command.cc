@@ -34,7 +34,7 @@ const std::map<std::string, RotationCount> kRotations = {
 const std::map<std::string, int> kSigns = {{"+1", 1}, {"1", 1}, {"-1", -1}};
 
 // The words of the command line; every one is checked by CLI11 before Run sees it.
-struct Words {
+struct CommandWords {
   std::string file = "-";
   std::string to;
   std::string from = "auto";
@@ -56,13 +56,13 @@ CLI::Validator OneOf(const Map& map) {
   return CLI::IsMember(words);
 }
 
-pipeline::YbcStyle InStyle(const Words& words) {
+pipeline::YbcStyle InStyle(const CommandWords& words) {
   return {kLengths.at(words.length), kRotations.at(words.rotation), kSigns.at(words.sign)};
 }
 
 // The plain options say how the machine counts. When its table is read, what is written counts as
 // LRA does unless --out-... says otherwise.
-pipeline::YbcStyle OutStyle(const Words& words, TableKind read) {
+pipeline::YbcStyle OutStyle(const CommandWords& words, TableKind read) {
   pipeline::YbcStyle style = read == TableKind::kYbc ? pipeline::YbcStyle{} : InStyle(words);
   if (!words.out_length.empty()) style.feed = kLengths.at(words.out_length);
   if (!words.out_rotation.empty()) style.rotation = kRotations.at(words.out_rotation);
@@ -94,7 +94,7 @@ hal::Result<std::string> ReadAll(const std::string& file, std::istream& standard
   return text;
 }
 
-hal::Result<std::string> Convert(const Words& words, std::istream& in, std::ostream& err) {
+hal::Result<std::string> Convert(const CommandWords& words, std::istream& in, std::ostream& err) {
   const std::string name = words.file == "-" ? "standard input" : words.file;
   TableReadOptions read;
   if (words.from != "auto") read.from = kKinds.at(words.from);
@@ -132,7 +132,7 @@ hal::Result<std::string> Convert(const Words& words, std::istream& in, std::ostr
   return written;
 }
 
-int Run(const Words& words, std::istream& in, std::ostream& out, std::ostream& err) {
+int Run(const CommandWords& words, std::istream& in, std::ostream& out, std::ostream& err) {
   const auto written = Convert(words, in, err);
   if (!written) {
     err << "bendloop: " << written.error().message << "\n";
@@ -173,7 +173,7 @@ Examples
 
 CLI::App* AddConvertCommand(CLI::App& app, std::function<int()>& run, std::istream& in,
                             std::ostream& out, std::ostream& err) {
-  auto words = std::make_shared<Words>();
+  auto words = std::make_shared<CommandWords>();
   CLI::App* command =
       app.add_subcommand("convert", "Turn XYZ, LRA, YBC and pose tables into each other");
   command->add_option("FILE", words->file, "text, CSV or JSON; - is standard input")

@@ -6,9 +6,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <utility>
 
+#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/tube_parameters.h"
@@ -16,7 +16,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr std::size_t kColumns = 4;  // values of a row, by RowValueKind
 
 struct CorrelationSettings {
@@ -67,9 +66,10 @@ class RowCovariance {
       };
       set(RowValueKind::kLength, parameters.length(i), 1, row.length_mm);
       if (i > 0) {
-        set(RowValueKind::kRotation, parameters.rotation(i), kDegrees, row.rotation_deg);
+        set(RowValueKind::kRotation, parameters.rotation(i), hal::kDegreesPerRadian,
+            row.rotation_deg);
       }
-      set(RowValueKind::kAngle, parameters.angle(i), kDegrees, row.angle_deg);
+      set(RowValueKind::kAngle, parameters.angle(i), hal::kDegreesPerRadian, row.angle_deg);
       set(RowValueKind::kBendRadius, parameters.bend_radius(i), 1, row.bend_radius_mm.value_or(0));
     }
     // The last length ends at a border and begins where the bends lead to.
@@ -218,10 +218,11 @@ void SetTurn(const Eigen::Matrix3d& turn, const std::vector<hal::SpineSegment>& 
   const Eigen::Vector3d behind = segments[2 * run.last_bend + 2].tangent;
   // From both sides, so that it is the same for the tube from its other end.
   const double direction_deg =
-      kDegrees * std::max(AcrossSigma(turn, before), AcrossSigma(turn, behind));
+      hal::kDegreesPerRadian * std::max(AcrossSigma(turn, before), AcrossSigma(turn, behind));
   if (direction_deg < kCorrelation.better * worst.turn_deg) run.direction_sigma_deg = direction_deg;
   const double plane_deg =
-      kDegrees * std::sqrt(std::max({0.0, before.dot(turn * before), behind.dot(turn * behind)}));
+      hal::kDegreesPerRadian *
+      std::sqrt(std::max({0.0, before.dot(turn * before), behind.dot(turn * behind)}));
   const bool between_bends = run.first_bend > 0 && run.last_bend + 1 < bends;
   if (between_bends && plane_deg < kCorrelation.better * worst.rotation_deg) {
     run.plane_sigma_deg = plane_deg;
@@ -239,9 +240,9 @@ void SetLength(const RowCovariance& covariance, const hal::BendProgram& measured
     sum_mm += row.length_mm;
     if (i > run.last_bend) break;
     const double radius_mm = row.bend_radius_mm.value_or(0);
-    sum[RowCovariance::At(i, RowValueKind::kAngle)] = radius_mm / kDegrees;
-    sum[RowCovariance::At(i, RowValueKind::kBendRadius)] = row.angle_deg / kDegrees;
-    sum_mm += radius_mm * row.angle_deg / kDegrees;
+    sum[RowCovariance::At(i, RowValueKind::kAngle)] = radius_mm / hal::kDegreesPerRadian;
+    sum[RowCovariance::At(i, RowValueKind::kBendRadius)] = row.angle_deg / hal::kDegreesPerRadian;
+    sum_mm += radius_mm * row.angle_deg / hal::kDegreesPerRadian;
   }
   const double sigma_mm = covariance.SigmaOf(sum);
   if (!(sigma_mm < kCorrelation.better * worst.length_mm)) return;

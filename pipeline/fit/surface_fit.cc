@@ -4,10 +4,10 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <utility>
 
+#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/fit/normal_equations.h"
 #include "pipeline/fit/surface_pass.h"
@@ -18,7 +18,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kMadToSigma = 1.4826;  // of normal noise: 1 / its quantile of 0.75
 
 struct SurfaceFitSettings {
@@ -125,8 +124,8 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations,
     row = {0, 0, 0, std::nullopt};
     if (i >= parameters.bends()) continue;
     row.length_mm = sigma[parameters.length(i)];
-    if (i > 0) row.rotation_deg = sigma[parameters.rotation(i)] * kDegrees;
-    row.angle_deg = sigma[parameters.angle(i)] * kDegrees;
+    if (i > 0) row.rotation_deg = sigma[parameters.rotation(i)] * hal::kDegreesPerRadian;
+    row.angle_deg = sigma[parameters.angle(i)] * hal::kDegreesPerRadian;
     row.bend_radius_mm = sigma[parameters.bend_radius(i)];
   }
   fit.flattening_sigma.clear();

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "hal/angles.h"
 #include "pipeline/fit/surface_sums.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr int kBendRadiusState = kPipeRadiusState - 1;
 
 struct TurnSettings {
@@ -94,8 +94,8 @@ Eigen::VectorXd TubeParameters::Initial() const {
   for (std::size_t i = 0; i < bends_; ++i) {
     const hal::BendRow& row = reference_.program.rows[i];
     parameters[length(i)] = row.length_mm;
-    if (i > 0) parameters[rotation(i)] = row.rotation_deg / kDegrees;
-    parameters[angle(i)] = row.angle_deg / kDegrees;
+    if (i > 0) parameters[rotation(i)] = row.rotation_deg / hal::kDegreesPerRadian;
+    parameters[angle(i)] = row.angle_deg / hal::kDegreesPerRadian;
     parameters[bend_radius(i)] = row.bend_radius_mm.value_or(0.0);
   }
   for (std::size_t i = 0; i < flattening_.size(); ++i) {
@@ -110,9 +110,9 @@ std::vector<TubeParameters::Turn> TubeParameters::TurnsAt(const Eigen::VectorXd&
   double azimuth = parameters[2];
   for (std::size_t i = 0; i < bends_; ++i) {
     const hal::BendRow& row = reference_.program.rows[i];
-    const double before = row.angle_deg / kDegrees;
+    const double before = row.angle_deg / hal::kDegreesPerRadian;
     const double along = parameters[angle(i)];
-    if (i > 0) azimuth += parameters[rotation(i)] - row.rotation_deg / kDegrees;
+    if (i > 0) azimuth += parameters[rotation(i)] - row.rotation_deg / hal::kDegreesPerRadian;
     if (before < kTurn.slight_rad) {
       const double across = before * azimuth;
       turns.push_back(
@@ -141,10 +141,10 @@ hal::Tube TubeParameters::TubeAt(const Eigen::VectorXd& parameters) const {
     row.length_mm = parameters[length(i)];
     if (i > 0) {
       const double change = turns[i].azimuth_change - turns[i - 1].azimuth_change;
-      row.rotation_deg =
-          hal::WrapRotationDeg(reference_.program.rows[i].rotation_deg + change * kDegrees);
+      row.rotation_deg = hal::WrapRotationDeg(reference_.program.rows[i].rotation_deg +
+                                              change * hal::kDegreesPerRadian);
     }
-    row.angle_deg = turns[i].angle * kDegrees;
+    row.angle_deg = turns[i].angle * hal::kDegreesPerRadian;
     row.bend_radius_mm = parameters[bend_radius(i)];
   }
   return tube;

@@ -4,12 +4,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "hal/angles.h"
 
 namespace bendloop::pipeline {
 
 hal::Tube TubeFromSpline(const ArcLineSpline& spline, double pipe_radius_mm) {
-  constexpr double kDegrees = 180.0 / std::numbers::pi;
   hal::Tube tube;
   tube.pipe_radius_mm = pipe_radius_mm;
   Eigen::Vector3d tangent = spline.tangent;
@@ -28,10 +28,11 @@ hal::Tube TubeFromSpline(const ArcLineSpline& spline, double pipe_radius_mm) {
     row.length_mm = std::max(0.0, (arc.begin_mm - from).dot(arc.tangent_in));
     if (!tube.program.rows.empty()) {
       // Signed triple product over dot product: keeps the sign that acos would lose.
-      row.rotation_deg = kDegrees * std::atan2(normal.cross(arc.normal).dot(arc.tangent_in),
-                                               normal.dot(arc.normal));
+      row.rotation_deg =
+          hal::kDegreesPerRadian *
+          std::atan2(normal.cross(arc.normal).dot(arc.tangent_in), normal.dot(arc.normal));
     }
-    row.angle_deg = kDegrees * arc.angle_rad;
+    row.angle_deg = hal::kDegreesPerRadian * arc.angle_rad;
     row.bend_radius_mm = arc.radius_mm;
     tube.program.rows.push_back(row);
     from = arc.end_mm;

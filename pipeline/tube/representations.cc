@@ -8,12 +8,13 @@
 #include <span>
 #include <string>
 
+#include "hal/angles.h"
+
 namespace bendloop::pipeline {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 // What numbers rounded for people leave.
 struct RoundingLimits {
   // [mm] What coordinates rounded to hundredths of a millimetre can take from a straight of length
@@ -66,11 +67,11 @@ std::vector<Station> Walk(const hal::Tube& tube) {
   Vector3d tangent = tube.X_WT.orientation * Vector3d::UnitX();
   Vector3d normal = tube.X_WT.orientation * Vector3d::UnitZ();
   for (const hal::BendRow& row : tube.program.rows) {
-    normal = Eigen::AngleAxisd(row.rotation_deg * kRadiansPerDegree, tangent) * normal;
+    normal = Eigen::AngleAxisd(row.rotation_deg * hal::kRadiansPerDegree, tangent) * normal;
     normal = (normal - normal.dot(tangent) * tangent).normalized();
     point += row.length_mm * tangent;
     stations.push_back({point, tangent, normal});
-    const double phi = row.angle_deg * kRadiansPerDegree;
+    const double phi = row.angle_deg * hal::kRadiansPerDegree;
     const Vector3d inward = normal.cross(tangent);
     point += row.bend_radius_mm.value_or(0.0) *
              (std::sin(phi) * tangent + (1.0 - std::cos(phi)) * inward);
@@ -80,7 +81,7 @@ std::vector<Station> Walk(const hal::Tube& tube) {
 }
 
 double ArcLength(const hal::BendRow& row) {
-  return row.bend_radius_mm.value_or(0.0) * row.angle_deg * kRadiansPerDegree;
+  return row.bend_radius_mm.value_or(0.0) * row.angle_deg * hal::kRadiansPerDegree;
 }
 
 // [0, 360)
@@ -191,7 +192,7 @@ hal::Result<ControlPolygon> PolygonFromTube(const hal::Tube& tube) {
                            "degrees only, use LRA or pose");
     }
     const double setback_mm = rows[i].bend_radius_mm.value_or(0.0) *
-                              std::tan(0.5 * rows[i].angle_deg * kRadiansPerDegree);
+                              std::tan(0.5 * rows[i].angle_deg * hal::kRadiansPerDegree);
     polygon.points_mm.push_back(stations[i].point_mm + setback_mm * stations[i].tangent);
     polygon.bend_radii_mm.push_back(rows[i].bend_radius_mm);
   }
@@ -237,12 +238,12 @@ hal::Result<hal::Tube> TubeFromPolygon(const ControlPolygon& polygon) {
     }
     if (angle < kRounding.collinear_rad)
       continue;  // a point on a straight: nothing to bend or rotate
-    row.angle_deg = angle / kRadiansPerDegree;
+    row.angle_deg = angle / hal::kRadiansPerDegree;
     setbacks_mm[i + 1] = row.bend_radius_mm.value_or(0.0) * std::tan(0.5 * angle);
     const Vector3d n = cross.normalized();
     if (normal) {
       row.rotation_deg =
-          hal::WrapRotationDeg(SignedAngle(*normal, n, tangents[i]) / kRadiansPerDegree);
+          hal::WrapRotationDeg(SignedAngle(*normal, n, tangents[i]) / hal::kRadiansPerDegree);
     } else {
       tube.X_WT.orientation = TubeOrientation(tangents[0], n);
     }

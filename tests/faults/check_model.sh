@@ -51,7 +51,7 @@ while read -r options; do
   fi
   echo "holds with $options: $(sed -n 's/^ *\([0-9.e+]* states, stored\).*/\1/p' report.txt)"
 done <holds.txt
-optimise=1  # these end soon
+optimise=0  # these end before an optimised search is compiled
 options=$(lines fails)
 mutants=$(grep -o 'MUTANT_[A-Z_]*' "$model" | sort -u)
 [ -s holds.txt ] && [ -n "$mutants" ]
