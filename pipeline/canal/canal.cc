@@ -42,12 +42,17 @@ struct CanalSettings {
   double second_tube = 0.3;
   // [of the local radius] Points further from the surface belong to something else.
   double reach = 0.5;
-  // The spine goes on straight for so long at either end: nodes end before the pipe does.
+  // The spine goes on straight for so long at either end, over so many places: nodes end before the
+  // pipe does.
   double beyond = 1.5;
+  int places_beyond = 6;
   // Between places where the spine is told.
   double spine_step = 0.5;
-  // [of the density further in] Where fewer points are, a few fliers lie beyond the end.
-  double crowd = 0.2;
+  // [sigma] Points within so much of the surface tell where the pipe ends.
+  double on_surface = 4.0;
+  // [of the density further in] Where fewer points are, or fewer than so many, a few fliers lie
+  // beyond the end; so does a point with a gap of so many times the local spacing behind it.
+  double crowd = 0.2, least_crowd = 4, lone_gap = 4.0;
   // Steps of a span for the table of arc lengths.
   int steps_of_span = 16;
 };
@@ -57,7 +62,8 @@ constexpr CanalSettings kCanal;
 // noise makes narrower or lays on from outside. Lengths in parts of the better one's radius; by
 // trial.
 struct SideSettings {
-  double most_along = 0.7;                       // the two stand side by side
+  double reach = 2.4;       // all that may be meant is as near: the corner of the next two
+  double most_along = 0.7;  // the two stand side by side
   double least_across = 0.2, most_across = 2.2;  // the latter: laid on from outside, and noise
   double better = 1.3;                           // the better one has so many times the samples
 };
@@ -75,7 +81,7 @@ std::vector<SpineNode> WithoutSideNodes(const std::vector<SpineNode>& nodes) {
   std::vector<SpineNode> kept;
   for (const SpineNode& node : nodes) {
     bool beside = false;
-    index.Visit(node.position_mm, 2.4 * widest_mm, [&](std::size_t j) {
+    index.Visit(node.position_mm, kSide.reach * widest_mm, [&](std::size_t j) {
       const SpineNode& other = nodes[j];
       if (static_cast<double>(other.samples) < kSide.better * static_cast<double>(node.samples)) {
         return;
@@ -100,9 +106,10 @@ std::vector<Eigen::Vector4d> Extended(const SpinePolygon& polygon, double radius
   std::vector<Eigen::Vector4d> spine;
   const auto beyond = [&](const SpineNode& end, double sign) {
     const Eigen::Vector4d at = node(end);
-    for (int i = 1; i <= 6; ++i) {
+    for (int i = 1; i <= kCanal.places_beyond; ++i) {
       Eigen::Vector4d p = at;
-      p.head<3>() += sign * kCanal.beyond * radius_mm * i / 6.0 * end.tangent;
+      p.head<3>() += sign * kCanal.beyond * radius_mm * i /
+                     static_cast<double>(kCanal.places_beyond) * end.tangent;
       spine.push_back(p);
     }
   };
@@ -115,7 +122,7 @@ std::vector<Eigen::Vector4d> Extended(const SpinePolygon& polygon, double radius
 
 // Where the samples begin. `inward` grows into the pipe and is sorted: lone points before the crowd
 // are fliers, and the border is half the local spacing before the first point of the crowd.
-double Border(const std::vector<double>& inward, double window_mm) {
+double BorderMm(const std::vector<double>& inward, double window_mm) {
   const auto within = [&inward](double low, double high) {
     return static_cast<double>(std::lower_bound(inward.begin(), inward.end(), high) -
                                std::lower_bound(inward.begin(), inward.end(), low));
@@ -123,7 +130,9 @@ double Border(const std::vector<double>& inward, double window_mm) {
   for (std::size_t i = 0; i + 1 < inward.size(); ++i) {
     const double at = inward[i];
     const double here = within(at, at + window_mm);
-    if (here < 4 || here < kCanal.crowd * within(at + window_mm, at + 2 * window_mm)) continue;
+    if (here < kCanal.least_crowd ||
+        here < kCanal.crowd * within(at + window_mm, at + 2 * window_mm))
+      continue;
     double sum = 0, sum2 = 0;
     for (std::size_t k = i; k + 1 < inward.size() && inward[k + 1] < at + window_mm; ++k) {
       const double gap = inward[k + 1] - inward[k];
@@ -131,7 +140,7 @@ double Border(const std::vector<double>& inward, double window_mm) {
       sum2 += gap * gap;
     }
     const double spacing = sum > 0 ? sum2 / sum : 0.0;
-    if (inward[i + 1] - at > 4 * spacing && spacing > 0) continue;
+    if (inward[i + 1] - at > kCanal.lone_gap * spacing && spacing > 0) continue;
     return at - 0.5 * spacing;
   }
   return inward.empty() ? 0.0 : inward.front();
@@ -151,7 +160,7 @@ double ParameterAt(const std::vector<double>& lengths, double along_mm, int span
 void PlaceEndsAndSpine(CanalScan& scan) {
   const CanalSurface& surface = scan.fit.surface;
   const std::vector<double> lengths = surface.ArcLengths(kCanal.steps_of_span * surface.spans());
-  const double cut_mm = 4 * scan.fit.sigma_mm;
+  const double cut_mm = kCanal.on_surface * scan.fit.sigma_mm;
   std::vector<double> inward;
   scan.along_mm.assign(scan.points.size(), 0.0);
   for (std::size_t i = 0; i < scan.points.size(); ++i) {
@@ -167,10 +176,10 @@ void PlaceEndsAndSpine(CanalScan& scan) {
     if (std::abs(foot.distance_mm) < cut_mm) inward.push_back(scan.along_mm[i]);
   }
   std::sort(inward.begin(), inward.end());
-  scan.from_mm = std::max(0.0, Border(inward, scan.radius_mm));
+  scan.from_mm = std::max(0.0, BorderMm(inward, scan.radius_mm));
   for (double& s : inward) s = lengths.back() - s;
   std::reverse(inward.begin(), inward.end());
-  scan.to_mm = std::min(lengths.back(), lengths.back() - Border(inward, scan.radius_mm));
+  scan.to_mm = std::min(lengths.back(), lengths.back() - BorderMm(inward, scan.radius_mm));
 
   const double length_mm = std::max(0.0, scan.to_mm - scan.from_mm);
   const int steps =

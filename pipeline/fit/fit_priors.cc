@@ -60,8 +60,8 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
   }
 }
 
-double FitPriors::Learnt(const TubeParameters& parameters, const hal::Tube& tube,
-                         const Eigen::MatrixXd& matrix, double variance_mm2) const {
+double FitPriors::OccamPenalty(const TubeParameters& parameters, const hal::Tube& tube,
+                               const Eigen::MatrixXd& matrix, double variance_mm2) const {
   // Of every parameter: 1 sigma of what is expected, and whether `matrix` knows that already.
   Eigen::VectorXd range = ExpectedRange(parameters, tube.pipe_radius_mm);
   Eigen::VectorXd counted = Eigen::VectorXd::Zero(parameters.size());

@@ -32,10 +32,11 @@ struct FitPriors {
 
   // How much more the points know than was expected of any tube before: twice the logarithm of the
   // ratio of the two volumes of parameters. `matrix`: of least squares, with Add(); `variance_mm2`
-  // of a point. It is what parameters cost where structures are compared (the Occam factor of
-  // MacKay, Bayesian interpolation, 1992).
-  double Learnt(const TubeParameters& parameters, const hal::Tube& tube,
-                const Eigen::MatrixXd& matrix, double variance_mm2) const;
+  // of a point. It is what parameters cost where structures are compared: the log evidence is the
+  // log likelihood and the logarithm of the Occam factor (MacKay, Bayesian interpolation, 1992), of
+  // which this is -2 times.
+  double OccamPenalty(const TubeParameters& parameters, const hal::Tube& tube,
+                      const Eigen::MatrixXd& matrix, double variance_mm2) const;
 };
 
 }  // namespace bendloop::pipeline

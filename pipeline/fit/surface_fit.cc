@@ -111,7 +111,7 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations,
             const FormDeviation& form, SurfaceFit& fit) {
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
   SetForm(form, fit);
-  fit.learnt = fit.priors.Learnt(
+  fit.occam_penalty = fit.priors.OccamPenalty(
       parameters, fit.tube, equations.matrix,
       std::max(equations.Variance() * fit.design_effect, LeastVarianceMm2(form, fit)));
   fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);

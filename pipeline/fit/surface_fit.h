@@ -58,7 +58,7 @@ struct SurfaceFit {
   std::size_t points = 0;                       // all points looked at
   double cost_mm2 = 0;                          // sum of squares, bounded for what is far off
   double margin = 0;                            // see Measurement::structure_margin
-  double learnt = 0;                            // FitPriors::Learnt()
+  double occam_penalty = 0;                     // FitPriors::OccamPenalty()
   bool converged = false;
 };
 

@@ -213,7 +213,7 @@ class EndCollector {
         if (std::abs(local.distance[i] - pipe_radius_mm_) > reach_mm_) continue;
         // Further out another part of the tube may lie where the straight would go on.
         const double beyond_mm = kEnds.beyond_nodes * pipe_radius_mm_;
-        const std::size_t sector = TurnSector<kSectors>(local.y[i], local.z[i]);
+        const std::size_t sector = AzimuthSector<kSectors>(local.y[i], local.z[i]);
         if (candidates_[c] == 0 && local.x[i] >= -beyond_mm) {
           points_.from_start[sector].push_back(local.x[i]);
         }

@@ -17,7 +17,7 @@ BENDLOOP_LOOP double QuarterTurns(double x, double y) {
 
 // Which of kSectors parts of the turn.
 template <unsigned kSectors>
-unsigned TurnSector(double x, double y) {
+unsigned AzimuthSector(double x, double y) {
   return static_cast<unsigned>(QuarterTurns(x, y) * (kSectors / 4)) % kSectors;
 }
 

@@ -124,7 +124,7 @@ double AngularCoverage(Candidates& candidates) {
   std::uint32_t sectors = 0;
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (candidates.out(2)[i] > 0) {
-      sectors |= 1u << TurnSector<kSectors>(candidates.out(0)[i], candidates.out(1)[i]);
+      sectors |= 1u << AzimuthSector<kSectors>(candidates.out(0)[i], candidates.out(1)[i]);
     }
   }
   return static_cast<double>(std::popcount(sectors)) / kSectors;

@@ -14,16 +14,23 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kShortest = 2.5;  // of r_P: a straight that tells where it goes
-constexpr double kFewSamples = 3;  // of a place
-constexpr double kTrimmed = 1.0;   // of r_P: beside the next bends, where these ease in
-constexpr double kTrimmedPart = 0.15;
-// Bows that change sides are half as high as others, as a rule.
-constexpr double kOfBow = 0.5;
-// Of the information of a place in its weaker direction, beside what form leaves of it: one view
-// says nothing across itself.
-constexpr double kVague = 1e6;
-constexpr double kHuge = 1e12;
+// By trial where nothing else is said.
+struct KinkSettings {
+  // [of r_P] A shorter straight does not tell where it goes.
+  double shortest = 2.5;
+  // Fewer samples of a place tell nothing of it.
+  double few_samples = 3;
+  // Left out beside the next bends, where these ease in: [of r_P], and at most [of the straight].
+  double trimmed = 1.0, trimmed_part = 0.15;
+  // [of a bow's height] Bows that change sides are half as high as others, as a rule.
+  double of_bow = 0.5;
+  // One view says nothing across itself: one part in so many of a place's information is added in
+  // every direction, so that the matrix can be inverted.
+  double vague = 1e6;
+  // [1/mm^2] Of a shape that is not there: it stays 0.
+  double absent = 1e12;
+};
+constexpr KinkSettings kKinks;
 
 // Offset, slope, bow and bow that changes sides of the whole; the kink; bows before and after it.
 enum Shape { kOffset, kSlope, kBow, kSides, kKink, kBefore, kAfter, kShapes };
@@ -72,7 +79,7 @@ class Regression {
     for (int i = 0; i < kShapes; ++i) {
       for (int direction = 0; direction < 2; ++direction) {
         const int k = 2 * i + direction;
-        matrix_(k, k) = range_mm[i] > 0 ? 1.0 / (range_mm[i] * range_mm[i]) : kHuge;
+        matrix_(k, k) = range_mm[i] > 0 ? 1.0 / (range_mm[i] * range_mm[i]) : kKinks.absent;
       }
     }
   }
@@ -106,7 +113,7 @@ std::vector<Turned> PlacesAround(const std::vector<hal::SpineSegment>& segments,
                                  const std::vector<std::vector<LateralPlace>>& profile,
                                  double pipe_radius_mm) {
   const auto off_mm = [pipe_radius_mm](double length_mm) {
-    return std::min(kTrimmed * pipe_radius_mm, kTrimmedPart * length_mm);
+    return std::min(kKinks.trimmed * pipe_radius_mm, kKinks.trimmed_part * length_mm);
   };
   const double from_mm = stretch.from_mm() + off_mm(stretch.before_mm);
   const double to_mm = stretch.to_mm() - off_mm(stretch.after_mm);
@@ -124,7 +131,7 @@ std::vector<Turned> PlacesAround(const std::vector<hal::SpineSegment>& segments,
     }
     for (const LateralPlace& place : profile[k]) {
       const double along_mm = begins_mm + place.along_mm;
-      if (place.samples < kFewSamples || along_mm < from_mm || along_mm > to_mm) continue;
+      if (place.samples < kKinks.few_samples || along_mm < from_mm || along_mm > to_mm) continue;
       list.push_back({along_mm, turn * place.information * turn.transpose(), turn * place.pull});
     }
     begins_mm += segment.length_mm;
@@ -142,7 +149,7 @@ double KinkEvidence(const SurfaceFit& fit, std::size_t bend, std::span<const Poi
   const Stretch stretch{segments[k - 1].length_mm, segments[k].length_mm, segments[k + 1].length_mm,
                         segments[k].bend_radius_mm};
   if (!(stretch.arc_mm > 0)) return 0.0;
-  if (std::min(-stretch.from_mm(), stretch.to_mm()) < kShortest * r_mm) {
+  if (std::min(-stretch.from_mm(), stretch.to_mm()) < kKinks.shortest * r_mm) {
     return std::numeric_limits<double>::infinity();
   }
   const double limit_mm = kNoWeight * std::hypot(fit.sigma_mm, fit.form_mm);
@@ -152,7 +159,7 @@ double KinkEvidence(const SurfaceFit& fit, std::size_t bend, std::span<const Poi
   bowed[kOffset] = bowed[kSlope] = long_mm;
   Shapes bent = bowed;
   bowed[kBow] = form.bow * long_mm;
-  bowed[kSides] = kOfBow * form.bow * long_mm;
+  bowed[kSides] = kKinks.of_bow * form.bow * long_mm;
   bent[kKink] = 1.0;
   bent[kBefore] = form.bow * -stretch.from_mm();
   bent[kAfter] = form.bow * stretch.to_mm();
@@ -161,7 +168,7 @@ double KinkEvidence(const SurfaceFit& fit, std::size_t bend, std::span<const Poi
   const double form_mm2 = std::pow(form.AcrossMm(r_mm), 2);  // of a place, a pipe radius long
   for (const Turned& place : PlacesAround(segments, k, stretch, profile, r_mm)) {
     Eigen::Matrix2d information = place.information;
-    information.diagonal().array() += information.trace() / kVague;
+    information.diagonal().array() += information.trace() / kKinks.vague;
     const Eigen::Matrix2d inverse = information.inverse();
     const Eigen::Matrix2d covariance = noise_mm2 * inverse + form_mm2 * Eigen::Matrix2d::Identity();
     const Eigen::Vector2d bent_mm(stretch.BentMm(place.along_mm), 0);

@@ -26,7 +26,7 @@ std::vector<std::vector<LateralPlace>> LateralProfile(const SurfaceFit& fit,
 
 // How far the spine lies beside the fitted one, place by place, as all but the worst places show
 // it; what noise explains is taken off. Within what a FormDeviation allows by itself.
-FormDeviation LearntForm(const SurfaceFit& fit, std::span<const PointBlock> blocks, double reach_mm,
-                         const FormDeviation& most);
+FormDeviation EstimateForm(const SurfaceFit& fit, std::span<const PointBlock> blocks,
+                           double reach_mm, const FormDeviation& most);
 
 }  // namespace bendloop::pipeline

@@ -15,8 +15,13 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kPlace = 1.0;   // of r_P: edge of the cubes that places are told by
-constexpr double kChance = 9.0;  // variances of a place's mean that noise explains
+struct LocalGainSettings {
+  // [of r_P] Edge of the cubes that places are told by: a dent is about as long. By trial.
+  double place = 1.0;
+  // [variances] Of a place's mean, that noise explains: three sigma.
+  double chance = 9.0;
+};
+constexpr LocalGainSettings kLocal;
 
 struct Place {
   double samples = 0, sum_mm = 0, gain_mm2 = 0;
@@ -51,7 +56,7 @@ double LocalGain(const SurfaceFit& better, const SurfaceFit& rival,
       const double b =
           distance_mm(point, frames_rival, near_rival, rival.tube.pipe_radius_mm, limit_mm);
       if (std::abs(a) >= limit_mm && std::abs(b) >= limit_mm) continue;
-      Place& place = places[CellKey(CellOf(point, kPlace * r_mm))];
+      Place& place = places[CellKey(CellOf(point, kLocal.place * r_mm))];
       place.samples += 1;
       place.sum_mm += a;
       place.gain_mm2 += b * b - a * a;
@@ -60,7 +65,8 @@ double LocalGain(const SurfaceFit& better, const SurfaceFit& rival,
   double gain = 0;
   for (const auto& [key, place] : places) {
     const double together_mm2 = place.sum_mm * place.sum_mm / place.samples;
-    gain += place.gain_mm2 / (variance_mm2 + std::max(0.0, together_mm2 - kChance * variance_mm2));
+    gain += place.gain_mm2 /
+            (variance_mm2 + std::max(0.0, together_mm2 - kLocal.chance * variance_mm2));
   }
   return gain;
 }

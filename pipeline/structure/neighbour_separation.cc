@@ -10,34 +10,46 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kLeastTurnDeg = 20.0;  // of a joint
-constexpr double kTight = 1.1;          // of r_P
-constexpr double kTightest = 1.001;     // of r_P: the fit is held there, its sigma says little
-constexpr double kClearTurnDeg = 30.0;  // a lesser one may be held there by chance
-constexpr double kKnown = 0.2;          // of r_P, 1 sigma of the bend radius
-constexpr double kVagueDeg = 15.0;      // 1 sigma
-constexpr double kLong = 1.0;           // of r_P
-constexpr double kAround = 1.5;         // of r_P: nodes that belong to no piece
-constexpr double kShortest = 4.0;       // of r_P, of a piece
+// What a joint between the tube and its neighbour looks like: a bend that no machine makes. By
+// trial where nothing else is said.
+struct JointSettings {
+  // [degrees] A joint turns by more.
+  double least_turn_deg = 20.0;
+  // [of r_P] No die bends tighter; and the 1 sigma of a bend radius that counts as known.
+  double tight = 1.1, known = 0.2;
+  // [of r_P] The fit holds a bend radius at r_P (FitBounds): there its sigma says little. [degrees]
+  // A lesser turn may be held there by chance.
+  double tightest = 1.001, clear_turn_deg = 30.0;
+  // [degrees] 1 sigma of angle or rotation beside a segment without samples.
+  double vague_deg = 15.0;
+  // [of r_P] A shorter segment may be without samples by chance.
+  double bare = 1.0;
+  // [of r_P] Nodes so near to a joint belong to neither piece.
+  double around = 1.5;
+  // [of r_P] A shorter piece is no tube.
+  double shortest = 4.0;
+};
+constexpr JointSettings kJoint;
 
 std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const double few = FewSamplesPerMm(fit, segments);
   const auto is_bare = [&](std::size_t k) {  // short ones may be by chance
-    return segments[k].length_mm > kLong * fit.tube.pipe_radius_mm &&
+    return segments[k].length_mm > kJoint.bare * fit.tube.pipe_radius_mm &&
            fit.segment_samples[k] < few * segments[k].length_mm;
   };
   std::vector<Eigen::Vector3d> joints;
   for (std::size_t k = 1; k + 1 < segments.size(); k += 2) {
     const hal::BendRow& row = fit.tube.program.rows[k / 2];
     const double r = fit.tube.pipe_radius_mm;
-    const bool tight = (*row.bend_radius_mm < kTightest * r && row.angle_deg > kClearTurnDeg) ||
-                       (*row.bend_radius_mm < kTight * r &&
-                        fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kKnown * r);
+    const bool tight =
+        (*row.bend_radius_mm < kJoint.tightest * r && row.angle_deg > kJoint.clear_turn_deg) ||
+        (*row.bend_radius_mm < kJoint.tight * r &&
+         fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kJoint.known * r);
     const hal::BendRow& sigma = fit.sigma.rows[k / 2];
-    const bool vague = std::max(sigma.angle_deg, sigma.rotation_deg) > kVagueDeg &&
+    const bool vague = std::max(sigma.angle_deg, sigma.rotation_deg) > kJoint.vague_deg &&
                        (is_bare(k - 1) || is_bare(k) || is_bare(k + 1));
-    if (row.angle_deg < kLeastTurnDeg || !(tight || vague)) continue;
+    if (row.angle_deg < kJoint.least_turn_deg || !(tight || vague)) continue;
     joints.push_back(segments[k].PointAt(0.5 * segments[k].length_mm));
   }
   return joints;
@@ -49,7 +61,7 @@ std::vector<SpinePolygon> PiecesBetweenJoints(const SurfaceFit& fit, const Spine
                                               bool across) {
   const std::vector<Eigen::Vector3d> joints = Joints(fit);
   if (joints.empty()) return {polygon};
-  const double around_mm = kAround * fit.tube.pipe_radius_mm;
+  const double around_mm = kJoint.around * fit.tube.pipe_radius_mm;
   const auto from_joint = [&polygon](std::size_t i, const Eigen::Vector3d& joint) {
     return (polygon[i].position_mm - joint).norm();
   };
@@ -74,7 +86,7 @@ std::vector<SpinePolygon> PiecesBetweenJoints(const SurfaceFit& fit, const Spine
     }
   }
   std::erase_if(pieces, [&](const SpinePolygon& piece) {
-    return piece.size() < 2 || LengthOf(piece) < kShortest * fit.tube.pipe_radius_mm;
+    return piece.size() < 2 || LengthOf(piece) < kJoint.shortest * fit.tube.pipe_radius_mm;
   });
   if (pieces.empty()) return {polygon};
   if (across) pieces = JoinedOverGaps(std::move(pieces), fit.tube.pipe_radius_mm);

@@ -13,16 +13,22 @@
 namespace bendloop::pipeline {
 namespace {
 
-// The way to about the right bends needs no more samples.
-constexpr std::size_t kEnoughSamples = 8000;
-// The live view has milliseconds: one tolerance, few samples, no comparisons.
-constexpr double kGlanceTolerance = 0.1;
-constexpr std::size_t kGlanceSamples = 2000;
-constexpr int kGlanceSteps = 15;
-constexpr double kTrueForm = 0.3;  // of the usual form: lines and arcs
-// Twice the logarithm of the odds that a part has no bend more than its nominal. Evidence beyond it
-// is a defect; below it Measurement::structure_margin says that it was a close call.
-constexpr double kNominalOdds = 10;
+struct StructureSettings {
+  // The way to about the right bends needs no more samples. By trial.
+  std::size_t enough_samples = 8000;
+  // The live view has milliseconds: one tolerance [of r_P] of the simplification, few samples, few
+  // steps of the fit, no comparisons.
+  double glance_tolerance = 0.1;
+  std::size_t glance_samples = 2000;
+  int glance_steps = 15;
+  // [of the usual form, FormDeviation] A tube with less is lines and arcs. By trial.
+  double true_form = 0.3;
+  // Twice the logarithm of the odds (150 to 1) that a part has no bend more than its nominal.
+  // Evidence beyond it is a defect; below it Measurement::structure_margin says that it was a close
+  // call.
+  double nominal_odds = 10;
+};
+constexpr StructureSettings kStructure;
 
 // The nominal's structure, where the samples let it be, instead of one that cannot be the nominal.
 SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& polygon,
@@ -37,7 +43,7 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
     // taking a bend away that the nominal does not have the samples must be nearly content.
     favoured = bends > found.tube.program.bend_count()
                    ? std::max(advantage, search.criterion().Gain(expected, found))
-                   : advantage + kNominalOdds;
+                   : advantage + kStructure.nominal_odds;
   }
   if (favoured > 0) {
     expected.margin = same_bends ? found.margin : std::max(0.0, advantage);
@@ -51,16 +57,16 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
 SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
                        std::span<const PointBlock> samples, std::span<const PointBlock> all_points,
                        double caution, FormDeviation& form) {
-  const bool few = CountPoints(all_points) <= kEnoughSamples;
-  StructureSearch coarse(polygon, pipe_radius_mm, few ? all_points : samples, kEnoughSamples,
-                         {.caution = caution});
+  const bool few = CountPoints(all_points) <= kStructure.enough_samples;
+  StructureSearch coarse(polygon, pipe_radius_mm, few ? all_points : samples,
+                         kStructure.enough_samples, {.caution = caution});
   // First as if the tube were as far from lines and arcs as usual tubes: what is left then tells
   // how far it is. One that hardly is begins anew, with all its slight bends.
   const SurfaceFit start = coarse.Start();
   SurfaceFit fit = start;
   coarse.Refine(fit);
   coarse.LearnForm(fit);
-  const bool is_true = coarse.form().across < kTrueForm * FormDeviation{}.across;
+  const bool is_true = coarse.form().across < kStructure.true_form * FormDeviation{}.across;
   fit = coarse.Fit(is_true ? start.tube : fit.tube);
   coarse.Split(fit);
   coarse.Refine(fit);
@@ -102,9 +108,9 @@ SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
 
 SurfaceFit GlanceAtStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                              std::span<const PointBlock> samples) {
-  const ArcLineSpline spline = InitialSpline(polygon, kGlanceTolerance * pipe_radius_mm);
-  return StructureSearch(polygon, pipe_radius_mm, samples, kGlanceSamples,
-                         {.max_fit_steps = kGlanceSteps})
+  const ArcLineSpline spline = InitialSpline(polygon, kStructure.glance_tolerance * pipe_radius_mm);
+  return StructureSearch(polygon, pipe_radius_mm, samples, kStructure.glance_samples,
+                         {.max_fit_steps = kStructure.glance_steps})
       .Fit(TubeFromSpline(spline, pipe_radius_mm));
 }
 

@@ -10,20 +10,26 @@
 namespace bendloop::pipeline {
 namespace {
 
-// A bend of which the samples know nothing costs so much, and any other that much more.
-constexpr double kBendPrice = 1;  // in parameters
-// Two straights joined by less than this are one, unless the samples insist.
-constexpr double kSlightDeg = 1.0;
-constexpr double kSlightPrice = 2;  // in parameters, above those of the bend
-// So are two bends that could be one, or one that the next undoes.
-constexpr double kTwinDeg = 3.0;       // rotation between them
-constexpr double kTwinUnsure = 1.0;    // sigma of it
-constexpr double kTwinStraight = 0.1;  // of r_P, between them
-constexpr double kTwinUnclear = 5.0;   // sigma, of an angle
-constexpr double kTwinPrice = 4;       // in parameters
-constexpr double kTruncated = 6.0;     // sigma
-constexpr double kInsist = 6.0;        // sigma, for flattened bends
-constexpr double kLost = 0.6;          // of the samples that the other reaches
+// Prices above what FitPriors::OccamPenalty() says, in parameters (price()). By trial where nothing
+// else is said.
+struct CriterionSettings {
+  // A bend of which the samples know nothing costs so much, and any other that much more.
+  double bend_price = 1;
+  // [degrees] Two straights joined by less are one, unless the samples insist.
+  double slight_deg = 1.0, slight_price = 2;
+  // So are two bends that could be one, or one that the next undoes: [degrees] the rotation between
+  // them, [sigma] how unsure it may be, [of r_P] the straight between them, [sigma] an angle that
+  // is not clear.
+  double twin_deg = 3.0, twin_unsure = 1.0, twin_straight = 0.1, twin_unclear = 5.0;
+  double twin_price = 4;
+  // [sigma] What a sample costs at most: one further off is explained by neither structure.
+  double truncated = 6.0;
+  // [sigma] By which samples must insist on bends that are not round.
+  double insist = 6.0;
+  // Of the samples that the other structure reaches: with less this one lost the tube.
+  double lost = 0.6;
+};
+constexpr CriterionSettings kCriterion;
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
 double Cost(const SurfaceFit& fit, double limit_mm) {
@@ -35,14 +41,15 @@ double Cost(const SurfaceFit& fit, double limit_mm) {
 // A bend and the one before it.
 bool AreOne(const SurfaceFit& fit, std::size_t bend) {
   const hal::BendRow& row = fit.tube.program.rows[bend];
-  if (row.length_mm > kTwinStraight * fit.tube.pipe_radius_mm) return false;
-  const double unclear_deg = kTwinUnsure * fit.sigma.rows[bend].rotation_deg;
+  if (row.length_mm > kCriterion.twin_straight * fit.tube.pipe_radius_mm) return false;
+  const double unclear_deg = kCriterion.twin_unsure * fit.sigma.rows[bend].rotation_deg;
   const double turned_deg = std::max(0.0, std::abs(row.rotation_deg) - unclear_deg);
   const auto unclear = [&fit](std::size_t i) {
-    return fit.tube.program.rows[i].angle_deg < kTwinUnclear * fit.sigma.rows[i].angle_deg;
+    return fit.tube.program.rows[i].angle_deg <
+           kCriterion.twin_unclear * fit.sigma.rows[i].angle_deg;
   };
-  return turned_deg < kTwinDeg ||
-         (turned_deg > 180.0 - kTwinDeg && (unclear(bend) || unclear(bend - 1)));
+  return turned_deg < kCriterion.twin_deg ||
+         (turned_deg > 180.0 - kCriterion.twin_deg && (unclear(bend) || unclear(bend - 1)));
 }
 
 }  // namespace
@@ -53,15 +60,15 @@ StructureCriterion::StructureCriterion(std::size_t samples, double caution)
 double StructureCriterion::Variance(const SurfaceFit& fit) { return fit.variance_mm2; }
 
 double StructureCriterion::LimitMm(const SurfaceFit& fit) {
-  return kTruncated * std::hypot(fit.sigma_mm, fit.form_mm);
+  return kCriterion.truncated * std::hypot(fit.sigma_mm, fit.form_mm);
 }
 
 double StructureCriterion::Gain(const SurfaceFit& a, const SurfaceFit& b) const {
   // One that lost the tube has next to no distances, and a small sigma of these.
   const auto reached_a = static_cast<double>(a.distances_mm.size());
   const auto reached_b = static_cast<double>(b.distances_mm.size());
-  if (reached_a < kLost * reached_b) return -kFar;
-  if (reached_b < kLost * reached_a) return kFar;
+  if (reached_a < kCriterion.lost * reached_b) return -kFar;
+  if (reached_b < kCriterion.lost * reached_a) return kFar;
   const double variance = std::min(Variance(a), Variance(b));
   const double limit_mm = std::min(LimitMm(a), LimitMm(b));
   const auto chi_square = [&](const SurfaceFit& fit) {
@@ -75,18 +82,20 @@ bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& 
   const double freedom = kFlatteningParameters * bends;
   const double more = bends - static_cast<double>(round.tube.program.bend_count());
   const double price = 4.0 * std::max(0.0, more) * price_;
-  const double limit_mm = kTruncated * flattened.sigma_mm;
+  const double limit_mm = kCriterion.truncated * flattened.sigma_mm;
   const double variance_mm2 = flattened.sigma_mm * flattened.sigma_mm * flattened.design_effect;
   return Cost(round, limit_mm) - Cost(flattened, limit_mm) >
-         variance_mm2 * (price + freedom + kInsist * std::sqrt(2.0 * freedom));
+         variance_mm2 * (price + freedom + kCriterion.insist * std::sqrt(2.0 * freedom));
 }
 
 double StructureCriterion::PriceOf(const SurfaceFit& fit) const {
-  double price = caution_ * fit.learnt +
-                 kBendPrice * price_ * static_cast<double>(fit.tube.program.bend_count());
+  double price =
+      caution_ * fit.occam_penalty +
+      kCriterion.bend_price * price_ * static_cast<double>(fit.tube.program.bend_count());
   for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
-    if (fit.tube.program.rows[i].angle_deg < kSlightDeg) price += kSlightPrice * price_;
-    if (i > 0 && AreOne(fit, i)) price += kTwinPrice * price_;
+    if (fit.tube.program.rows[i].angle_deg < kCriterion.slight_deg)
+      price += kCriterion.slight_price * price_;
+    if (i > 0 && AreOne(fit, i)) price += kCriterion.twin_price * price_;
   }
   return price;
 }

@@ -8,7 +8,7 @@
 namespace bendloop::pipeline {
 
 // Which of two structures explains the same samples better: twice the logarithm of the odds, the
-// evidence for each taken near its fit (FitPriors::Learnt()).
+// evidence for each taken near its fit (FitPriors::OccamPenalty()).
 class StructureCriterion {
  public:
   // `caution`: times the usual evidence is asked for.

@@ -13,14 +13,27 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kSplitRadius = 0.4;  // of the old arc's
-constexpr double kNearArc = 1.5;      // of r_P: a place from where the arc beside it is meant too
-// A bend with less than this beyond it (arc and straight, in pipe radii) cannot be told from the
-// cap, burr or fixture at the border of a scan: the tube goes straight on there.
-constexpr double kBorder = 1.0;
-constexpr double kTightBorder = 2.0;
-constexpr double kSeen = 0.4;    // of the usual number of samples a length
-constexpr double kTight = 1.05;  // bend radius, in pipe radii: where the fit is held
+// By trial where nothing else is said.
+struct MoveSettings {
+  // [of the old arc's radius] Of the two arcs that one is split into.
+  double split_radius = 0.4;
+  // [of r_P] So near to an arc the samples' wish for a bend may mean the arc too.
+  double near_arc = 1.5;
+  // [of r_P] A bend with less than this beyond it (arc and straight) is not told from the cap, burr
+  // or fixture at the border of a scan: the tube goes straight on there. The latter: of a bend that
+  // is as tight as the fit lets it be.
+  double border = 1.0, tight_border = 2.0;
+  // [of the usual number of samples a length] Less is not seen.
+  double seen = 0.4;
+  // [of r_P] A bend radius of less stands where the fit holds it (FitBounds).
+  double tight = 1.05;
+  // A small bend that is put into a line. [rad] Its angle.
+  double least_small_rad = 1e-3, most_small_rad = 0.5;
+  // [of r_P] Its radius where no other bend tells one, and the limits of what others tell: what
+  // common dies make.
+  double small_radius = 3.0, tightest_small = 1.5, widest_small = 8.0;
+};
+constexpr MoveSettings kMoves;
 
 // All that comes after the first `count` arcs, turned about a place.
 void MoveRest(ArcLineSpline& spline, std::size_t count, const Eigen::Vector3d& about,
@@ -64,13 +77,13 @@ ArcLineSpline WithSmallBend(const ArcLineSpline& spline, std::size_t arcs_before
   for (const SplineArc& other : spline.arcs) radii.push_back(other.radius_mm);
   SplineArc arc;
   arc.tangent_in = line.tangent;
-  arc.angle_rad = std::clamp(across.norm(), 1e-3, 0.5);
+  arc.angle_rad = std::clamp(across.norm(), kMoves.least_small_rad, kMoves.most_small_rad);
   arc.normal = across.normalized();
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(arc.angle_rad, arc.normal).toRotationMatrix();
   arc.tangent_out = turn * arc.tangent_in;
-  arc.radius_mm = radii.empty()
-                      ? 3.0 * pipe_radius_mm
-                      : std::clamp(Median(radii), 1.5 * pipe_radius_mm, 8.0 * pipe_radius_mm);
+  arc.radius_mm = radii.empty() ? kMoves.small_radius * pipe_radius_mm
+                                : std::clamp(Median(radii), kMoves.tightest_small * pipe_radius_mm,
+                                             kMoves.widest_small * pipe_radius_mm);
   const double reach_mm = arc.radius_mm * std::tan(0.5 * arc.angle_rad);
   arc.begin_mm = at - reach_mm * arc.tangent_in;
   arc.end_mm = at + reach_mm * arc.tangent_out;
@@ -160,7 +173,8 @@ bool DropFirst(ArcLineSpline& spline, double border_mm) {
 
 bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm) {
   const auto border_mm = [pipe_radius_mm](const SplineArc& arc) {
-    return (arc.radius_mm < kTight * pipe_radius_mm ? kTightBorder : kBorder) * pipe_radius_mm;
+    return (arc.radius_mm < kMoves.tight * pipe_radius_mm ? kMoves.tight_border : kMoves.border) *
+           pipe_radius_mm;
   };
   bool trimmed = false;
   while (!spline.arcs.empty() && DropLast(spline, border_mm(spline.arcs.back()))) trimmed = true;
@@ -174,7 +188,7 @@ double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment>
     if (segments[k].length_mm < fit.tube.pipe_radius_mm) continue;
     densities.push_back(fit.segment_samples[k] / segments[k].length_mm);
   }
-  return kSeen * Median(std::move(densities));
+  return kMoves.seen * Median(std::move(densities));
 }
 
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
@@ -184,8 +198,8 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
     return fit.segment_samples[outer] < few * fit.tube.pipe_radius_mm &&
            (fit.segment_samples[arc] < few * segments[arc].length_mm ||
-            segments[arc].length_mm < kBorder * fit.tube.pipe_radius_mm ||
-            segments[arc].bend_radius_mm < kTight * fit.tube.pipe_radius_mm);
+            segments[arc].length_mm < kMoves.border * fit.tube.pipe_radius_mm ||
+            segments[arc].bend_radius_mm < kMoves.tight * fit.tube.pipe_radius_mm);
   };
   const std::size_t last = segments.size() - 1;
   const bool drop_last = unseen(last - 1, last);
@@ -250,9 +264,25 @@ std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b) {
   return arc;
 }
 
+ArcLineSpline WithoutArcs(const ArcLineSpline& spline, std::size_t first, std::size_t last) {
+  ArcLineSpline without = spline;
+  without.arcs.erase(without.arcs.begin() + static_cast<std::ptrdiff_t>(first),
+                     without.arcs.begin() + static_cast<std::ptrdiff_t>(last) + 1);
+  return without;
+}
+
+std::optional<ArcLineSpline> WithOneArc(const ArcLineSpline& spline, std::size_t first,
+                                        std::size_t last) {
+  const auto merged = MergedArc(spline.arcs[first], spline.arcs[last]);
+  if (!merged) return std::nullopt;
+  ArcLineSpline simpler = WithoutArcs(spline, first + 1, last);
+  simpler.arcs[first] = *merged;
+  return simpler;
+}
+
 std::array<SplineArc, 2> SplitArc(const SplineArc& arc) {
   const double half = 0.5 * arc.angle_rad;
-  const double radius = kSplitRadius * arc.radius_mm;
+  const double radius = kMoves.split_radius * arc.radius_mm;
   const double tangent_mm = std::tan(0.5 * half);
   const Eigen::Vector3d middle = Eigen::AngleAxisd(half, arc.normal) * arc.tangent_in;
   const Eigen::Vector3d corner1 = arc.begin_mm + arc.radius_mm * tangent_mm * arc.tangent_in;
@@ -270,7 +300,7 @@ std::vector<ArcLineSpline> WithBend(const ArcLineSpline& spline, const hal::Tube
   const hal::SpineSegment& segment = segments[missing.segment];
   const std::size_t before = missing.segment / 2;  // arcs before the place
   std::vector<ArcLineSpline> list;
-  const double near_mm = kNearArc * tube.pipe_radius_mm;
+  const double near_mm = kMoves.near_arc * tube.pipe_radius_mm;
   const auto part = [&](std::size_t arc, double along_mm) {
     const Eigen::Vector3d at = segments[2 * arc + 1].PointAt(along_mm);
     const auto node = std::min_element(

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>
@@ -42,6 +43,10 @@ bool ReachEnds(ArcLineSpline& spline, const SpinePolygon& polygon, double least_
 
 // One arc in place of two that follow each other.
 std::optional<SplineArc> MergedArc(const SplineArc& a, const SplineArc& b);
+// Without arcs [first, last]; with one arc in their place, none if it would be none.
+ArcLineSpline WithoutArcs(const ArcLineSpline& spline, std::size_t first, std::size_t last);
+std::optional<ArcLineSpline> WithOneArc(const ArcLineSpline& spline, std::size_t first,
+                                        std::size_t last);
 // Two arcs of half the angle in place of one, with a straight between them that touches the old arc
 // in its middle.
 std::array<SplineArc, 2> SplitArc(const SplineArc& arc);

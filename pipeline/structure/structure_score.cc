@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/tube_parameters.h"
@@ -12,14 +13,27 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kPiece = 0.75;     // of r_P: how finely places are told
-constexpr double kMaxPieces = 60;   // of a segment
-constexpr double kWide = 4.0;       // of sigma, for the weights
-constexpr double kNoLength = 1e-6;  // mm
-constexpr double kRange = 0.5;      // of r_P, 1 sigma
-constexpr double kRangeRad = 0.1;
-constexpr double kEnd = 1.0;          // of r_P: nearer to the end of the samples nothing is asked
-constexpr double kNegligible = 1e-9;  // of the largest eigenvalue: a turn that no sample feels
+// By trial where nothing else is said.
+struct ScoreSettings {
+  // [of r_P] How finely places are told, and pieces of a segment at most.
+  double piece = 0.75, most_pieces = 60;
+  // [sigma] For the weights: where a bend is missing distances are large, and they are what is
+  // looked for.
+  double wide_sigmas = 4.0;
+  // [mm] A straight of less cannot become shorter.
+  double no_length_mm = 1e-6;
+  // 1 sigma of how far the parameters may give way: [of r_P] lengths and bend radii, [rad] angles
+  // and rotations. Beyond it linear means nothing.
+  double range = 0.5, range_rad = 0.1;
+  // [of r_P] Nearer to the end of the samples nothing is asked.
+  double end = 1.0;
+  // [of the largest eigenvalue] A turn that no sample feels; and one that is not asked for, since
+  // the samples hardly do.
+  double negligible = 1e-9, hardly_felt = 1e-3;
+  // [of the scaled diagonal] Keeps the normal equations from being singular.
+  double damping = 1e-9;
+};
+constexpr ScoreSettings kScore;
 
 using Motion = Eigen::Matrix<double, 6, 1>;  // velocity at the origin and angular velocity, world
 using MotionMap = Eigen::Matrix<double, 6, 6>;
@@ -44,7 +58,7 @@ MotionMap ToFrame(const hal::SpineSegment& segment, const Eigen::Vector3d& origi
 }
 
 // The samples of a part of a segment, in its frame.
-struct Piece {
+struct TubePiece {
   std::size_t segment = 0;
   double begin_mm = 0;
   SegmentPoints points;
@@ -57,14 +71,14 @@ double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegm
   return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
 }
 
-std::vector<Piece> Pieces(const std::vector<hal::SpineSegment>& segments,
-                          const SurfaceAssignment& assignment, double pipe_radius_mm) {
-  std::vector<Piece> pieces;
+std::vector<TubePiece> PiecesOf(const std::vector<hal::SpineSegment>& segments,
+                                const SurfaceAssignment& assignment, double pipe_radius_mm) {
+  std::vector<TubePiece> pieces;
   for (std::size_t k = 0; k < segments.size(); ++k) {
     const SegmentPoints& points = assignment.segments[k];
     const double length_mm = segments[k].length_mm;
-    const double wanted = std::ceil(length_mm / (kPiece * pipe_radius_mm));
-    const auto count = static_cast<int>(std::clamp(wanted, 1.0, kMaxPieces));
+    const double wanted = std::ceil(length_mm / (kScore.piece * pipe_radius_mm));
+    const auto count = static_cast<int>(std::clamp(wanted, 1.0, kScore.most_pieces));
     const std::size_t first = pieces.size();
     for (int i = 0; i < count; ++i) {
       pieces.push_back({k, length_mm * i / count, {}});
@@ -100,126 +114,193 @@ Modes ModesAt(const hal::SpineSegment& segment, double along_mm, const Eigen::Ve
   return modes;
 }
 
-}  // namespace
+// What all pieces from one on say of a common motion of theirs, and of it and the parameters.
+struct Suffix {
+  MotionMap information = MotionMap::Zero();
+  Motion slope = Motion::Zero();
+  Eigen::MatrixXd with_parameters;  // 6 x parameters
+};
 
-std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const PointBlock> blocks,
-                                          double reach_mm) {
-  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const TubeParameters parameters(fit.tube, true, fit.flattening);
-  const auto derivatives = parameters.FrameDerivatives(segments);
-  const double r = fit.tube.pipe_radius_mm;
-  const auto frames = SegmentFrames(segments, kBeyond * r, fit.flattening);
-  SurfaceAssignment assignment;
-  AssignPoints(frames, r, blocks, reach_mm, assignment);
-  const std::vector<Piece> pieces = Pieces(segments, assignment, r);
-  // Where a bend is missing distances are large, and they are what is looked for here.
-  const double wide_sigma_mm = std::min(kWide * fit.sigma_mm, reach_mm / kFullWeight);
-  const Eigen::Vector3d origin = segments[segments.size() / 2].start_mm;
+// What may stand at a piece's beginning.
+struct BendPlace {
+  std::size_t piece;
+  Modes modes;
+  Eigen::Index column;  // the first of its columns among those of all places
+};
 
-  // From the last piece to the first: what all pieces from here on say of a common motion.
-  const Eigen::Index n = parameters.size();
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
-  Eigen::VectorXd slope = Eigen::VectorXd::Zero(n);
-  struct Suffix {
-    MotionMap information = MotionMap::Zero();
-    Motion slope = Motion::Zero();
-    Eigen::MatrixXd with_parameters;  // 6 x n
-  };
-  std::vector<Suffix> suffix(pieces.size() + 1);
-  suffix.back().with_parameters = Eigen::MatrixXd::Zero(6, n);
-  CondensedSum of_segment = CondensedSum::Zero();
-  for (std::size_t p = pieces.size(); p-- > 0;) {
-    const std::size_t k = pieces[p].segment;
-    const auto& segment = segments[k];
-    const CondensedSum sum = SumOfRows(pieces[p].points, frames[k], r, wide_sigma_mm);
-    const MotionMap map = ToFrame(segment, origin);
-    suffix[p].information =
-        suffix[p + 1].information + map.transpose() * sum.topLeftCorner<6, 6>() * map;
-    suffix[p].slope = suffix[p + 1].slope + map.transpose() * sum.block<6, 1>(0, kLocalState);
-    suffix[p].with_parameters =
-        suffix[p + 1].with_parameters +
-        map.transpose() * sum.topLeftCorner<6, kLocalState>() * derivatives[k];
-    of_segment += sum;
-    if (p > 0 && pieces[p - 1].segment == k) continue;
-    information += derivatives[k].transpose() *
-                   of_segment.topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
-    slope += derivatives[k].transpose() * of_segment.block<kLocalState, 1>(0, kLocalState);
-    of_segment.setZero();
+// The normal equations of a tube's parameters, in a scale in which they can be solved.
+class ScaledEquations {
+ public:
+  // `scale`: 0 for a parameter that is held.
+  ScaledEquations(Eigen::VectorXd scale, const Eigen::MatrixXd& information)
+      : scale_(std::move(scale)) {
+    Eigen::MatrixXd scaled = scale_.asDiagonal() * information * scale_.asDiagonal();
+    scaled.diagonal().array() += kScore.damping;
+    solver_.compute(scaled);
   }
-  slope = -slope;
-  fit.priors.Add(parameters, parameters.Initial(), fit.sigma_mm, information, slope);
-  slope = -slope;
+  Eigen::MatrixXd Solve(const Eigen::MatrixXd& right) const {
+    return scale_.asDiagonal() * solver_.solve(scale_.asDiagonal() * right);
+  }
+
+ private:
+  Eigen::VectorXd scale_;
+  Eigen::LLT<Eigen::MatrixXd> solver_;
+};
+
+// Where the squared distances are least, of what the samples feel.
+ModeVector LeastStep(const ModeMatrix& free, const ModeVector& pull) {
+  const ModeVector size = free.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
+  Eigen::SelfAdjointEigenSolver<ModeMatrix> eigen(free.rows());
+  eigen.compute(size.asDiagonal() * free * size.asDiagonal());
+  const ModeVector inverse =
+      (eigen.eigenvalues().array() > kScore.hardly_felt)
+          .select(eigen.eigenvalues().cwiseMax(kScore.negligible).cwiseInverse(), 0.0);
+  return -(size.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
+           eigen.eigenvectors().transpose() * size.asDiagonal() * pull);
+}
+
+class MissingBendScore {
+ public:
+  MissingBendScore(const SurfaceFit& fit, std::span<const PointBlock> blocks, double reach_mm)
+      : fit_(fit),
+        r_mm_(fit.tube.pipe_radius_mm),
+        segments_(hal::SpineSegments(fit.tube.program, fit.tube.X_WT)),
+        parameters_(fit.tube, true, fit.flattening),
+        origin_(segments_[segments_.size() / 2].start_mm),
+        information_(Eigen::MatrixXd::Zero(parameters_.size(), parameters_.size())),
+        slope_(Eigen::VectorXd::Zero(parameters_.size())) {
+    SumSamples(blocks, reach_mm);
+    AddPriors();
+  }
+
+  // Place after place.
+  std::vector<MissingBend> All() const {
+    const ScaledEquations equations(Scale(), information_);
+    const Eigen::VectorXd at_rest = equations.Solve(slope_);
+    const std::vector<BendPlace> places = Places();
+    const Eigen::Index columns =
+        places.empty() ? 0 : places.back().column + places.back().modes.cols();
+    Eigen::MatrixXd cross(parameters_.size(), columns);
+    for (const BendPlace& place : places) {
+      cross.middleCols(place.column, place.modes.cols()).noalias() =
+          suffix_[place.piece].with_parameters.transpose() * place.modes;
+    }
+    const Eigen::MatrixXd answers = equations.Solve(cross);  // all at once: there may be hundreds
+    std::vector<MissingBend> all;
+    for (const BendPlace& place : places) {
+      const auto of_place = cross.middleCols(place.column, place.modes.cols());
+      const Suffix& rest = suffix_[place.piece];
+      all.push_back(
+          BendAt(place,
+                 place.modes.transpose() * rest.information * place.modes -
+                     of_place.transpose() * answers.middleCols(place.column, place.modes.cols()),
+                 place.modes.transpose() * rest.slope - of_place.transpose() * at_rest));
+    }
+    return all;
+  }
+
+ private:
+  // From the last piece to the first.
+  void SumSamples(std::span<const PointBlock> blocks, double reach_mm) {
+    const auto derivatives = parameters_.FrameDerivatives(segments_);
+    const auto frames = SegmentFrames(segments_, kBeyond * r_mm_, fit_.flattening);
+    SurfaceAssignment assignment;
+    AssignPoints(frames, r_mm_, blocks, reach_mm, assignment);
+    pieces_ = PiecesOf(segments_, assignment, r_mm_);
+    const double wide_sigma_mm =
+        std::min(kScore.wide_sigmas * fit_.sigma_mm, reach_mm / kFullWeight);
+    suffix_.resize(pieces_.size() + 1);
+    suffix_.back().with_parameters = Eigen::MatrixXd::Zero(6, parameters_.size());
+    CondensedSum of_segment = CondensedSum::Zero();
+    for (std::size_t p = pieces_.size(); p-- > 0;) {
+      const std::size_t k = pieces_[p].segment;
+      const CondensedSum sum = SumOfRows(pieces_[p].points, frames[k], r_mm_, wide_sigma_mm);
+      const MotionMap map = ToFrame(segments_[k], origin_);
+      suffix_[p].information =
+          suffix_[p + 1].information + map.transpose() * sum.topLeftCorner<6, 6>() * map;
+      suffix_[p].slope = suffix_[p + 1].slope + map.transpose() * sum.block<6, 1>(0, kLocalState);
+      suffix_[p].with_parameters =
+          suffix_[p + 1].with_parameters +
+          map.transpose() * sum.topLeftCorner<6, kLocalState>() * derivatives[k];
+      of_segment += sum;
+      if (p > 0 && pieces_[p - 1].segment == k) continue;
+      information_ += derivatives[k].transpose() *
+                      of_segment.topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
+      slope_ += derivatives[k].transpose() * of_segment.block<kLocalState, 1>(0, kLocalState);
+      of_segment.setZero();
+    }
+  }
+
   // Where the samples leave something open the parameters are believed to be nearly right: what
   // takes them far away, where linear means nothing, is no gain.
-  const auto believe = [&](int i, double range) {
-    if (i >= 0) information(i, i) += fit.sigma_mm * fit.sigma_mm / (range * range);
-  };
-  for (std::size_t i = 0; i < parameters.bends(); ++i) {
-    believe(parameters.length(i), kRange * r);
-    believe(parameters.rotation(i), kRangeRad);
-    believe(parameters.angle(i), kRangeRad);
-    believe(parameters.bend_radius(i), kRange * r);
+  void AddPriors() {
+    slope_ = -slope_;
+    fit_.priors.Add(parameters_, parameters_.Initial(), fit_.sigma_mm, information_, slope_);
+    slope_ = -slope_;
+    const auto believe = [this](int i, double range) {
+      if (i >= 0) information_(i, i) += fit_.sigma_mm * fit_.sigma_mm / (range * range);
+    };
+    for (std::size_t i = 0; i < parameters_.bends(); ++i) {
+      believe(parameters_.length(i), kScore.range * r_mm_);
+      believe(parameters_.rotation(i), kScore.range_rad);
+      believe(parameters_.angle(i), kScore.range_rad);
+      believe(parameters_.bend_radius(i), kScore.range * r_mm_);
+    }
   }
-  Eigen::VectorXd scale = information.diagonal().cwiseSqrt();
-  for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
-  // A straight of nothing cannot become shorter, whatever is asked for.
-  for (std::size_t i = 0; i < parameters.bends(); ++i) {
-    const int length = parameters.length(i);
-    if (fit.tube.program.rows[i].length_mm < kNoLength && slope[length] > 0) scale[length] = 0;
-  }
-  Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
-  scaled.diagonal().array() += 1e-9;
-  const Eigen::LLT<Eigen::MatrixXd> solver(scaled);
-  const auto solve = [&](const Eigen::MatrixXd& right) -> Eigen::MatrixXd {
-    return scale.asDiagonal() * solver.solve(scale.asDiagonal() * right);
-  };
-  const Eigen::VectorXd at_rest = solve(slope);
 
-  // What may stand at each place, and what the parameters, which would give way, make of it.
-  struct Place {
-    std::size_t piece;
-    Modes modes;
-    Eigen::Index column;  // the first of its columns
-  };
-  const double total_mm = segments.back().from_start_mm + segments.back().length_mm;
-  const double margin_mm = kEnd * fit.tube.pipe_radius_mm;
-  std::vector<Place> places;
-  Eigen::Index columns = 0;
-  for (std::size_t p = 1; p < pieces.size(); ++p) {
-    const auto& segment = segments[pieces[p].segment];
-    const double place_mm = segment.from_start_mm + pieces[p].begin_mm;
-    if (place_mm < margin_mm || place_mm > total_mm - margin_mm) continue;
-    places.push_back({p, ModesAt(segment, pieces[p].begin_mm, origin), columns});
-    columns += places.back().modes.cols();
+  Eigen::VectorXd Scale() const {
+    Eigen::VectorXd scale = information_.diagonal().cwiseSqrt();
+    for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
+    // A straight of nothing cannot become shorter, whatever is asked for.
+    for (std::size_t i = 0; i < parameters_.bends(); ++i) {
+      const int length = parameters_.length(i);
+      const bool is_nothing = fit_.tube.program.rows[i].length_mm < kScore.no_length_mm;
+      if (is_nothing && slope_[length] > 0) scale[length] = 0;
+    }
+    return scale;
   }
-  Eigen::MatrixXd cross(n, columns);
-  for (const Place& place : places) {
-    cross.middleCols(place.column, place.modes.cols()).noalias() =
-        suffix[place.piece].with_parameters.transpose() * place.modes;
+
+  std::vector<BendPlace> Places() const {
+    const double total_mm = segments_.back().from_start_mm + segments_.back().length_mm;
+    const double margin_mm = kScore.end * r_mm_;
+    std::vector<BendPlace> places;
+    Eigen::Index columns = 0;
+    for (std::size_t p = 1; p < pieces_.size(); ++p) {
+      const auto& segment = segments_[pieces_[p].segment];
+      const double place_mm = segment.from_start_mm + pieces_[p].begin_mm;
+      if (place_mm < margin_mm || place_mm > total_mm - margin_mm) continue;
+      places.push_back({p, ModesAt(segment, pieces_[p].begin_mm, origin_), columns});
+      columns += places.back().modes.cols();
+    }
+    return places;
   }
-  const Eigen::MatrixXd answers = solve(cross);  // all at once: there may be hundreds
-  std::vector<MissingBend> all;
-  for (const auto& [p, modes, column] : places) {
-    const auto of_place = cross.middleCols(column, modes.cols());
-    const ModeMatrix free = modes.transpose() * suffix[p].information * modes -
-                            of_place.transpose() * answers.middleCols(column, modes.cols());
-    const ModeVector pull = modes.transpose() * suffix[p].slope - of_place.transpose() * at_rest;
-    const ModeVector size = free.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
-    const Eigen::SelfAdjointEigenSolver<ModeMatrix> eigen(size.asDiagonal() * free *
-                                                          size.asDiagonal());
-    const ModeVector inverse =
-        (eigen.eigenvalues().array() > 1e-3)
-            .select(eigen.eigenvalues().cwiseMax(kNegligible).cwiseInverse(), 0.0);
-    const ModeVector step = -(size.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
-                              eigen.eigenvectors().transpose() * size.asDiagonal() * pull);
-    MissingBend bend{pieces[p].segment, pieces[p].begin_mm, Eigen::Vector3d::Zero(), 0, 0};
-    const bool arc = modes.cols() == kArcModes;
+
+  // `free`, `pull`: information and slope of the modes once the parameters have given way.
+  MissingBend BendAt(const BendPlace& place, const ModeMatrix& free, const ModeVector& pull) const {
+    const ModeVector step = LeastStep(free, pull);
+    const TubePiece& piece = pieces_[place.piece];
+    MissingBend bend{piece.segment, piece.begin_mm, Eigen::Vector3d::Zero(), 0, 0};
+    const bool arc = place.modes.cols() == kArcModes;
     for (Eigen::Index m = 0; m < (arc ? 3 : 2); ++m)
-      bend.turn_rad += step[m] * modes.col(m).tail<3>();
+      bend.turn_rad += step[m] * place.modes.col(m).tail<3>();
     if (arc) bend.stretch_mm = step[3];
-    bend.gain = -step.dot(pull) / (fit.sigma_mm * fit.sigma_mm * fit.design_effect);
-    all.push_back(bend);
+    bend.gain = -step.dot(pull) / (fit_.sigma_mm * fit_.sigma_mm * fit_.design_effect);
+    return bend;
   }
+
+  const SurfaceFit& fit_;
+  double r_mm_;
+  std::vector<hal::SpineSegment> segments_;
+  TubeParameters parameters_;
+  Eigen::Vector3d origin_;
+  std::vector<TubePiece> pieces_;
+  std::vector<Suffix> suffix_;  // by piece, and one of nothing
+  Eigen::MatrixXd information_;
+  Eigen::VectorXd slope_;
+};
+
+// Those with more gain than their neighbours, the most first.
+std::vector<MissingBend> StandingOut(const std::vector<MissingBend>& all) {
   std::vector<MissingBend> standing_out;
   for (std::size_t i = 0; i < all.size(); ++i) {
     const bool before = i == 0 || all[i].gain >= all[i - 1].gain;
@@ -229,6 +310,13 @@ std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const
   std::stable_sort(standing_out.begin(), standing_out.end(),
                    [](const auto& a, const auto& b) { return a.gain > b.gain; });
   return standing_out;
+}
+
+}  // namespace
+
+std::vector<MissingBend> FindMissingBends(const SurfaceFit& fit, std::span<const PointBlock> blocks,
+                                          double reach_mm) {
+  return StandingOut(MissingBendScore(fit, blocks, reach_mm).All());
 }
 
 }  // namespace bendloop::pipeline

@@ -6,14 +6,13 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 #include <utility>
 
 #include "hal/spine.h"
-#include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/quantiles.h"
 #include "pipeline/spline/initial_spline.h"
-#include "pipeline/structure/kink_evidence.h"
+#include "pipeline/structure/bows.h"
+#include "pipeline/structure/explained_parts.h"
 #include "pipeline/structure/lateral_profile.h"
 #include "pipeline/structure/local_gain.h"
 #include "pipeline/structure/structure_moves.h"
@@ -64,43 +63,12 @@ struct SearchSettings {
   // [variances] That a part of a tube may gain when it no longer has to meet the rest.
   double unjoined_gain = 30;
 
-  // Where samples are explained worse than elsewhere: [variances] the least excess of squared
-  // distances, [sigma] what is no chance, and [sigma] what a distance counts at most.
-  double least_excess = 100, clear_excess_sigmas = 6, cut_sigmas = 5;
-
-  // [degrees] Bends that may be bows: those of L / 100, the worst that are straightened, look like
-  // one of less.
-  double slight_deg = 5.0;
-  // Twice the logarithm of the odds against a bow.
-  double kink_odds = 12;
-  // [of r_P] A die for slight bends has less.
-  double widest = 25;
-  // [degrees] Beside another bend, where a straight is too short to tell, what eases looks like a
-  // bend of less, on tubes that do ease: of more than this FormDeviation::across.
-  double eased_deg = 1.5, eased_across = 0.002;
   // FormDeviation::across that is learnt at most, and of tubes that are lines and arcs.
   double most_across = 0.025, true_across = 0.002;
   // [of what was learnt before] To look again.
   double less_form = 0.7;
 };
 constexpr SearchSettings kSearch;
-
-ArcLineSpline Without(const ArcLineSpline& spline, std::size_t first, std::size_t last) {
-  ArcLineSpline without = spline;
-  without.arcs.erase(without.arcs.begin() + static_cast<std::ptrdiff_t>(first),
-                     without.arcs.begin() + static_cast<std::ptrdiff_t>(last) + 1);
-  return without;
-}
-
-// One arc in place of arcs [first, last].
-std::optional<ArcLineSpline> Merged(const ArcLineSpline& spline, std::size_t first,
-                                    std::size_t last) {
-  const auto merged = MergedArc(spline.arcs[first], spline.arcs[last]);
-  if (!merged) return std::nullopt;
-  ArcLineSpline simpler = Without(spline, first + 1, last);
-  simpler.arcs[first] = *merged;
-  return simpler;
-}
 
 double TurnDeg(const SplineArc& first, const SplineArc& last) {
   return std::acos(std::clamp(first.tangent_in.dot(last.tangent_out), -1.0, 1.0)) * 180.0 /
@@ -123,80 +91,6 @@ hal::Tube NoTighter(hal::Tube tube) {
   return tube;
 }
 
-// By segment: by how much the squared distances of its samples are more than elsewhere, in
-// variances; 0 where that may be chance. What is far off counts no more than a few sigma: fliers
-// are everywhere.
-std::vector<double> Excess(const SurfaceFit& fit, std::span<const PointBlock> blocks) {
-  const double r = fit.tube.pipe_radius_mm;
-  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  SurfaceAssignment assignment;
-  AssignPoints(SegmentFrames(segments, kBeyond * r, fit.flattening), r, blocks, kSearch.reach * r,
-               assignment);
-  const double limit_mm = kSearch.cut_sigmas * std::hypot(fit.sigma_mm, fit.form_mm);
-  const double scale_mm = std::sqrt(fit.variance_mm2 / fit.design_effect);
-  std::vector<double> excess, mean_square;
-  for (const SegmentPoints& points : assignment.segments) {
-    double sum = 0;
-    const auto n = static_cast<double>(points.size);
-    for (const double distance : points.distance.head(static_cast<Eigen::Index>(points.size))) {
-      const double d = std::min(std::abs(distance), limit_mm) / scale_mm;
-      sum += d * d;
-    }
-    if (points.size > 0) mean_square.push_back(sum / n);
-    excess.push_back(sum);
-  }
-  const double usual = std::max(1.0, Median(mean_square));
-  for (std::size_t k = 0; k < excess.size(); ++k) {
-    const auto n = static_cast<double>(assignment.segments[k].size);
-    excess[k] -= usual * n;
-    const double chance =
-        kSearch.clear_excess_sigmas * std::sqrt(2.0 * n) * usual * fit.design_effect;
-    if (excess[k] < std::max(kSearch.least_excess, chance)) excess[k] = 0;
-  }
-  return excess;
-}
-
-// Parts of the tube whose samples are explained much worse than the others, worst first.
-std::vector<StructureWindow> BadlyExplainedParts(const SurfaceFit& fit,
-                                                 std::span<const PointBlock> blocks) {
-  const std::vector<double> excess = Excess(fit, blocks);
-  std::vector<std::pair<double, StructureWindow>> parts;
-  for (std::size_t k = 0; k < excess.size(); ++k) {
-    if (excess[k] <= 0) continue;
-    const std::size_t first = k;
-    double sum = 0;
-    for (; k < excess.size() && excess[k] > 0; ++k) sum += excess[k];
-    // The bends in it, and the one before and after.
-    const std::size_t before = first / 2, after = k / 2;
-    parts.push_back({-sum,
-                     {before - std::min<std::size_t>(before, 1),
-                      std::min(after + 1, fit.tube.program.bend_count())}});
-  }
-  std::stable_sort(parts.begin(), parts.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::vector<StructureWindow> windows;
-  for (const auto& part : parts) windows.push_back(part.second);
-  return windows;
-}
-
-// The nodes along a window.
-SpinePolygon NodesOf(const SpinePolygon& polygon, const hal::Tube& tube, StructureWindow window) {
-  const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
-  std::vector<std::int32_t> all(frames.size());
-  std::iota(all.begin(), all.end(), 0);
-  std::size_t first = polygon.size(), last = 0;
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const auto k =
-        static_cast<std::size_t>(NearestSegment(polygon[i].position_mm, frames, all).segment);
-    if (k < window.first_segment() || k > window.last_segment()) continue;
-    first = std::min(first, i);
-    last = i;
-  }
-  if (first >= last) return {};
-  return {polygon.begin() + static_cast<std::ptrdiff_t>(first),
-          polygon.begin() + static_cast<std::ptrdiff_t>(last) + 1};
-}
-
 bool IsSettled(const SurfaceFit& fit, std::size_t row) {
   return fit.tube.program.rows[row].length_mm >
          kSearch.settled_sigmas * fit.sigma.rows[row].length_mm;
@@ -215,8 +109,8 @@ StructureSearch::StructureSearch(const SpinePolygon& polygon, double pipe_radius
       criterion_(blocks_.point_count(), options.caution) {}
 
 void StructureSearch::LearnForm(const SurfaceFit& fit) {
-  options_.form = LearntForm(fit, blocks_, kSearch.reach * radius_mm_,
-                             FormDeviation{.across = kSearch.most_across});
+  options_.form = EstimateForm(fit, blocks_, kSearch.reach * radius_mm_,
+                               FormDeviation{.across = kSearch.most_across});
 }
 
 SurfaceFit StructureSearch::Fit(const hal::Tube& tube) const { return FitWhole(tube, kNoGoal); }
@@ -250,10 +144,10 @@ bool StructureSearch::IsSeenPlaceByPlace(const SurfaceFit& rival, const SurfaceF
 bool StructureSearch::IsBentMore(const SurfaceFit& rival, SurfaceFit& fit) {
   const double advantage = criterion_.Advantage(fit, rival);
   const auto holds = [&](const FormDeviation& form) {
-    return IsSeenPlaceByPlace(rival, fit) && !FindBow(fit, form);
+    return IsSeenPlaceByPlace(rival, fit) && !Bow(fit, form);
   };
   if (advantage > 0) return holds(options_.form);
-  const FormDeviation own = LearntForm(fit, blocks_, kSearch.reach * radius_mm_, options_.form);
+  const FormDeviation own = EstimateForm(fit, blocks_, kSearch.reach * radius_mm_, options_.form);
   if (own.across > std::min(kSearch.true_across, kSearch.less_form * options_.form.across))
     return false;
   const double before_mm2 = fit.variance_mm2;
@@ -270,33 +164,14 @@ bool StructureSearch::IsBentMore(const SurfaceFit& rival, SurfaceFit& fit) {
   return false;
 }
 
-bool StructureSearch::IsBow(const SurfaceFit& fit, std::size_t bend,
-                            const FormDeviation& form) const {
-  const hal::BendRow& row = fit.tube.program.rows[bend];
-  if (row.angle_deg > kSearch.slight_deg) return false;
-  if (row.angle_deg < options_.least_angle_deg) return true;
-  const double least_mm = *row.bend_radius_mm - fit.sigma.rows[bend].bend_radius_mm.value_or(0.0);
-  if (least_mm > kSearch.widest * fit.tube.pipe_radius_mm) return true;
-  const double evidence = KinkEvidence(fit, bend, blocks_, kSearch.reach * radius_mm_, form);
-  if (std::isinf(evidence))
-    return row.angle_deg < kSearch.eased_deg && form.across > kSearch.eased_across;
-  return evidence < kSearch.kink_odds;
-}
-
-std::optional<std::size_t> StructureSearch::FindBow(const SurfaceFit& fit,
-                                                    const FormDeviation& form) const {
-  std::optional<std::size_t> slightest;
-  const auto& rows = fit.tube.program.rows;
-  for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
-    if (slightest && rows[i].angle_deg >= rows[*slightest].angle_deg) continue;
-    if (IsBow(fit, i, form)) slightest = i;
-  }
-  return slightest;
+std::optional<std::size_t> StructureSearch::Bow(const SurfaceFit& fit,
+                                                const FormDeviation& form) const {
+  return FindBow(fit, blocks_, kSearch.reach * radius_mm_, form, options_.least_angle_deg);
 }
 
 void StructureSearch::DropBows(SurfaceFit& fit) {
-  while (const auto bow = FindBow(fit, options_.form)) {
-    const ArcLineSpline without = Without(SplineFromTube(fit.tube), *bow, *bow);
+  while (const auto bow = Bow(fit, options_.form)) {
+    const ArcLineSpline without = WithoutArcs(SplineFromTube(fit.tube), *bow, *bow);
     fit = Fit(TubeFromSpline(without, fit.tube.pipe_radius_mm));
   }
 }
@@ -326,7 +201,8 @@ void StructureSearch::Refine(SurfaceFit& best) {
 void StructureSearch::StartAnew(SurfaceFit& best) {
   for (int i = 0; i < kSearch.most_anew; ++i) {
     bool started = false;
-    for (const StructureWindow& window : BadlyExplainedParts(best, blocks_)) {
+    for (const StructureWindow& window :
+         BadlyExplainedParts(best, blocks_, kSearch.reach * radius_mm_)) {
       if ((started = StartedAnew(best, window))) break;
     }
     if (!started) return;
@@ -338,7 +214,7 @@ bool StructureSearch::StartedAnew(SurfaceFit& fit, StructureWindow window) {
   nearest_.reset();
   const ArcLineSpline spline = SplineFromTube(fit.tube);
   Part part = Around(spline, window);
-  const SpinePolygon nodes = NodesOf(*polygon_, fit.tube, part.window);
+  const SpinePolygon nodes = NodesAlong(*polygon_, fit.tube, part.window);
   if (nodes.size() < 3) return false;
   for (const double tolerance : kSearch.other_tolerances) {
     const ArcLineSpline other = InitialSpline(nodes, tolerance * radius_mm_);
@@ -538,13 +414,13 @@ bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
   for (std::size_t last = arc + 1;
        last < std::min(arc + kSearch.most_merged, arcs) && !IsSettled(fit, last); ++last) {
     look(last);
-    if (const auto simpler = Merged(part->spline, local(arc), local(last))) consider(*simpler);
+    if (const auto simpler = WithOneArc(part->spline, local(arc), local(last))) consider(*simpler);
   }
   // Bends that undo each other, as nodes disturbed by a clamp pretend them.
   for (std::size_t last = arc; last < std::min(arc + kSearch.most_dropped, arcs); ++last) {
     if (TurnDeg(spline.arcs[arc], spline.arcs[last]) > kSearch.undone_deg) continue;
     look(last);
-    consider(Without(part->spline, local(arc), local(last)));
+    consider(WithoutArcs(part->spline, local(arc), local(last)));
   }
   // A bend near the border that clutter beside it pretends: the tube that goes straight on.
   const double border_mm = kSearch.doubtful_border * radius_mm_;

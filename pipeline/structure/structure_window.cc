@@ -3,14 +3,21 @@
 
 #include <algorithm>
 #include <limits>
+#include <numeric>
 
 #include "hal/spine.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kLongEnough = 4.0;      // of r_P
-constexpr std::size_t kMostContext = 2;  // arcs on either side
+// How much of the tube beside a window is looked at with it. By trial.
+struct WindowSettings {
+  // [of r_P] A straight so long keeps what is beyond it from mattering.
+  double long_enough = 4.0;
+  // Arcs on either side.
+  std::size_t most_context = 2;
+};
+constexpr WindowSettings kWindow;
 
 }  // namespace
 
@@ -19,13 +26,13 @@ StructureWindow Widened(StructureWindow window, const ArcLineSpline& spline,
   const auto straight_mm = [&spline](std::size_t arcs_before) {  // one between two arcs
     return (spline.arcs[arcs_before].begin_mm - spline.arcs[arcs_before - 1].end_mm).norm();
   };
-  const double enough_mm = kLongEnough * pipe_radius_mm;
+  const double enough_mm = kWindow.long_enough * pipe_radius_mm;
   for (std::size_t i = 0;
-       i < kMostContext && window.first > 0 && straight_mm(window.first) < enough_mm; ++i) {
+       i < kWindow.most_context && window.first > 0 && straight_mm(window.first) < enough_mm; ++i) {
     --window.first;
   }
-  for (std::size_t i = 0;
-       i < kMostContext && window.last < spline.arcs.size() && straight_mm(window.last) < enough_mm;
+  for (std::size_t i = 0; i < kWindow.most_context && window.last < spline.arcs.size() &&
+                          straight_mm(window.last) < enough_mm;
        ++i) {
     ++window.last;
   }
@@ -113,6 +120,24 @@ OwnedBlocks NearestSegments::Of(StructureWindow window, std::size_t enough) cons
     }
   }
   return result;
+}
+
+SpinePolygon NodesAlong(const SpinePolygon& polygon, const hal::Tube& tube,
+                        StructureWindow window) {
+  const auto frames = SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT));
+  std::vector<std::int32_t> all(frames.size());
+  std::iota(all.begin(), all.end(), 0);
+  std::size_t first = polygon.size(), last = 0;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const auto k =
+        static_cast<std::size_t>(NearestSegment(polygon[i].position_mm, frames, all).segment);
+    if (k < window.first_segment() || k > window.last_segment()) continue;
+    first = std::min(first, i);
+    last = i;
+  }
+  if (first >= last) return {};
+  return {polygon.begin() + static_cast<std::ptrdiff_t>(first),
+          polygon.begin() + static_cast<std::ptrdiff_t>(last) + 1};
 }
 
 }  // namespace bendloop::pipeline

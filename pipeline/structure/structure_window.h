@@ -8,6 +8,7 @@
 
 #include "hal/tube.h"
 #include "pipeline/fit/surface_points.h"
+#include "pipeline/spine/spine_polygon.h"
 #include "pipeline/spline/arc_line_spline.h"
 
 namespace bendloop::pipeline {
@@ -27,6 +28,9 @@ ArcLineSpline PartOf(const ArcLineSpline& spline, StructureWindow window);
 // The spline with `part` in place of the window.
 ArcLineSpline WithPart(const ArcLineSpline& spline, StructureWindow window,
                        const ArcLineSpline& part);
+
+// The nodes along a window of the tube.
+SpinePolygon NodesAlong(const SpinePolygon& polygon, const hal::Tube& tube, StructureWindow window);
 
 // Which segment of a tube each point is nearest to, however far it is.
 class NearestSegments {

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/structure/bows.h"
+
+#include <cmath>
+
+#include "pipeline/structure/kink_evidence.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// By trial where nothing else is said.
+struct BowSettings {
+  // [degrees] Bends that may be bows: those of L / 100, the worst that are straightened, look like
+  // one of less.
+  double slight_deg = 5.0;
+  // Twice the logarithm of the odds against a bow.
+  double kink_odds = 12;
+  // [of r_P] A die for slight bends has less.
+  double widest = 25;
+  // [degrees] Beside another bend, where a straight is too short to tell, what eases looks like a
+  // bend of less, on tubes that do ease: of more than this FormDeviation::across.
+  double eased_deg = 1.5, eased_across = 0.002;
+};
+constexpr BowSettings kBows;
+
+bool IsBow(const SurfaceFit& fit, std::size_t bend, std::span<const PointBlock> blocks,
+           double reach_mm, const FormDeviation& form, double least_angle_deg) {
+  const hal::BendRow& row = fit.tube.program.rows[bend];
+  if (row.angle_deg > kBows.slight_deg) return false;
+  if (row.angle_deg < least_angle_deg) return true;
+  const double least_mm = *row.bend_radius_mm - fit.sigma.rows[bend].bend_radius_mm.value_or(0.0);
+  if (least_mm > kBows.widest * fit.tube.pipe_radius_mm) return true;
+  const double evidence = KinkEvidence(fit, bend, blocks, reach_mm, form);
+  if (std::isinf(evidence))
+    return row.angle_deg < kBows.eased_deg && form.across > kBows.eased_across;
+  return evidence < kBows.kink_odds;
+}
+
+}  // namespace
+
+std::optional<std::size_t> FindBow(const SurfaceFit& fit, std::span<const PointBlock> blocks,
+                                   double reach_mm, const FormDeviation& form,
+                                   double least_angle_deg) {
+  std::optional<std::size_t> slightest;
+  const auto& rows = fit.tube.program.rows;
+  for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
+    if (slightest && rows[i].angle_deg >= rows[*slightest].angle_deg) continue;
+    if (IsBow(fit, i, blocks, reach_mm, form, least_angle_deg)) slightest = i;
+  }
+  return slightest;
+}
+
+}  // namespace bendloop::pipeline
