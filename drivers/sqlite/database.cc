@@ -35,6 +35,10 @@ Statement& Statement::Bind(std::span<const unsigned char> blob) {
   return *this;
 }
 
+Statement& Statement::Bind(std::optional<std::int64_t> number) {
+  return number ? Bind(*number) : BindNull();
+}
+
 Statement& Statement::BindNull() {
   sqlite3_bind_null(statement_.get(), ++bound_);
   return *this;

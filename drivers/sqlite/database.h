@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -15,8 +16,8 @@
 struct sqlite3;
 struct sqlite3_stmt;
 
-// SQLite for all who keep a file: sessions, history, commit journal. Of our own and small, because
-// the C++ wrappers throw, and a damaged session is read on after an error.
+// SQLite for all who keep a file: sessions, history, commit journal and ledger. Of our own and
+// small, because the C++ wrappers throw, and a damaged session is read on after an error.
 namespace bendloop::drivers {
 
 // A prepared statement. It must not outlive its database.
@@ -33,6 +34,7 @@ class Statement {
   Statement& Bind(std::int64_t number);
   Statement& Bind(std::string_view text);
   Statement& Bind(std::span<const unsigned char> blob);  // must live until the step
+  Statement& Bind(std::optional<std::int64_t> number);   // empty: NULL
   Statement& BindNull();
 
   // To the next row.

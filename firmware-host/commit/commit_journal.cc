@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/commit/commit_journal.h"
 
-#include <sqlite3.h>
-
 #include <utility>
 
 #include "firmware-host/commit/journal_file.h"
@@ -12,6 +10,7 @@ namespace bendloop::host {
 namespace {
 
 using hal::ErrorKind;
+using Outcome = drivers::Statement::Outcome;
 
 constexpr std::pair<CommitStep, const char*> kSteps[] = {
     {CommitStep::kBegun, "begun"},
@@ -19,54 +18,38 @@ constexpr std::pair<CommitStep, const char*> kSteps[] = {
     {CommitStep::kCommitted, "committed"},
     {CommitStep::kNotCommitted, "not committed"}};
 
+constexpr char kWriting[] = "the commit journal cannot be written";
+constexpr char kReading[] = "the commit journal cannot be read";
+
 const char* StepName(CommitStep step) { return kSteps[static_cast<int>(step)].second; }
 
-bool InsertStep(sqlite3* db, std::int64_t attempt, CommitStep step, const std::string& detail) {
-  return Statement(db, "INSERT INTO step(attempt, unix_ms, step, detail) VALUES(?, ?, ?, ?)")
-             .Bind(attempt)
-             .Bind(UnixMilliseconds())
-             .Bind(StepName(step))
-             .Bind(detail)
-             .Step() == SQLITE_DONE;
+hal::Result<void> InsertStep(const drivers::Database& database, std::int64_t attempt,
+                             CommitStep step, const std::string& detail) {
+  return Write(database, "INSERT INTO step(attempt, unix_ms, step, detail) VALUES(?, ?, ?, ?)",
+               attempt, UnixMilliseconds(), StepName(step), detail);
 }
 
-bool InsertSequence(sqlite3* db, std::uint32_t sequence) {
-  return Statement(db, "INSERT INTO sequence(number) VALUES(?)")
-             .Bind(std::int64_t{sequence})
-             .Step() == SQLITE_DONE;
+hal::Result<void> InsertSequence(const drivers::Database& database, std::uint32_t sequence) {
+  return Write(database, "INSERT INTO sequence(number) VALUES(?)", sequence);
 }
 
 }  // namespace
 
 hal::Result<CommitJournal> CommitJournal::Open(const std::filesystem::path& path) {
-  auto db = OpenJournalFile(path);
-  if (!db) return hal::Fail(db.error());
-  return CommitJournal(*db);
+  auto database = OpenJournalFile(path);
+  if (!database) return hal::Fail(database.error());
+  return CommitJournal(std::move(*database));
 }
-
-CommitJournal::CommitJournal(CommitJournal&& other) noexcept
-    : db_(std::exchange(other.db_, nullptr)) {}
-
-CommitJournal& CommitJournal::operator=(CommitJournal&& other) noexcept {
-  std::swap(db_, other.db_);
-  return *this;
-}
-
-CommitJournal::~CommitJournal() { sqlite3_close(db_); }
 
 hal::Result<std::int64_t> CommitJournal::Begin(const CommitAttempt& attempt) {
   std::int64_t id = 0;
-  const auto written = InTransaction(db_, "write an attempt", [&] {
-    if (Statement(db_, "INSERT INTO attempt(session, base, next) VALUES(?, ?, ?)")
-            .Bind(attempt.session)
-            .Bind(ProgramToJson(attempt.base))
-            .Bind(ProgramToJson(attempt.next))
-            .Step() != SQLITE_DONE) {
-      return false;
-    }
-    id = sqlite3_last_insert_rowid(db_);
-    return InsertSequence(db_, attempt.next.sequence) &&
-           InsertStep(db_, id, CommitStep::kBegun, attempt.detail);
+  const auto written = database_.Transact(kWriting, [&]() -> hal::Result<void> {
+    auto done = Write(database_, "INSERT INTO attempt(session, base, next) VALUES(?, ?, ?)",
+                      attempt.session, ProgramToJson(attempt.base), ProgramToJson(attempt.next));
+    if (!done) return done;
+    id = database_.last_id();
+    done = InsertSequence(database_, attempt.next.sequence);
+    return done ? InsertStep(database_, id, CommitStep::kBegun, attempt.detail) : done;
   });
   if (!written) return hal::Fail(written.error());
   return id;
@@ -74,39 +57,40 @@ hal::Result<std::int64_t> CommitJournal::Begin(const CommitAttempt& attempt) {
 
 hal::Result<void> CommitJournal::Append(std::int64_t attempt, CommitStep step,
                                         const std::string& detail) {
-  return InTransaction(db_, "write a step", [&] { return InsertStep(db_, attempt, step, detail); });
+  return database_.Transact(kWriting, [&] { return InsertStep(database_, attempt, step, detail); });
 }
 
 hal::Result<void> CommitJournal::NoteSequence(std::uint32_t sequence) {
-  return InTransaction(db_, "write a sequence number",
-                       [&] { return InsertSequence(db_, sequence); });
+  return database_.Transact(kWriting, [&] { return InsertSequence(database_, sequence); });
 }
 
 hal::Result<std::optional<CommitAttempt>> CommitJournal::Last() const {
-  Statement query(db_,
-                  "SELECT attempt.id, session, base, next, step.step, step.detail FROM attempt"
-                  " JOIN step ON step.attempt = attempt.id"
-                  " ORDER BY attempt.id DESC, step.id DESC LIMIT 1");
-  const int code = query.Step();
-  if (code == SQLITE_DONE) return std::nullopt;
-  if (code != SQLITE_ROW) return hal::Fail(SqlError(db_, "read"));
+  auto query = database_.Prepare(
+      "SELECT attempt.id, session, base, next, step.step, step.detail FROM attempt"
+      " JOIN step ON step.attempt = attempt.id"
+      " ORDER BY attempt.id DESC, step.id DESC LIMIT 1");
+  if (!query) return hal::Fail(query.error());
+  const Outcome outcome = query->Step();
+  if (outcome == Outcome::kEnd) return std::nullopt;
+  if (outcome != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
   CommitAttempt attempt;
-  attempt.id = query.Integer(0);
-  attempt.session = query.Text(1);
-  const auto base = ProgramFromJson(query.Text(2));
-  const auto next = ProgramFromJson(query.Text(3));
+  attempt.id = query->Integer(0);
+  attempt.session = query->Text(1);
+  const auto base = ProgramFromJson(query->Text(2));
+  const auto next = ProgramFromJson(query->Text(3));
   if (!base) return hal::Fail(base.error());
   if (!next) return hal::Fail(next.error());
   attempt.base = *base;
   attempt.next = *next;
-  attempt.detail = query.Text(5);
+  attempt.detail = query->Text(5);
   for (const auto& [step, name] : kSteps) {
-    if (query.Text(4) != name) continue;
+    if (query->Text(4) != name) continue;
     attempt.step = step;
     return attempt;
   }
-  return hal::Fail(ErrorKind::kBadInput, "commit journal: unknown step \"" + query.Text(4) +
-                                             "\" in attempt " + std::to_string(attempt.id));
+  return hal::Fail(ErrorKind::kBadInput, database_.path() + ": unknown step \"" +
+                                             std::string(query->Text(4)) + "\" in attempt " +
+                                             std::to_string(attempt.id));
 }
 
 hal::Result<std::optional<CommitAttempt>> CommitJournal::Unfinished() const {
@@ -118,44 +102,48 @@ hal::Result<std::optional<CommitAttempt>> CommitJournal::Unfinished() const {
 }
 
 hal::Result<bool> CommitJournal::SessionCommitted(const std::string& session) const {
-  Statement query(db_,
-                  "SELECT count(*) FROM attempt JOIN step ON step.attempt = attempt.id"
-                  " WHERE session = ? AND step.step = ?");
-  if (query.Bind(session).Bind(StepName(CommitStep::kCommitted)).Step() != SQLITE_ROW) {
-    return hal::Fail(SqlError(db_, "read"));
+  auto query = database_.Prepare(
+      "SELECT count(*) FROM attempt JOIN step ON step.attempt = attempt.id"
+      " WHERE session = ? AND step.step = ?");
+  if (!query) return hal::Fail(query.error());
+  if (query->Bind(session).Bind(StepName(CommitStep::kCommitted)).Step() != Outcome::kRow) {
+    return hal::Fail(database_.Failed(kReading));
   }
-  return query.Integer(0) > 0;
+  return query->Integer(0) > 0;
 }
 
 hal::Result<bool> CommitJournal::Proposed(const hal::ProgramBlock& from,
                                           const hal::ProgramBlock& to) const {
   // The two newest: the newest may have been begun, and given up, since.
-  Statement query(db_, "SELECT base, next FROM attempt ORDER BY id DESC LIMIT 2");
-  int code = SQLITE_ROW;
-  while ((code = query.Step()) == SQLITE_ROW) {
-    const auto base = ProgramFromJson(query.Text(0));
-    const auto next = ProgramFromJson(query.Text(1));
+  auto query = database_.Prepare("SELECT base, next FROM attempt ORDER BY id DESC LIMIT 2");
+  if (!query) return hal::Fail(query.error());
+  Outcome outcome = Outcome::kRow;
+  while ((outcome = query->Step()) == Outcome::kRow) {
+    const auto base = ProgramFromJson(query->Text(0));
+    const auto next = ProgramFromJson(query->Text(1));
     if (base && next && *base == from && *next == to) return true;
   }
-  if (code != SQLITE_DONE) return hal::Fail(SqlError(db_, "read"));
+  if (outcome != Outcome::kEnd) return hal::Fail(database_.Failed(kReading));
   return false;
 }
 
 hal::Result<unsigned> CommitJournal::LargestPartNumber() const {
-  Statement query(db_,
-                  "SELECT max(CAST(substr(session, 6) AS INTEGER)) FROM"
-                  " (SELECT session FROM attempt UNION ALL SELECT session FROM scan)"
-                  " WHERE session LIKE 'part-%'");
-  if (query.Step() != SQLITE_ROW) return hal::Fail(SqlError(db_, "read"));
-  return static_cast<unsigned>(query.Integer(0));
+  auto query = database_.Prepare(
+      "SELECT max(CAST(substr(session, 6) AS INTEGER)) FROM"
+      " (SELECT session FROM attempt UNION ALL SELECT session FROM scan)"
+      " WHERE session LIKE 'part-%'");
+  if (!query) return hal::Fail(query.error());
+  if (query->Step() != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
+  return static_cast<unsigned>(query->Integer(0));
 }
 
 hal::Result<std::uint32_t> CommitJournal::LastSequence() const {
-  Statement query(db_, "SELECT number FROM sequence ORDER BY id DESC LIMIT 1");
-  const int code = query.Step();
-  if (code == SQLITE_DONE) return 0u;
-  if (code != SQLITE_ROW) return hal::Fail(SqlError(db_, "read"));
-  return static_cast<std::uint32_t>(query.Integer(0));
+  auto query = database_.Prepare("SELECT number FROM sequence ORDER BY id DESC LIMIT 1");
+  if (!query) return hal::Fail(query.error());
+  const Outcome outcome = query->Step();
+  if (outcome == Outcome::kEnd) return 0u;
+  if (outcome != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
+  return static_cast<std::uint32_t>(query->Integer(0));
 }
 
 }  // namespace bendloop::host

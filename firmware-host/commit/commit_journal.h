@@ -3,14 +3,13 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
+#include "drivers/sqlite/database.h"
 #include "hal/bend_program.h"
 #include "hal/result.h"
-
-struct sqlite3;
 
 namespace bendloop::host {
 
@@ -33,14 +32,11 @@ struct CommitAttempt {
 
 // Append-only record of every attempt, flushed to disk at every step (SQLite, WAL,
 // synchronous=FULL), so that after a power loss it is known what may have been sent. One process
-// at a time. Errors are kInternal with SQLite's words, or kBadInput for a file that is no journal.
+// at a time. Errors are those of OpenJournalFile() (journal_file.h).
 class CommitJournal {
  public:
   // Creates the file if there is none. ":memory:" for tests.
   static hal::Result<CommitJournal> Open(const std::filesystem::path& path);
-  CommitJournal(CommitJournal&&) noexcept;
-  CommitJournal& operator=(CommitJournal&&) noexcept;
-  ~CommitJournal();
 
   // Appends kBegun and returns the attempt's id.
   hal::Result<std::int64_t> Begin(const CommitAttempt& attempt);
@@ -61,8 +57,8 @@ class CommitJournal {
   hal::Result<void> NoteSequence(std::uint32_t sequence);
 
  private:
-  explicit CommitJournal(sqlite3* db) : db_(db) {}
-  sqlite3* db_ = nullptr;
+  explicit CommitJournal(drivers::Database database) : database_(std::move(database)) {}
+  drivers::Database database_;
 };
 
 }  // namespace bendloop::host

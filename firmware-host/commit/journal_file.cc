@@ -2,19 +2,16 @@
 #include "firmware-host/commit/journal_file.h"
 
 #include <chrono>
-#include <memory>
+#include <utility>
 
 namespace bendloop::host {
 namespace {
 
-using hal::ErrorKind;
-
-constexpr int kApplicationId = 0x424C434A;  // "BLCJ"
-constexpr int kBusyMs = 2000;
+constexpr int kApplicationId = 0x424C434A;       // "BLCJ"
+constexpr std::chrono::seconds kBusyTimeout{2};  // for another process that writes
 
 // Version 2 added the ledger: program, change, tube and scan.
 constexpr char kSchema[] =
-    "BEGIN IMMEDIATE;"
     "CREATE TABLE IF NOT EXISTS attempt(id INTEGER PRIMARY KEY, session TEXT NOT NULL,"
     " base TEXT NOT NULL, next TEXT NOT NULL);"
     "CREATE TABLE IF NOT EXISTS step(id INTEGER PRIMARY KEY, attempt INTEGER NOT NULL,"
@@ -32,55 +29,48 @@ constexpr char kSchema[] =
     "CREATE INDEX IF NOT EXISTS step_attempt ON step(attempt);"
     "CREATE INDEX IF NOT EXISTS scan_session ON scan(session);"
     "CREATE INDEX IF NOT EXISTS scan_tube ON scan(tube);"
-    "PRAGMA user_version = 2;"
-    "COMMIT;";
+    "PRAGMA user_version = 2;";
 
-struct Close {
-  void operator()(sqlite3* db) const { sqlite3_close(db); }
-};
+// Whose file it is, and what is missing in it.
+hal::Result<void> CheckOrCreate(const drivers::Database& database) {
+  const auto application = database.Integer("PRAGMA application_id");
+  if (!application) return hal::Fail(application.error());
+  const auto tables = database.Integer("SELECT count(*) FROM sqlite_master");
+  if (!tables) return hal::Fail(tables.error());
+  if (*application != kApplicationId && *tables != 0) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "commit journal " + database.path() +
+                         ": a database of something else; expected application_id 0x424C434A or a "
+                         "new file");
+  }
+  return database.Execute("PRAGMA application_id = " + std::to_string(kApplicationId) + ";" +
+                          kSchema);
+}
 
 }  // namespace
-
-hal::Error SqlError(sqlite3* db, const char* doing) {
-  const int code = sqlite3_errcode(db);
-  const bool not_ours = code == SQLITE_NOTADB || code == SQLITE_CORRUPT;
-  return {not_ours ? ErrorKind::kBadInput : ErrorKind::kInternal,
-          std::string("commit journal: cannot ") + doing + ": " + sqlite3_errmsg(db)};
-}
 
 std::int64_t UnixMilliseconds() {
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   return std::chrono::duration_cast<std::chrono::milliseconds>(now).count();
 }
 
-hal::Result<sqlite3*> OpenJournalFile(const std::filesystem::path& path) {
-  sqlite3* raw = nullptr;
-  const int opened = sqlite3_open(path.c_str(), &raw);
-  std::unique_ptr<sqlite3, Close> db(raw);
-  const auto named = [&path](hal::Error error) {
-    error.message += " (" + path.string() + ")";
-    return hal::Fail(std::move(error));
-  };
-  if (opened != SQLITE_OK) return named(SqlError(raw, "open the file"));
-  sqlite3_busy_timeout(raw, kBusyMs);
-  {
-    Statement id(raw, "PRAGMA application_id");
-    if (id.Step() != SQLITE_ROW) return named(SqlError(raw, "read the file"));
-    Statement tables(raw, "SELECT count(*) FROM sqlite_master");
-    if (tables.Step() != SQLITE_ROW) return named(SqlError(raw, "read the file"));
-    if (id.Integer(0) != kApplicationId && tables.Integer(0) != 0) {
-      return hal::Fail(ErrorKind::kBadInput, "commit journal " + path.string() +
-                                                 ": a database of something else; expected "
-                                                 "application_id 0x424C434A or a new file");
-    }
+hal::Result<drivers::Database> OpenJournalFile(const std::filesystem::path& path) {
+  auto database = drivers::Database::Open(
+      path.string(), path.string(),
+      {.busy_timeout = kBusyTimeout,
+       .mend_damage = "; move the file away, and a new commit journal is begun"});
+  if (!database) return database;
+  // A stranger's file is not touched: the mode of its journal is written into it.
+  const auto readable = database->Integer("SELECT count(*) FROM sqlite_master");
+  if (!readable) return hal::Fail(readable.error());
+  const auto begun = database->Transact("the commit journal cannot be prepared",
+                                        [&] { return CheckOrCreate(*database); });
+  if (!begun) return hal::Fail(begun.error());
+  if (auto done = database->Execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL");
+      !done) {
+    return hal::Fail(done.error());
   }
-  const std::string pragmas = "PRAGMA application_id = " + std::to_string(kApplicationId) +
-                              "; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL;";
-  if (sqlite3_exec(raw, pragmas.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK ||
-      sqlite3_exec(raw, kSchema, nullptr, nullptr, nullptr) != SQLITE_OK) {
-    return named(SqlError(raw, "prepare the file"));
-  }
-  return db.release();
+  return database;
 }
 
 }  // namespace bendloop::host

@@ -5,12 +5,12 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "drivers/sqlite/database.h"
 #include "hal/bend_program.h"
 #include "hal/result.h"
-
-struct sqlite3;
 
 namespace bendloop::host {
 
@@ -48,13 +48,10 @@ struct BenderChange {
 };
 
 // The ledger's tables in the journal's file (firmware-host/commit): append-only, flushed at every
-// call. Errors are kInternal with SQLite's words.
+// call. Errors are those of OpenJournalFile().
 class LedgerStore {
  public:
   static hal::Result<LedgerStore> Open(const std::filesystem::path& path);
-  LedgerStore(LedgerStore&& other) noexcept;
-  LedgerStore& operator=(LedgerStore&& other) noexcept;
-  ~LedgerStore();
 
   // A change and the tubes that it brought, all or none; the tubes are given their ids.
   hal::Result<void> Append(const BenderChange& change, std::vector<BentTube>& tubes);
@@ -70,12 +67,13 @@ class LedgerStore {
   hal::Result<std::vector<std::string>> Sessions(ScanFate fate) const;
 
  private:
-  explicit LedgerStore(sqlite3* db) : db_(db) {}
-  // The row of `program`, new or not; empty: it could not be written.
-  std::optional<std::int64_t> RowOf(const hal::ProgramBlock& program);
-  bool Insert(BentTube& tube);
+  explicit LedgerStore(drivers::Database database) : database_(std::move(database)) {}
+  // The row of `program`, new or not.
+  hal::Result<std::int64_t> RowOf(const hal::ProgramBlock& program);
+  // The tube is given its id.
+  hal::Result<void> Insert(BentTube& tube);
 
-  sqlite3* db_ = nullptr;
+  drivers::Database database_;
 };
 
 // How the doubt of the first tube after a jump begins: what lies before it tells nothing any more.

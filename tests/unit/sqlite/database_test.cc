@@ -8,6 +8,7 @@
 #include <array>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <utility>
 
 namespace bendloop::drivers {
@@ -65,6 +66,16 @@ TEST_F(DatabaseTest, GivesBackWhatWasBound) {
   EXPECT_TRUE(select->Blob(4).empty());
   ASSERT_EQ(select->Step(), Outcome::kRow);
   EXPECT_EQ(select->Step(), Outcome::kEnd);
+}
+
+TEST_F(DatabaseTest, BindsNoNumberAsNull) {
+  const Database database = Opened();
+  auto select = database.Prepare("SELECT ?, ?");
+  ASSERT_TRUE(select) << select.error().message;
+  select->Bind(std::optional<std::int64_t>()).Bind(std::optional<std::int64_t>(7));
+  ASSERT_EQ(select->Step(), Outcome::kRow);
+  EXPECT_EQ(select->type(0), Type::kNull);
+  EXPECT_EQ(select->Integer(1), 7);
 }
 
 TEST_F(DatabaseTest, TransactsAllOrNothing) {
