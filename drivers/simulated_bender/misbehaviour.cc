@@ -51,6 +51,7 @@ std::string_view MisbehaviourHelp() {
          "  behave             none of these any more\n";
 }
 
+// A table. NOLINTNEXTLINE(readability-function-size)
 hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Misbehaviour& now) {
   std::istringstream words{std::string(command)};
   std::string verb;

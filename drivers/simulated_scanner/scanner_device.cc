@@ -222,6 +222,7 @@ void ScannerDevice::Flood(std::uint32_t messages) {
   }
 }
 
+// A table. NOLINTNEXTLINE(readability-function-size)
 bool ScannerDevice::DoMisbehave() {
   const ScannerFault now = misbehaviours_.front();
   misbehaviours_.pop_front();

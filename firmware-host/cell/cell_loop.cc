@@ -2,7 +2,7 @@
 #include "firmware-host/cell/cell_loop.h"
 
 #include <algorithm>
-#include <cmath>
+#include <future>
 #include <utility>
 
 #include "firmware-host/cell/version.h"
@@ -24,43 +24,9 @@ constexpr auto kSilence = 2s;
 // The longest that a step may take before it is taken for hung. The final fit is bounded by
 // kMostPoints (part_plan.cc) and takes less than a second on an idle machine.
 constexpr auto kFitBound = 60s;
-// Writing a result, the history and the lot: a disk that takes longer has failed.
-constexpr auto kDiskBound = 30s;
 constexpr auto kLifePeriod = 50ms;
-// Between two attempts at a correction that waits.
-constexpr auto kAgainPeriod = 500ms;
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
-
-const char* Word(hal::BenderMode mode) {
-  switch (mode) {
-    case hal::BenderMode::kNotReady:
-      return "not ready";
-    case hal::BenderMode::kIdle:
-      return "idle";
-    case hal::BenderMode::kBending:
-      return "bending";
-    case hal::BenderMode::kFault:
-      break;
-  }
-  return "fault";
-}
-
-const char* Word(PartEnd end) {
-  switch (end) {
-    case PartEnd::kCorrected:
-      return "corrected";
-    case PartEnd::kUnchanged:
-      return "unchanged";
-    case PartEnd::kRefused:
-      return "refused";
-    case PartEnd::kWaiting:
-      return "waiting";
-    case PartEnd::kLinkDown:
-      break;
-  }
-  return "link down";
-}
 
 // The nominal's length, all of its bends, and those as certain as the interlocks demand.
 bool IsCovered(const pipeline::LiveView& view, const PartPlan& plan) {
@@ -80,7 +46,8 @@ CellLoop::CellLoop(const PartPlan& plan, CellPorts ports, const CellLoopOptions&
       ports_(std::move(ports)),
       options_(options),
       scan_(options.scan),
-      life_(*ports_.clock) {
+      life_(*ports_.clock),
+      waiting_(plan_, *ports_.desk, *ports_.clock, life_) {
   if (!options_.scan.is_live || !ports_.desk->has_bender()) return;
   // Each exchange of a commit is a step of its own.
   ports_.desk->set_progress([this, bound = ports_.desk->exchange_bound()] { life_.Expect(bound); });
@@ -89,7 +56,7 @@ CellLoop::CellLoop(const PartPlan& plan, CellPorts ports, const CellLoopOptions&
 
 CellLoop::~CellLoop() {
   follower_.reset();
-  if (waiting_) GiveUpWaiting("the daemon was stopped while the correction waited for the bender");
+  GiveUpWaiting("the daemon was stopped while the correction waited for the bender");
   ports_.desk->set_progress({});
 }
 
@@ -227,7 +194,7 @@ void CellLoop::TakeBenderNews() {
   if (const auto news = follower_->TakeNews()) {
     is_idle = news->facts && news->facts->state.mode == hal::BenderMode::kIdle;
     ports_.board->Update([&](CellSnapshot& s) {
-      s.bender_state = news->facts ? Word(news->facts->state.mode) : news->problem;
+      s.bender_state = news->facts ? Name(news->facts->state.mode) : news->problem;
       if (!news->facts) return;
       s.bender_sequence = news->facts->state.active_sequence;
       s.bender_parts_bent = news->facts->state.parts_bent;
@@ -248,54 +215,12 @@ void CellLoop::TakeBenderNews() {
       });
     }
   }
-  if (waiting_) DecideAgain(is_idle);
-}
-
-// Beside the loop, which may be in the middle of the next scan.
-void CellLoop::DecideAgain(bool bender_is_idle) {
-  if (deciding_again_.valid()) {
-    if (deciding_again_.wait_for(0s) == std::future_status::ready) {
-      life_.Rest();
-      FinishWaiting(deciding_again_.get());
-    }
-    return;
-  }
-  const double age_s = SecondsBetween(*waiting_->part.scan.ended, ports_.desk->Now());
-  const bool is_old = age_s > plan_.interlocks.oldest_session_s;
-  const auto now = ports_.clock->Now();
-  if (!is_old && (!bender_is_idle || now - decided_at_ < kAgainPeriod)) return;
-  decided_at_ = now;
-  if (is_old) waiting_->part.may_wait = false;  // the last time: it says why
-  deciding_again_ = std::async(std::launch::async, [this] {
-    life_.Expect(2 * ports_.desk->exchange_bound() + kDiskBound);
-    return DecidePart(plan_, waiting_->part, *ports_.desk);
-  });
-}
-
-void CellLoop::FinishWaiting(PartOutcome outcome) {
-  outcome.latency = waiting_->outcome.latency;
-  if (outcome.end == PartEnd::kWaiting) {
-    // What it taught may have become known meanwhile.
-    const bool is_news = outcome.next.has_value() && !waiting_->outcome.next;
-    waiting_->outcome = outcome;
-    if (is_news) TellPart(outcome, true);
-    return;
-  }
-  waiting_.reset();
-  TellPart(outcome, true);
+  if (const auto told = waiting_.Tend(is_idle)) TellPart(*told, true);
 }
 
 void CellLoop::GiveUpWaiting(const std::string& why) {
-  if (deciding_again_.valid()) {
-    PartOutcome outcome;
-    Watched([&] { outcome = deciding_again_.get(); });
-    FinishWaiting(std::move(outcome));
-  }
-  if (!waiting_) return;
-  PartOutcome outcome = std::move(waiting_->outcome);
-  waiting_.reset();
-  host::GiveUpWaiting(why, outcome, *ports_.desk);
-  TellPart(outcome, true);
+  const auto told = waiting_.GiveUp(why, [this](const auto& work) { Watched(work); });
+  if (told) TellPart(*told, true);
 }
 
 void CellLoop::BeginScan() {
@@ -390,7 +315,7 @@ void CellLoop::FinishScan() {
     const std::chrono::nanoseconds arrived(last_arrival_ns_);
     outcome.latency = {Milliseconds(measured - arrived), Milliseconds(decided - arrived)};
   }
-  if (waiting_) waiting_->outcome.latency = outcome.latency;
+  waiting_.set_latency(outcome.latency);
   ports_.board->Update([&](CellSnapshot& s) {
     s.last_decision_ms = ms;
     s.peak_decision_ms = std::max(s.peak_decision_ms, ms);
@@ -400,22 +325,21 @@ void CellLoop::FinishScan() {
 
 PartOutcome CellLoop::Decide(MeasuredPart part) {
   // The correction of this part contains what that one taught.
-  if (waiting_) GiveUpWaiting("the next part, " + part.identity.session + ", was measured first");
+  GiveUpWaiting("the next part, " + part.identity.session + ", was measured first");
   if (ports_.lot) part.lot = ports_.lot();
   PartOutcome outcome;
   Watched([&] {
     life_.Expect(2 * ports_.desk->exchange_bound() + kDiskBound);
     outcome = DecidePart(plan_, part, *ports_.desk);
   });
-  decided_at_ = ports_.clock->Now();
-  if (outcome.end == PartEnd::kWaiting) waiting_.emplace(Waiting{std::move(part), outcome});
+  waiting_.Take(std::move(part), outcome);
   return outcome;
 }
 
 // `again`: it was told before that the part waits.
 void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
   const PartEnd what = outcome.end;
-  const LastPart last{outcome.result.session, Word(what),
+  const LastPart last{outcome.result.session, Name(what),
                       std::string(pipeline::Name(outcome.result.inspection->verdict)),
                       outcome.reasons.empty() ? "" : outcome.reasons.front()};
   Watched([&] {
@@ -474,37 +398,13 @@ void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing
   }
   const AcquisitionCounters& counters = acquisition.counters();
   ports_.board->Update([&](CellSnapshot& s) {
-    s.profiles = counters.profiles;
-    s.points = counters.points;
-    s.dropped_profiles = counters.dropped_profiles;
-    s.missing_profiles = counters.missing_profiles;
-    s.dropped_events = counters.dropped_events;
-    s.repeated_profiles = counters.repeated_profiles;
-    s.reordered_profiles = counters.reordered_profiles;
-    s.queue_now = ring.Filled();
-    s.queue_peak = counters.queue_peak;
-    s.queue_capacity = ring.capacity();
-    s.lateness_last_ms = static_cast<double>(counters.lateness_last_ns) * 1e-6;
-    s.lateness_peak_ms = static_cast<double>(counters.lateness_peak_ns) * 1e-6;
-    const double drift_ppm = counters.clock_drift_ppm;
-    s.clock_drift_ppm = std::isnan(drift_ppm) ? std::nullopt : std::optional<double>(drift_ppm);
+    ShowAcquisition(counters, ring, s);
     if (reconstruction_) {
       s.live = live_;
       s.live.profiles = scan_.profiles();
       s.live.points = scan_.points();
     }
-    if (ports_.recorder) {
-      const RecorderCounters recorder = ports_.recorder->counters();
-      s.recorded_sessions = recorder.sessions;
-      s.recorder_dropped = recorder.dropped_profiles;
-      s.recorder_dropped_events = recorder.dropped_events;
-      s.recorder_dropped_sessions = recorder.dropped_sessions;
-      s.recorder_error = recorder.last_error;
-      s.recorder_waiting_points = recorder.queued_points;
-      s.removed_sessions = recorder.removed_sessions;
-      s.disk_used_mb = recorder.sessions_bytes >> 20;
-      s.disk_free_mb = recorder.free_bytes >> 20;
-    }
+    if (ports_.recorder) ShowRecorder(ports_.recorder->counters(), s);
   });
 }
 

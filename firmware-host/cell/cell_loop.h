@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <functional>
-#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,6 +16,7 @@
 #include "firmware-host/cell/part_run.h"
 #include "firmware-host/cell/run_context.h"
 #include "firmware-host/cell/scan_state.h"
+#include "firmware-host/cell/waiting_part.h"
 #include "firmware-host/recorder/recorder.h"
 #include "hal/clock.h"
 #include "pipeline/reconstruction.h"
@@ -98,8 +98,6 @@ class CellLoop {
   // Does `work` beside the loop and waits for it, telling that it lives.
   void Watched(const std::function<void()>& work);
   void TakeBenderNews();
-  void DecideAgain(bool bender_is_idle);
-  void FinishWaiting(PartOutcome outcome);
   void GiveUpWaiting(const std::string& why);
   void BeginScan();
   void GrowScan();
@@ -127,16 +125,8 @@ class CellLoop {
   std::uint64_t parts_ = 0;
   std::chrono::nanoseconds published_{0};
   LifeSigns life_;
+  WaitingPart waiting_;
   std::optional<BenderFollower> follower_;  // live, with a bender
-
-  // A part whose correction waits for the bender.
-  struct Waiting {
-    MeasuredPart part;
-    PartOutcome outcome;
-  };
-  std::optional<Waiting> waiting_;
-  std::future<PartOutcome> deciding_again_;
-  std::chrono::nanoseconds decided_at_{0};
 
   // Of the running scan.
   ScanIdentity identity_;

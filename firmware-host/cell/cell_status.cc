@@ -2,6 +2,7 @@
 #include "firmware-host/cell/cell_status.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "firmware-host/cell/version.h"
@@ -27,6 +28,50 @@ const char* Name(CellPhase phase) {
   return "stopping";
 }
 
+const char* Name(hal::BenderMode mode) {
+  switch (mode) {
+    case hal::BenderMode::kNotReady:
+      return "not ready";
+    case hal::BenderMode::kIdle:
+      return "idle";
+    case hal::BenderMode::kBending:
+      return "bending";
+    case hal::BenderMode::kFault:
+      break;
+  }
+  return "fault";
+}
+
+void ShowAcquisition(const AcquisitionCounters& counters, const ProfileRing& ring,
+                     CellSnapshot& s) {
+  s.profiles = counters.profiles;
+  s.points = counters.points;
+  s.dropped_profiles = counters.dropped_profiles;
+  s.missing_profiles = counters.missing_profiles;
+  s.dropped_events = counters.dropped_events;
+  s.repeated_profiles = counters.repeated_profiles;
+  s.reordered_profiles = counters.reordered_profiles;
+  s.queue_now = ring.Filled();
+  s.queue_peak = counters.queue_peak;
+  s.queue_capacity = ring.capacity();
+  s.lateness_last_ms = static_cast<double>(counters.lateness_last_ns) * 1e-6;
+  s.lateness_peak_ms = static_cast<double>(counters.lateness_peak_ns) * 1e-6;
+  const double drift_ppm = counters.clock_drift_ppm;
+  s.clock_drift_ppm = std::isnan(drift_ppm) ? std::nullopt : std::optional<double>(drift_ppm);
+}
+
+void ShowRecorder(const RecorderCounters& counters, CellSnapshot& s) {
+  s.recorded_sessions = counters.sessions;
+  s.recorder_dropped = counters.dropped_profiles;
+  s.recorder_dropped_events = counters.dropped_events;
+  s.recorder_dropped_sessions = counters.dropped_sessions;
+  s.recorder_error = counters.last_error;
+  s.recorder_waiting_points = counters.queued_points;
+  s.removed_sessions = counters.removed_sessions;
+  s.disk_used_mb = counters.sessions_bytes >> 20;
+  s.disk_free_mb = counters.free_bytes >> 20;
+}
+
 std::string ProgressLine(const pipeline::LiveView& view, double nominal_length_mm) {
   char text[160];
   std::string line;
@@ -42,6 +87,7 @@ std::string ProgressLine(const pipeline::LiveView& view, double nominal_length_m
   return line + text;
 }
 
+// A table. NOLINTNEXTLINE(readability-function-size)
 Json StatusJson(const CellSnapshot& s) {
   Json json = {{"schema", "bendloop.status/1"},
                {"software", kSoftware},
@@ -135,6 +181,7 @@ std::string StatusText(const Json& status) {
   return text;
 }
 
+// A table. NOLINTNEXTLINE(readability-function-size)
 std::string MetricsText(const CellSnapshot& s) {
   std::string text;
   const auto metric = [&text](const char* name, const char* type, const char* help, double value) {

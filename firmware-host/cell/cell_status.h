@@ -6,8 +6,11 @@
 #include <optional>
 #include <string>
 
+#include "firmware-host/acquisition/acquisition.h"
+#include "firmware-host/recorder/recorder.h"
 #include "firmware-host/result/json.h"
 #include "hal/bend_program.h"
+#include "hal/bender_state.h"
 #include "pipeline/reconstruction.h"
 
 namespace bendloop::host {
@@ -21,6 +24,7 @@ enum class CellPhase : std::uint8_t {
   kStopping,
 };
 const char* Name(CellPhase phase);
+const char* Name(hal::BenderMode mode);
 
 struct LastPart {
   std::string session;
@@ -80,6 +84,11 @@ struct CellSnapshot {
   std::uint64_t disk_used_mb = 0;  // by sessions
   std::uint64_t disk_free_mb = 0;
 };
+
+// The counters of those who feed the cell.
+void ShowAcquisition(const AcquisitionCounters& counters, const ProfileRing& ring,
+                     CellSnapshot& snapshot);
+void ShowRecorder(const RecorderCounters& counters, CellSnapshot& snapshot);
 
 // What a running scan shows, for people: "bend 3 seen, 41.2 +- 0.1 degree; 180 mm of 620 still
 // missing".

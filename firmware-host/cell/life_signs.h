@@ -10,6 +10,9 @@
 
 namespace bendloop::host {
 
+// Writing a result, the history and the lot: a disk that takes longer has failed.
+inline constexpr std::chrono::seconds kDiskBound{30};
+
 // What tells a watchdog that work which may last goes on: whoever works says before each step how
 // long it may take, and who feeds the watchdog does so only within that time. A step that hangs
 // starves it.

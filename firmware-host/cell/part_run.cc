@@ -263,6 +263,22 @@ class Decision {
 
 }  // namespace
 
+const char* Name(PartEnd end) {
+  switch (end) {
+    case PartEnd::kCorrected:
+      return "corrected";
+    case PartEnd::kUnchanged:
+      return "unchanged";
+    case PartEnd::kRefused:
+      return "refused";
+    case PartEnd::kWaiting:
+      return "waiting";
+    case PartEnd::kLinkDown:
+      break;
+  }
+  return "link down";
+}
+
 bool PartOutcome::out_of_tolerance() const {
   return result.inspection && result.inspection->verdict == pipeline::Verdict::kFail;
 }

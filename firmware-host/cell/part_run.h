@@ -48,6 +48,8 @@ enum class PartEnd : std::uint8_t {
   kWaiting,    // measured; the correction waits for the bender and is decided again
 };
 
+const char* Name(PartEnd end);
+
 // How long the answer took, from the arrival of the scan's last profile.
 struct PartLatency {
   double lra_ms = 0;  // to the final LRA

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cell/waiting_part.h"
+
+#include <utility>
+
+namespace bendloop::host {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Between two attempts: the bender answers a look in less, and has to stay idle for one.
+constexpr auto kAgainPeriod = 500ms;
+
+}  // namespace
+
+void WaitingPart::Take(MeasuredPart part, const PartOutcome& outcome) {
+  decided_at_ = clock_.Now();
+  if (outcome.end == PartEnd::kWaiting) waiting_.emplace(Waiting{std::move(part), outcome});
+}
+
+void WaitingPart::set_latency(const PartLatency& latency) {
+  if (waiting_) waiting_->outcome.latency = latency;
+}
+
+std::optional<PartOutcome> WaitingPart::Tend(bool bender_is_idle) {
+  if (!waiting_) return std::nullopt;
+  if (attempt_.valid()) {
+    if (attempt_.wait_for(0s) != std::future_status::ready) return std::nullopt;
+    life_.Rest();
+    return Finish(attempt_.get());
+  }
+  const double age_s = SecondsBetween(*waiting_->part.scan.ended, desk_.Now());
+  const bool is_old = age_s > plan_.interlocks.oldest_session_s;
+  const auto now = clock_.Now();
+  if (!is_old && (!bender_is_idle || now - decided_at_ < kAgainPeriod)) return std::nullopt;
+  decided_at_ = now;
+  if (is_old) waiting_->part.may_wait = false;  // the last time: it says why
+  attempt_ = std::async(std::launch::async, [this] {
+    life_.Expect(2 * desk_.exchange_bound() + kDiskBound);
+    return DecidePart(plan_, waiting_->part, desk_);
+  });
+  return std::nullopt;
+}
+
+std::optional<PartOutcome> WaitingPart::Finish(PartOutcome outcome) {
+  outcome.latency = waiting_->outcome.latency;
+  if (outcome.end == PartEnd::kWaiting) {
+    // What it taught may have become known meanwhile.
+    const bool is_news = outcome.next.has_value() && !waiting_->outcome.next;
+    waiting_->outcome = outcome;
+    if (!is_news) return std::nullopt;
+    return outcome;
+  }
+  waiting_.reset();
+  return outcome;
+}
+
+std::optional<PartOutcome> WaitingPart::GiveUp(
+    const std::string& why, const std::function<void(const std::function<void()>& work)>& wait) {
+  if (!waiting_) return std::nullopt;
+  if (attempt_.valid()) {
+    PartOutcome outcome;
+    wait([&] { outcome = attempt_.get(); });
+    if (outcome.end != PartEnd::kWaiting) return Finish(std::move(outcome));
+    Finish(std::move(outcome));
+  }
+  PartOutcome outcome = std::move(waiting_->outcome);
+  waiting_.reset();
+  GiveUpWaiting(why, outcome, desk_);
+  return outcome;
+}
+
+}  // namespace bendloop::host
