@@ -158,8 +158,8 @@ hal::Result<void> FitMap(BenderConfig& bender, const std::optional<ObjectDiction
   return BindObjects(bender.register_map, *dictionary);
 }
 
-// What only the cell's files together show.
-hal::Result<void> CheckTogether(const CellConfig& cell) {
+// What only the cell's files together show. `tubes_place`: of its key, for a message.
+hal::Result<void> CheckTogether(const CellConfig& cell, const std::string& tubes_place) {
   if (cell.bender.link == BenderKind::kNone) return {};
   const hal::RegisterMap& map = cell.bender.register_map;
   const auto fail = [&](const std::string& what) {
@@ -181,9 +181,9 @@ hal::Result<void> CheckTogether(const CellConfig& cell) {
                                                                  : 0xffffffff;
   if (cell.scan.tubes == TubeSource::kCounted && !map.parts_bent) {
     return hal::Fail(hal::ErrorKind::kBadInput,
-                     cell.file.string() +
-                         ": key 'scan.tubes': found 'counted', expected a register map with "
-                         "state.parts_bent (register map " +
+                     tubes_place +
+                         ": found 'counted', expected a register map with state.parts_bent "
+                         "(register map " +
                          cell.bender.register_map_file.string() + " has none)");
   }
   if (cell.part.part_number > most) {
@@ -226,11 +226,13 @@ hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
   std::string part_place;
   std::string map_place;
   std::string eds_place;
+  std::string tubes_place;
   const auto check = [&](TomlDocument& document, CellConfig& parsed) {
     CheckCell(document, parsed);
     part_place = document.Place("part") + ": key 'part'";
     map_place = document.Place("bender.register_map") + ": key 'bender.register_map'";
     eds_place = document.Place("bender.object_dictionary") + ": key 'bender.object_dictionary'";
+    tubes_place = document.Place("scan.tubes") + ": key 'scan.tubes'";
   };
   hal::Result<CellConfig> cell =
       ParseDocument(*text, file.string(), FileKind::kCell, absolute.parent_path(), VisitCell, check,
@@ -272,7 +274,7 @@ hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
   if (hal::Result<void> fits = FitMap(cell->bender, dictionary, map_place); !fits) {
     return hal::Fail(fits.error());
   }
-  if (hal::Result<void> together = CheckTogether(*cell); !together) {
+  if (hal::Result<void> together = CheckTogether(*cell, tubes_place); !together) {
     return hal::Fail(together.error());
   }
   return cell;

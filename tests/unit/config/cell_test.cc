@@ -335,7 +335,8 @@ TEST_F(CellFiles, CountedTubesNeedACountInTheMap) {
   const auto refused = LoadCell(Write("cell.toml", toml));
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().message,
-              AllOf(HasSubstr("key 'scan.tubes': found 'counted'"), HasSubstr("state.parts_bent")));
+              AllOf(HasSubstr("cell.toml:10: key 'scan.tubes': found 'counted'"),
+                    HasSubstr("state.parts_bent")));
   // Unsaid, it is no error: nothing is corrected, and check says so.
   EXPECT_TRUE(LoadCell(Write("cell.toml", With(toml, "counted", "auto"))));
 }
