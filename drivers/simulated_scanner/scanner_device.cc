@@ -8,6 +8,7 @@
 
 #include "drivers/scanner_wire/crc32c.h"
 #include "drivers/scanner_wire/wire_bytes.h"
+#include "hal/saturating.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -177,10 +178,10 @@ nanoseconds ScannerDevice::UntilDue() const {
   const ActiveScan& active = scans_.front();
   const bool is_timed = active.item == ReadStatus::kEvent || active.item == ReadStatus::kProfile;
   if (!active.begun || active.pace == ScanPace::kMax || !is_timed) return nanoseconds(0);
-  // Unsigned: the times of a damaged recording must not overflow.
-  const auto since = static_cast<std::int64_t>(static_cast<std::uint64_t>(ItemTime()) -
-                                               static_cast<std::uint64_t>(active.first_t_ns));
-  return std::max(active.begun_at + nanoseconds(since) - now, nanoseconds(0));
+  // The times of a damaged recording may be any numbers.
+  const std::int64_t since = hal::SaturatingDifference(ItemTime(), active.first_t_ns);
+  const std::int64_t passed = (now - active.begun_at).count();
+  return std::max(nanoseconds(hal::SaturatingDifference(since, passed)), nanoseconds(0));
 }
 
 void ScannerDevice::Fetch() {
@@ -203,8 +204,9 @@ void ScannerDevice::Fetch() {
 bool ScannerDevice::SendProfile() {
   if (profile_.points.size() > identity_.max_points) return false;
   const std::int64_t t_ns = profile_.t_ns;
-  const auto since = static_cast<double>(t_ns - scans_.front().first_t_ns);
-  profile_.t_ns += std::llround(since * drift_ppm_ * 1e-6);
+  const auto since =
+      static_cast<double>(hal::SaturatingDifference(t_ns, scans_.front().first_t_ns));
+  profile_.t_ns = hal::SaturatingDifference(t_ns, -std::llround(since * drift_ppm_ * 1e-6));
   const bool sent = encoder_.Append(profile_, out_).has_value();
   profile_.t_ns = t_ns;
   return sent;
