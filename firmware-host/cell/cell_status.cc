@@ -104,6 +104,7 @@ Json StatusJson(const CellSnapshot& s) {
                 {{"done", s.parts},
                  {"corrected", s.corrected},
                  {"refused", s.refused},
+                 {"repeats", s.repeats},
                  {"failed_scans", s.failed_scans}}},
                {"health",
                 {{"profiles", s.profiles},

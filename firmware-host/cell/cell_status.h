@@ -28,7 +28,8 @@ const char* Name(hal::BenderMode mode);
 
 struct LastPart {
   std::string session;
-  std::string end;      // "corrected", "unchanged", "refused", "link down", "not measured"
+  // "corrected", "unchanged", "refused", "link down", "waiting", "repeat", "not measured"
+  std::string end;
   std::string verdict;  // "pass", "fail", "undecided", "" when not measured
   std::string reason;   // the first one, or ""
 };
@@ -49,6 +50,7 @@ struct CellSnapshot {
   std::uint64_t parts = 0;  // finished since the start, whatever became of them
   std::uint64_t corrected = 0;
   std::uint64_t refused = 0;
+  std::uint64_t repeats = 0;  // scans of a tube that was decided of before
   std::uint64_t failed_scans = 0;
   // From the arrival of the last profile, of the latest part and of the slowest.
   double last_lra_ms = 0;  // to the final LRA

@@ -105,6 +105,7 @@ TubeMatch FindTube(const MeasuredPart& part, BenderDesk& desk, RunContext& base)
   base.expected = match.expected;
   base.tube_checks = match.checks;
   base.tube = match.tube;
+  base.repeat_of = match.repeats.value_or("");
   return match;
 }
 
@@ -200,7 +201,13 @@ class Decision {
       outcome_.reasons.insert(outcome_.reasons.begin(), result_.bender->reason);
     }
     outcome_.next.reset();
+    result_.repeat_of = outcome_.context.repeat_of;
+    if (!result_.repeat_of.empty()) outcome_.end = PartEnd::kRepeat;
     if (!is_live_) return;
+    if (outcome_.end == PartEnd::kRepeat) {
+      desk_.Note(part_.identity.session, ScanFate::kDone, "repeat of " + result_.repeat_of);
+      return;
+    }
     if (match_.tube && !match_.passed()) {
       static_cast<void>(desk_.PassOver(part_.identity.session, match_));
     }
@@ -273,6 +280,8 @@ const char* Name(PartEnd end) {
       return "refused";
     case PartEnd::kWaiting:
       return "waiting";
+    case PartEnd::kRepeat:
+      return "repeat";
     case PartEnd::kLinkDown:
       break;
   }
@@ -285,7 +294,7 @@ bool PartOutcome::out_of_tolerance() const {
 
 int PartOutcome::exit_code() const {
   if (end == PartEnd::kLinkDown) return hal::ExitCode(hal::ErrorKind::kDevice);
-  if (end == PartEnd::kRefused || out_of_tolerance()) {
+  if (end == PartEnd::kRefused || end == PartEnd::kRepeat || out_of_tolerance()) {
     return hal::ExitCode(hal::ErrorKind::kRefused);
   }
   return 0;

@@ -46,6 +46,7 @@ enum class PartEnd : std::uint8_t {
   kRefused,    // measured; an interlock or the bender refused
   kLinkDown,   // measured; the bender could not be reached, or what it holds is unknown
   kWaiting,    // measured; the correction waits for the bender and is decided again
+  kRepeat,     // measured once more; what there was to decide of its tube was decided before
 };
 
 const char* Name(PartEnd end);

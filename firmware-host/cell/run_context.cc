@@ -135,7 +135,8 @@ std::string WriteRunContext(const RunContext& context) {
                {"last_sequence", context.last_sequence},
                {"expected", context.expected ? BlockJson(*context.expected) : Json()},
                {"tube", context.tube ? Json(*context.tube) : Json()},
-               {"tube_checks", ChecksJson(context.tube_checks)}});
+               {"tube_checks", ChecksJson(context.tube_checks)},
+               {"repeat_of", context.repeat_of}});
 }
 
 hal::Result<RunContext> ReadRunContext(std::string_view text, std::string_view name) {
@@ -152,6 +153,7 @@ hal::Result<RunContext> ReadRunContext(std::string_view text, std::string_view n
   if (reader.Has("expected")) context.expected = ReadBlock(reader.At("expected"));
   if (reader.Has("tube")) context.tube = static_cast<std::int64_t>(reader.At("tube").Count());
   if (reader.Has("tube_checks")) context.tube_checks = ReadChecks(reader.At("tube_checks"));
+  context.repeat_of = reader.TextOr("repeat_of");
   if (error) return hal::Fail(*error);
   return context;
 }

@@ -24,6 +24,7 @@ struct RunContext {
   std::optional<hal::ProgramBlock> expected = {};
   std::vector<pipeline::TubeCheck> tube_checks = {};  // what the ledger said of the tube
   std::optional<std::int64_t> tube = {};              // the ledger's id of it
+  std::string repeat_of = {};  // the session whose tube it was again; empty: none
 };
 
 inline constexpr const char* kContextKey = "context";

@@ -180,7 +180,7 @@ hal::Result<void> TubeLedger::Use(const std::string& session, const TubeMatch& m
 }
 
 hal::Result<void> TubeLedger::PassOver(const std::string& session, const TubeMatch& match) {
-  if (!match.tube) return {};
+  if (!match.tube || match.is_stranger()) return {};
   if (auto kept = store_.Append(session, match.tube, ScanFate::kUsed, "not certain"); !kept) {
     return kept;
   }

@@ -46,8 +46,12 @@ struct TubeMatch {
   // What the bender must hold now; differs from `bent_with` by our own corrections alone.
   std::optional<hal::ProgramBlock> expected;
   std::vector<pipeline::TubeCheck> checks;
+  // The scan whose tube this is again, as far as the count tells.
+  std::optional<std::string> repeats;
 
   bool passed() const;
+  // Somebody read on the tube that it is another one than expected.
+  bool is_stranger() const;
 };
 
 // Which scan is asked about.
@@ -79,7 +83,8 @@ class TubeLedger {
   // Uses up the matched tube and passes over those bent before it. kRefused when it is used up
   // already. The same session may come again.
   hal::Result<void> Use(const std::string& session, const TubeMatch& match);
-  // A scan whose tube is not certain: none of those that it may be is taken by a later scan.
+  // A scan whose tube is not certain: none of those that it may be is taken by a later scan. A
+  // stranger's scan says nothing of the tubes that wait, and leaves them as they are.
   hal::Result<void> PassOver(const std::string& session, const TubeMatch& match);
   hal::Result<void> Note(const std::string& session, ScanFate fate, const std::string& detail);
   hal::Result<std::vector<std::string>> Sessions(ScanFate fate) const {
@@ -106,7 +111,7 @@ class TubeLedger {
   TubeMatch MatchCounted(const ScanToMatch& scan) const;
   TubeMatch MatchEachScan(const ScanToMatch& scan) const;
   bool MatchAgain(const std::string& session, TubeMatch& match) const;
-  std::string WhyNoTube() const;
+  void HoldWithoutTube(TubeMatch& match) const;
   bool AreAlikeUpTo(const BentTube& tube) const;
   struct Place {
     const BentTube* tube = nullptr;

@@ -33,6 +33,12 @@ bool TubeMatch::passed() const {
                      [](const TubeCheck& check) { return check.passed; });
 }
 
+bool TubeMatch::is_stranger() const {
+  return std::any_of(checks.begin(), checks.end(), [](const TubeCheck& check) {
+    return check.kind == InterlockKind::kTubeIdentity && !check.passed;
+  });
+}
+
 TubeMatch TubeLedger::Match(const ScanToMatch& scan) const {
   TubeMatch match = rules_.counted ? MatchCounted(scan) : MatchEachScan(scan);
   CheckIdentity(scan, match);
@@ -89,18 +95,37 @@ bool TubeLedger::MatchAgain(const std::string& session, TubeMatch& match) const 
   return false;
 }
 
-std::string TubeLedger::WhyNoTube() const {
+// No tube is new to this scan. With none between bender and scan it is the last one again. With
+// some it may as well be the next of those, as at the end of a batch: nobody can tell, and who took
+// it for the next one would learn twice from one that is scanned twice.
+void TubeLedger::HoldWithoutTube(TubeMatch& match) const {
   const std::uint64_t between = rules_.parts_between.value_or(learnt_between_.value_or(0));
   std::string found = "no new tube was bent before this scan";
-  if (between > 0) {
-    found +=
-        " (" + std::to_string(between) + " lie between bender and scan, as parts_between says)";
-  }
   const auto used =
       std::find_if(tubes_.rbegin(), tubes_.rend(), [](const BentTube& tube) { return tube.used; });
-  if (used == tubes_.rend()) return found;
-  return found + "; the last one scanned is " + NameOf(*used) +
-         (used->session.empty() || !used->count ? "" : ", " + used->session);
+  if (used == tubes_.rend()) {
+    if (between > 0) {
+      found +=
+          " (" + std::to_string(between) + " lie between bender and scan, as parts_between says)";
+    }
+    Add(match, InterlockKind::kNewTube, false, std::move(found),
+        "bend and scan the next one, or set parts_between to how many tubes lie between bender and "
+        "scan");
+    return;
+  }
+  const std::string last =
+      NameOf(*used) + (used->session.empty() || !used->count ? "" : ", " + used->session);
+  if (between > 0) {
+    Add(match, InterlockKind::kNewTube, false,
+        found + ": it shows the last one scanned again (" + last + ") or one of the " +
+            std::to_string(between) + " that lie between bender and scan",
+        "the last tubes of a batch are measured and judged, and nothing is learnt from them; for "
+        "more bend and scan the next one");
+    return;
+  }
+  if (!used->session.empty()) match.repeats = used->session;
+  Add(match, InterlockKind::kNewTube, false, found + "; the last one scanned is " + last,
+      "the same tube must not be corrected twice; bend and scan the next one");
 }
 
 // Which of the tubes not scanned it is matters only where they were bent with different programs.
@@ -122,8 +147,7 @@ TubeMatch TubeLedger::MatchCounted(const ScanToMatch& scan) const {
   if (MatchAgain(scan.session, match)) return match;
   const auto [tube, unscanned_before, is_just_bent] = TubeAt(scan.began_ns);
   if (tube == nullptr) {
-    Add(match, InterlockKind::kNewTube, false, WhyNoTube(),
-        "the same tube must not be corrected twice; bend and scan the next one");
+    HoldWithoutTube(match);
     return match;
   }
   if (is_just_bent) {

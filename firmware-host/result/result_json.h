@@ -10,6 +10,9 @@
 
 namespace bendloop::host {
 
+// Of the file that a scan without a measurement leaves in the place of its result.
+inline constexpr const char* kFailedScanSchema = "bendloop.failed-scan/1";
+
 struct ResultJsonOptions {
   bool spine = false;  // the measured spine; always set it for canal and free-form models
   bool timing = true;  // the only part that differs between two runs on the same input
@@ -26,6 +29,7 @@ std::string WriteResultJson(const RunResult& result, const ResultJsonOptions& op
 // Reads what WriteResultJson wrote; unknown keys are left out. Scanned surface samples are not part
 // of the schema and come back empty. `name` is the file's name for errors. kBadInput: not JSON
 // (byte), another schema, or a key that is missing or of another type (JSON pointer to it).
+// A failed scan's file in the place of a result is an error with the scan's reason.
 hal::Result<RunResult> ReadResultJson(std::string_view text, std::string_view name);
 
 }  // namespace bendloop::host

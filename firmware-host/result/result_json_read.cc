@@ -127,6 +127,11 @@ hal::Result<RunResult> ReadResultJson(std::string_view text, std::string_view na
   std::optional<hal::Error> error;
   const JsonReader json(root, name, error);
   const std::string schema = json.At("schema").Text();
+  if (!error && schema == kFailedScanSchema) {
+    return hal::Fail(
+        hal::ErrorKind::kBadInput,
+        std::string(name) + ": a scan that led to no measurement: " + json.TextOr("error"));
+  }
   if (!error && schema != "bendloop.result/1") {
     return hal::Fail(hal::ErrorKind::kBadInput, std::string(name) + "/schema: found \"" + schema +
                                                     "\", expected \"bendloop.result/1\"");
@@ -136,6 +141,7 @@ hal::Result<RunResult> ReadResultJson(std::string_view text, std::string_view na
   result.session = json.TextOr("session");
   result.time = json.TextOr("time");
   result.software = json.TextOr("software");
+  result.repeat_of = json.TextOr("repeat_of");
   ReadMeasurement(json, result.measurement);
   if (json.Has("nominal")) result.nominal = ReadRows(json.At("nominal").At("rows"));
   if (json.Has("inspection")) result.inspection = ReadInspection(json.At("inspection"));

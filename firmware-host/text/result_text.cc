@@ -292,6 +292,7 @@ std::string ComparisonText(const RunResult& result, bool colour) {
 
 std::string VerdictLine(const RunResult& result, bool colour) {
   std::string out = result.part.empty() ? "measured" : "part " + Printable(result.part);
+  if (!result.repeat_of.empty()) out += ", the tube of " + Printable(result.repeat_of) + " again";
   if (result.inspection) {
     switch (result.inspection->verdict) {
       case pipeline::Verdict::kPass:

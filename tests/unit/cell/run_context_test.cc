@@ -12,6 +12,7 @@ using ::testing::HasSubstr;
 RunContext Sample() {
   RunContext context;
   context.last_sequence = 4'000'000'000u;
+  context.repeat_of = "part-0007";
   // Numbers that rounding to any count of decimals would change.
   context.bent_with = hal::ProgramBlock{
       7, 12, {{{0.1 + 0.2, 1e-17, 90.0 / 7, 12.0}, {1.0 / 3, 0, 0, std::nullopt}}}, 0xdeadbeef};
@@ -30,6 +31,7 @@ TEST(RunContext, ReadsBackBitForBit) {
   EXPECT_EQ(read->bent_with, written.bent_with);
   EXPECT_EQ(read->lot, written.lot);
   EXPECT_EQ(read->last_sequence, written.last_sequence);
+  EXPECT_EQ(read->repeat_of, written.repeat_of);
 }
 
 TEST(RunContext, MayBeEmpty) {

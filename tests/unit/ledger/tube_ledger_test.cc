@@ -91,7 +91,9 @@ TEST_F(TubeLedgerTest, AScanFindsItsTubeAndUsesItUp) {
   ASSERT_TRUE(ledger_->Use("part-0001", match));
   EXPECT_TRUE(ledger_->Use("part-0001", match));  // after a wait
   EXPECT_FALSE(ledger_->Use("part-0002", match));
-  ExpectHeld(Scan("part-0002"), InterlockKind::kNewTube, "part-0001");
+  const TubeMatch again = Scan("part-0002");
+  ExpectHeld(again, InterlockKind::kNewTube, "part-0001");
+  EXPECT_EQ(again.repeats, "part-0001");
 }
 
 TEST_F(TubeLedgerTest, AnEditInTheMiddleOfACycleIsNotWhatBentItsTube) {
@@ -262,7 +264,7 @@ TEST_F(TubeLedgerTest, TheSameTubeAgainWithOthersWaiting) {
   const TubeMatch match = Scan("part-0001");
   ASSERT_TRUE(match.passed());
   ASSERT_TRUE(ledger_->Use("part-0001", match));
-  ExpectHeld(Scan("part-0002"), InterlockKind::kNewTube, "2 lie between");
+  ExpectHeld(Scan("part-0002"), InterlockKind::kNewTube, "2 that lie between");
 }
 
 TEST_F(TubeLedgerTest, AutoTakesAsManyAsLayBetweenAtTheFirstScan) {
@@ -273,7 +275,7 @@ TEST_F(TubeLedgerTest, AutoTakesAsManyAsLayBetweenAtTheFirstScan) {
   const TubeMatch first = Scan("part-0001");
   ASSERT_TRUE(first.passed());
   ASSERT_TRUE(ledger_->Use("part-0001", first));
-  ExpectHeld(Scan("part-0002"), InterlockKind::kNewTube, "2 lie between");
+  ExpectHeld(Scan("part-0002"), InterlockKind::kNewTube, "2 that lie between");
   Bend();
   EXPECT_EQ(Scan("part-0003").tube, *first.tube + 1);
 }
@@ -302,6 +304,33 @@ TEST_F(TubeLedgerTest, ATubeWithAnotherNameIsHeld) {
   Look();
   ExpectHeld(ledger_->Match({"part-0001", now_ns_, "A17", "A16"}), InterlockKind::kTubeIdentity,
              "'A17', expected 'A16'");
+}
+
+TEST_F(TubeLedgerTest, AStrangersScanUsesNoTubeUp) {
+  Look();
+  Look();
+  Bend();
+  Look();
+  const TubeMatch stranger = ledger_->Match({"part-0001", now_ns_, "A17", "A16"});
+  ASSERT_TRUE(ledger_->PassOver("part-0001", stranger));
+  const TubeMatch match = ledger_->Match({"part-0002", now_ns_, "A16", "A16"});
+  EXPECT_TRUE(match.passed());
+  EXPECT_EQ(match.tube, stranger.tube);
+}
+
+TEST_F(TubeLedgerTest, TheLastTubesOfABatchAreNotTakenForTheLastOneAgain) {
+  Reopen({.counted = true, .parts_between = 1, .count_modulus = std::uint64_t{1} << 32});
+  Look();
+  Look();
+  Bend(2);
+  const TubeMatch match = Scan("part-0001");
+  ASSERT_TRUE(ledger_->Use("part-0001", match));
+  const TubeMatch last = Scan("part-0002");
+  ExpectHeld(last, InterlockKind::kNewTube, "(tube 1 of the bender's count, part-0001) or one of");
+  EXPECT_FALSE(last.repeats);
+  EXPECT_FALSE(last.tube);  // and it stays for the next batch's first bend
+  Bend();
+  EXPECT_EQ(Scan("part-0003").tube, *match.tube + 1);
 }
 
 TEST_F(TubeLedgerTest, WithoutACountEachScanIsANewTubeOfTheProgramAtItsStart) {

@@ -223,6 +223,14 @@ void Spoil(const Json& whole, const Json::json_pointer& at, const Json& value) {
   }
 }
 
+TEST(ReadResultJson, AFailedScanSaysWhyThereIsNoResult) {
+  const auto failed = ReadResultJson(
+      R"({"schema": "bendloop.failed-scan/1", "error": "12 profiles"})", "part-0003.json");
+  ASSERT_FALSE(failed);
+  EXPECT_EQ(failed.error().message,
+            "part-0003.json: a scan that led to no measurement: 12 profiles");
+}
+
 TEST(ReadResultJson, ANumberBeyondTheRangeIsAnErrorAndNoCrash) {
   const auto result = ReadResultJson(R"({"schema": 1e999})", "result.json");
   ASSERT_FALSE(result);
