@@ -255,6 +255,13 @@ std::optional<SettledCommit> BenderDesk::Resume() {
   return protocol_ && !options_.read_only ? Settle() : std::nullopt;
 }
 
+std::optional<std::string> BenderDesk::OpenCommit() const {
+  const std::lock_guard lock(mutex_);
+  const auto unfinished = journal_.Unfinished();
+  if (!unfinished || !*unfinished) return std::nullopt;
+  return (*unfinished)->session;
+}
+
 std::vector<SettledCommit> BenderDesk::TakeSettled() {
   const std::unique_lock lock(mutex_, std::try_to_lock);
   return lock ? std::exchange(settled_, {}) : std::vector<SettledCommit>();

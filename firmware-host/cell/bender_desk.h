@@ -74,6 +74,8 @@ class BenderDesk {
   CommitReport Commit(const CommitRequest& request);
   // Ends a commit that a crash or a lost link left open.
   std::optional<SettledCommit> Resume();
+  // The session whose commit is open still: what the bender holds is not known.
+  std::optional<std::string> OpenCommit() const;
   // What Look and Commit have settled since.
   std::vector<SettledCommit> TakeSettled();
 

@@ -3,6 +3,7 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace bendloop::host {
@@ -10,8 +11,14 @@ namespace {
 
 // Shorter than any cycle of a press, long enough for a slow serial line.
 constexpr std::chrono::milliseconds kPeriod{250};
+constexpr std::chrono::milliseconds kCyclePeriod{50};
 
 }  // namespace
+
+std::chrono::nanoseconds PauseAfter(const BenderReading& look, std::chrono::nanoseconds took) {
+  if (!look.facts || look.facts->state.mode != hal::BenderMode::kBending) return kPeriod;
+  return std::clamp<std::chrono::nanoseconds>(took, kCyclePeriod, kPeriod);
+}
 
 BenderFollower::BenderFollower(BenderDesk& desk) : desk_(desk), thread_([this] { Run(); }) {}
 
@@ -43,10 +50,13 @@ void BenderFollower::Run() {
   while (!stop_) {
     look_now_ = false;
     lock.unlock();
+    const std::int64_t asked_ns = desk_.Now().boot_ns;
     BenderReading now = desk_.Look();
+    const std::chrono::nanoseconds took(desk_.Now().boot_ns - asked_ns);
     lock.lock();
+    const auto pause = PauseAfter(now, took);
     news_ = std::move(now);
-    wake_.wait_for(lock, kPeriod, [this] { return stop_ || look_now_; });
+    wake_.wait_for(lock, pause, [this] { return stop_ || look_now_; });
   }
 }
 

@@ -11,6 +11,12 @@
 
 namespace bendloop::host {
 
+// How long to leave the bender alone after a look that took so long. A quarter of a second; while
+// a cycle runs a twentieth, or as long as the look took: the moment in which its tube is counted is
+// to be known well, because a scan that begins within it cannot be told from one of the tube before
+// (ledger/README.md).
+std::chrono::nanoseconds PauseAfter(const BenderReading& look, std::chrono::nanoseconds took);
+
 // Looks at the bender a few times a second, all the time, beside the loop: what the ledger knows of
 // it must not depend on what the cell is doing. Each look is bounded by the link's timeouts.
 class BenderFollower {

@@ -5,6 +5,7 @@
 #include <future>
 #include <utility>
 
+#include "firmware-host/cell/service_times.h"
 #include "firmware-host/cell/version.h"
 #include "firmware-host/workers/thread_workers.h"
 
@@ -24,7 +25,6 @@ constexpr auto kSilence = 2s;
 // The longest that a step may take before it is taken for hung. The final fit is bounded by
 // kMostPoints (part_plan.cc) and takes less than a second on an idle machine.
 constexpr auto kFitBound = 60s;
-constexpr auto kLifePeriod = 50ms;
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
 
@@ -67,7 +67,7 @@ void CellLoop::Tend() {
 
 void CellLoop::Watched(const std::function<void()>& work) {
   auto done = std::async(std::launch::async, work);
-  while (done.wait_for(kLifePeriod) != std::future_status::ready) {
+  while (done.wait_for(kLoopPeriod) != std::future_status::ready) {
     if (ports_.alive && life_.InTime()) ports_.alive();
   }
   life_.Rest();
@@ -219,7 +219,13 @@ void CellLoop::TakeBenderNews() {
 }
 
 void CellLoop::GiveUpWaiting(const std::string& why) {
-  const auto told = waiting_.GiveUp(why, [this](const auto& work) { Watched(work); });
+  if (!waiting_) return;
+  std::optional<PartOutcome> told;
+  Watched([&] {
+    // An attempt on its way, then the ledger's note, which a look at the bender may keep waiting.
+    life_.Expect(3 * ports_.desk->exchange_bound() + kDiskBound);
+    told = waiting_.GiveUp(why);
+  });
   if (told) TellPart(*told, true);
 }
 
@@ -349,6 +355,7 @@ void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
   ports_.board->Update([&](CellSnapshot& s) {
     if (what == PartEnd::kCorrected) ++s.corrected;
     if (what == PartEnd::kRefused || what == PartEnd::kLinkDown) ++s.refused;
+    if (what == PartEnd::kRepeat) ++s.repeats;
     s.last = last;
     if (again) return;
     ++s.parts;

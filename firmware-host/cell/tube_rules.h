@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "config/cell_config.h"
 #include "firmware-host/ledger/tube_ledger.h"
@@ -13,5 +14,9 @@ LedgerRules LedgerRulesOf(const config::CellConfig& cell);
 
 // Empty, or why corrections stay off though the cell file asks for them, with the mend.
 std::string WhyNothingIsCorrected(const config::CellConfig& cell);
+
+// What a setter should know of a cell file that is right: what it asks for and does not get, each
+// with the mend.
+std::vector<std::string> RemarksOn(const config::CellConfig& cell);
 
 }  // namespace bendloop::host

@@ -55,12 +55,10 @@ std::optional<PartOutcome> WaitingPart::Finish(PartOutcome outcome) {
   return outcome;
 }
 
-std::optional<PartOutcome> WaitingPart::GiveUp(
-    const std::string& why, const std::function<void(const std::function<void()>& work)>& wait) {
+std::optional<PartOutcome> WaitingPart::GiveUp(const std::string& why) {
   if (!waiting_) return std::nullopt;
   if (attempt_.valid()) {
-    PartOutcome outcome;
-    wait([&] { outcome = attempt_.get(); });
+    PartOutcome outcome = attempt_.get();
     if (outcome.end != PartEnd::kWaiting) return Finish(std::move(outcome));
     Finish(std::move(outcome));
   }

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <chrono>
-#include <functional>
 #include <future>
 #include <optional>
 #include <string>
@@ -30,9 +29,8 @@ class WaitingPart {
   // Ends an attempt or begins one. What there is to tell: how it ended, or what has become known
   // though it waits still.
   std::optional<PartOutcome> Tend(bool bender_is_idle);
-  // No attempt after the one that runs, which `wait` waits for; what there is to tell.
-  std::optional<PartOutcome> GiveUp(
-      const std::string& why, const std::function<void(const std::function<void()>& work)>& wait);
+  // No attempt after the one that runs, which is waited for; what there is to tell.
+  std::optional<PartOutcome> GiveUp(const std::string& why);
 
  private:
   struct Waiting {

@@ -60,8 +60,8 @@ hal::Result<std::string> CheckFile(const std::string& file) {
     const auto cell = config::LoadCell(file);
     if (!cell) return hal::Fail(cell.error());
     if (const auto plan = MakePartPlan(*cell); !plan) return hal::Fail(plan.error());
-    if (const std::string why = WhyNothingIsCorrected(*cell); !why.empty()) {
-      std::cerr << "bendloop: note: " << file << ": " << why << "\n";
+    for (const std::string& remark : RemarksOn(*cell)) {
+      std::cerr << "bendloop: note: " << file << ": " << remark << "\n";
     }
   }
   if (*kind == config::FileKind::kPart) {

@@ -7,14 +7,18 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdlib>
+#include <future>
 #include <utility>
 
 #include "config/load.h"
 #include "firmware-host/acquisition/acquisition.h"
 #include "firmware-host/cell/bender_desk.h"
 #include "firmware-host/cell/cell_loop.h"
+#include "firmware-host/cell/life_signs.h"
 #include "firmware-host/cell/live_source.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/service_times.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cell/version.h"
 #include "firmware-host/daemon/part_keeper.h"
@@ -32,8 +36,6 @@ std::atomic<bool> g_stop{false};
 
 constexpr auto kFirstRetry = 100ms;
 constexpr auto kLongestRetry = 5000ms;
-// The cell loop turns at least as often, whatever it does.
-constexpr auto kLoopPeriod = 50ms;
 
 RealtimePolicy RealtimeOf(const config::RealtimeConfig& from) {
   RealtimePolicy policy;
@@ -76,7 +78,6 @@ class Daemon::Impl {
  private:
   hal::Result<void> ServeStatus();
   void SettleWhatIsOpen();
-  void CheckWatchdog();
   CellPorts Ports();
   // Opens the scanner and runs the loop on it until one of them ends. False: stop.
   bool ServeScanner(CellLoop& loop);
@@ -105,6 +106,7 @@ class Daemon::Impl {
 };
 
 hal::Result<void> Daemon::Impl::Prepare() {
+  if (auto fits = CheckWatchdog({.watchdog = notify_.period()}); !fits) return fits;
   if (auto loaded = keeper_.Load(); !loaded) return hal::Fail(loaded.error());
   BenderDesk::Options desk;
   desk.journal = store_.journal();
@@ -121,8 +123,7 @@ hal::Result<void> Daemon::Impl::Prepare() {
   if (!opened) return hal::Fail(opened.error());
   desk_ = std::move(*opened);
   spdlog::info("bender: {}", desk_->name());
-  if (const std::string why = WhyNothingIsCorrected(cell_); !why.empty()) spdlog::warn("{}", why);
-  CheckWatchdog();
+  for (const std::string& remark : RemarksOn(cell_)) spdlog::warn("{}", remark);
   SettleWhatIsOpen();
   // From here on the ledger follows the bender: a tube that is bent now is seen. The second look
   // makes sure that the first one's state and program belong together.
@@ -143,20 +144,19 @@ hal::Result<void> Daemon::Impl::Prepare() {
 void Daemon::Impl::SettleWhatIsOpen() {
   keeper_.NameAfter(desk_->LargestPartNumber());
   if (const auto settled = desk_->Resume()) keeper_.Settle(*settled);
+  const std::optional<std::string> open = desk_->OpenCommit();
   for (const std::string& session : desk_->ScansThatWaited()) {
     CommitReport report;
-    report.outcome = CommitOutcome::kRefused;
-    report.reason = "nothing was sent: the daemon ended while the correction waited for the bender";
-    desk_->Note(session, ScanFate::kDone, report.reason);
+    // In the middle of its commit: the first look that the bender answers tells the end.
+    const bool is_open = open == session;
+    report.outcome = is_open ? CommitOutcome::kUnknown : CommitOutcome::kRefused;
+    report.reason = is_open ? "the daemon ended in the middle of the commit; it is not known yet "
+                              "what the bender holds"
+                            : "nothing was sent: the daemon ended while the correction waited for "
+                              "the bender";
+    desk_->Note(session, is_open ? ScanFate::kUnknown : ScanFate::kDone, report.reason);
     keeper_.Settle({session, report});
   }
-}
-
-void Daemon::Impl::CheckWatchdog() {
-  const auto period = notify_.period();
-  if (period.count() == 0 || period > 4 * kLoopPeriod) return;
-  spdlog::warn("the watchdog's period is {} ms, expected at least {} ms (WatchdogSec)",
-               period.count() / 1'000'000, 4 * kLoopPeriod.count());
 }
 
 hal::Result<void> Daemon::Impl::ServeStatus() {
@@ -226,10 +226,16 @@ int Daemon::Impl::Run() {
   spdlog::info("stopping after {} scans", loop->parts());
   loop.reset();
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
-  recorder_->Flush();
-  keeper_.Flush();
+  const bool is_kept = recorder_->FlushWithin(kDiskBound) && keeper_.FlushWithin(kDiskBound);
   ::unlink(store_.status().c_str());
-  return exit_code_;
+  if (is_kept) return exit_code_;
+  spdlog::error(
+      "the disk hangs: recordings that wait for it are lost ({} profiles and events); check "
+      "the disk of {}",
+      recorder_->counters().queued_items, cell_.record.directory.string());
+  spdlog::shutdown();
+  // Threads that the disk holds cannot be waited for.
+  std::_Exit(hal::ExitCode(hal::ErrorKind::kDevice));
 }
 
 bool Daemon::Impl::ServeScanner(CellLoop& loop) {
@@ -239,7 +245,11 @@ bool Daemon::Impl::ServeScanner(CellLoop& loop) {
     exit_code_ = hal::ExitCode(source.error().kind);
     return false;
   }
-  const auto info = (*source)->Open();
+  // Beside the loop: a scanner that does not answer for seconds must not keep the bender waiting,
+  // nor the watchdog.
+  auto opening = std::async(std::launch::async, [&source] { return (*source)->Open(); });
+  while (opening.wait_for(kLoopPeriod) != std::future_status::ready) loop.Tend();
+  const auto info = opening.get();
   if (!info) {
     ScannerIsAway(info.error().message);
     return true;

@@ -37,8 +37,8 @@ int CheckOnly(const bendloop::host::DaemonOptions& options) {
   if (!cell) return Report(cell.error());
   const auto plan = bendloop::host::MakePartPlan(*cell);
   if (!plan) return Report(plan.error());
-  if (const auto why = bendloop::host::WhyNothingIsCorrected(*cell); !why.empty()) {
-    std::fprintf(stderr, "bendloopd: note: %s\n", why.c_str());
+  for (const std::string& remark : bendloop::host::RemarksOn(*cell)) {
+    std::fprintf(stderr, "bendloopd: note: %s\n", remark.c_str());
   }
   std::printf("%s: ok, cell '%s', part '%s', %zu bends\n", options.config.c_str(),
               cell->name.c_str(), plan->part.c_str(), plan->nominal.bend_count());

@@ -91,18 +91,21 @@ void PartKeeper::WriteReport() {
       });
 }
 
-void PartKeeper::Flush() {
-  if (report_.valid()) report_.wait();
-  if (!report_late_) return;
+bool PartKeeper::FlushWithin(std::chrono::nanoseconds patience) {
+  const auto is_written = [&] {
+    return !report_.valid() || report_.wait_for(patience) == std::future_status::ready;
+  };
+  if (!is_written()) return false;
+  if (!report_late_) return true;
   WriteReport();
-  report_.wait();
+  return is_written();
 }
 
 void PartKeeper::KeepFailure(const FailedScan& failed) {
   spdlog::warn("{}: not measured: {}", failed.identity.session, failed.error.message);
-  const Json json = {{"schema", "bendloop.failed-scan/1"}, {"session", failed.identity.session},
-                     {"time", failed.identity.start},      {"software", kSoftware},
-                     {"profiles", failed.profiles},        {"error", failed.error.message}};
+  const Json json = {{"schema", kFailedScanSchema},   {"session", failed.identity.session},
+                     {"time", failed.identity.start}, {"software", kSoftware},
+                     {"profiles", failed.profiles},   {"error", failed.error.message}};
   const auto path = store_.results() / (failed.identity.session + ".json");
   if (auto written = WriteFileAtomically(path, Dump(json, 2) + "\n"); !written) {
     spdlog::error("result not kept: {}", written.error().message);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <deque>
 #include <filesystem>
 #include <future>
@@ -33,8 +34,8 @@ class PartKeeper {
   // The end of a commit that was not known when its part was kept: result and history are set
   // right.
   void Settle(const SettledCommit& settled);
-  // Waits for the report that is being written.
-  void Flush();
+  // Waits for the report that is being written, for so long at most; false: the disk hangs.
+  bool FlushWithin(std::chrono::nanoseconds patience);
 
  private:
   void WriteReport();

@@ -165,6 +165,11 @@ void Recorder::Flush() {
   idle_.wait(lock, [this] { return queue_.empty() && !busy_; });
 }
 
+bool Recorder::FlushWithin(std::chrono::nanoseconds patience) {
+  std::unique_lock lock(mutex_);
+  return idle_.wait_for(lock, patience, [this] { return queue_.empty() && !busy_; });
+}
+
 RecorderCounters Recorder::counters() const {
   const std::lock_guard lock(mutex_);
   RecorderCounters counters = counters_;

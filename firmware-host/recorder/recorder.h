@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -56,7 +57,8 @@ class Recorder {
 
   // `clock` must outlive the recorder.
   Recorder(RecorderOptions options, const hal::Clock& clock);
-  // Writes what is queued, then ends.
+  // Writes what is queued, then ends; waits for a disk that hangs. Who must not wait asks
+  // FlushWithin() first.
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
@@ -71,6 +73,8 @@ class Recorder {
 
   // Waits until everything given so far is on the disk.
   void Flush();
+  // The same for so long at most; false: the disk hangs.
+  bool FlushWithin(std::chrono::nanoseconds patience);
   RecorderCounters counters() const;
   std::filesystem::path PathOf(const std::string& name) const;
 

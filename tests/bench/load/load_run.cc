@@ -310,7 +310,7 @@ hal::Result<LoadResult> LoadCell::Run() {
   if (const std::string& note = acquisition.realtime_note(); !note.empty()) {
     result_.realtime_note += " " + note;
   }
-  keeper_.Flush();
+  static_cast<void>(keeper_.FlushWithin(std::chrono::hours(1)));
   if (recorder_) {
     recorder_->Flush();
     result_.recorder_dropped = recorder_->counters().dropped_profiles;

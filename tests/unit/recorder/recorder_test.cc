@@ -158,6 +158,7 @@ TEST_F(RecorderTest, NothingGrowsWithoutEndWhileTheDiskHangs) {
   Recorder recorder(options, clock_);
   recorder.Begin("part-0000", {});
   disk.AwaitHang();
+  EXPECT_FALSE(recorder.FlushWithin(std::chrono::nanoseconds(0)));
   // A storm of profiles without points and of events, then many scans of them.
   for (std::uint64_t i = 0; i < 5000; ++i) recorder.Add(Profile(i, 0));
   EXPECT_EQ(recorder.counters().dropped_profiles, 4900u);

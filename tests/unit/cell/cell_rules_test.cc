@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a cell file asks for beside what its bender and its service can give.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "firmware-host/cell/bender_follower.h"
+#include "firmware-host/cell/service_times.h"
+#include "firmware-host/cell/tube_rules.h"
+
+namespace bendloop::host {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+config::CellConfig Cell(config::BenderKind link) {
+  config::CellConfig cell;
+  cell.bender.link = link;
+  cell.correction.enabled = true;
+  return cell;
+}
+
+TEST(RemarksOn, PartsBetweenWithoutEffectAreSaid) {
+  config::CellConfig cell = Cell(config::BenderKind::kSimulated);
+  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+  cell.scan.parts_between = 2;
+  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("parts_between has no effect")));
+  cell.scan.tubes = config::TubeSource::kCounted;
+  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+
+  cell = Cell(config::BenderKind::kModbusTcp);  // and a map without a count
+  cell.scan.parts_between.reset();
+  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("corrections are off"),
+                                           HasSubstr("parts_between has no effect")));
+  cell.bender.register_map.parts_bent.emplace();
+  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+  cell = Cell(config::BenderKind::kNone);
+  cell.scan.parts_between = 1;
+  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("the cell has no bender")));
+}
+
+TEST(ServiceTimes, AreThoseOfTheShippedUnit) {
+  std::ifstream file(BENDLOOP_SOURCE_DIR "/systemd/bendloopd.service");
+  const std::string unit((std::istreambuf_iterator<char>(file)), {});
+  const ServiceTimes shipped;
+  const auto seconds = [](std::chrono::nanoseconds time) {
+    return std::to_string(std::chrono::duration_cast<std::chrono::seconds>(time).count()) + "\n";
+  };
+  EXPECT_THAT(unit, HasSubstr("\nWatchdogSec=" + seconds(shipped.watchdog)));
+  EXPECT_THAT(unit, HasSubstr("\nTimeoutStopSec=" + seconds(shipped.stop)));
+  EXPECT_TRUE(CheckWatchdog(shipped));
+}
+
+TEST(ServiceTimes, AWatchdogThatACellThatIsWellCannotFeedIsRefused) {
+  EXPECT_TRUE(CheckWatchdog({.watchdog = 0ns}));
+  EXPECT_TRUE(CheckWatchdog({.watchdog = 200ms}));
+  const auto refused = CheckWatchdog({.watchdog = 100ms});
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("found 100 ms, expected at least 200 ms"));
+}
+
+TEST(ServiceTimes, ACommitThatAStopWouldCutShortIsSaid) {
+  config::CellConfig cell = Cell(config::BenderKind::kModbusTcp);
+  cell.bender.register_map.parts_bent.emplace();
+  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+  cell.bender.commit_timeout = 15s;
+  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("raise TimeoutStopSec")));
+  EXPECT_EQ(WhyStopIsTooShort(cell, {.stop = 60s}), "");
+}
+
+TEST(BenderFollower, LooksMoreOftenWhileACycleRuns) {
+  BenderReading look;
+  EXPECT_EQ(PauseAfter(look, 5s), 250ms);  // it did not answer
+  look.facts.emplace();
+  look.facts->state.mode = hal::BenderMode::kIdle;
+  EXPECT_EQ(PauseAfter(look, 2ms), 250ms);
+  look.facts->state.mode = hal::BenderMode::kBending;
+  EXPECT_EQ(PauseAfter(look, 2ms), 50ms);
+  EXPECT_EQ(PauseAfter(look, 120ms), 120ms);  // a slow line has as much rest as work
+  EXPECT_EQ(PauseAfter(look, 900ms), 250ms);
+}
+
+}  // namespace
+}  // namespace bendloop::host
