@@ -77,6 +77,8 @@ void CellLoop::Watched(const std::function<void()>& work) {
 CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::SourceInfo& source) {
   scanner_ = source.model + (source.serial.empty() ? "" : " " + source.serial);
   source_ended_ = source_failed_ = false;
+  // What a source that was opened anew sends belongs to no sweep of before.
+  scan_.Rest();
   ports_.board->Update([&](CellSnapshot& s) {
     s.phase = CellPhase::kWaiting;
     s.scanner = scanner_;

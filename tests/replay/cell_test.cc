@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
+
 #include "firmware-host/history/history.h"
 #include "live_cell.h"
 
@@ -50,6 +52,107 @@ TEST(LiveCell, ASweepThatGoesOnAfterTheTubeIsCoveredIsOnePart) {
   cell.StopDaemon();
   EXPECT_EQ(cell.results(), 1u);
   EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+}
+
+// A sweep is cut in half by a restart and begins anew, and goes on after another one: the tube is
+// corrected and learnt from once.
+void ExpectOneDecisionThrough(LiveCell& cell, const std::function<void()>& restart) {
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  const std::size_t half = cell.Sweep(tube, 0.5);
+  ASSERT_TRUE(cell.Becomes("/health/profiles", half)) << cell.log();
+  ASSERT_TRUE(cell.Becomes("/state", "scanning")) << cell.log();
+  restart();
+  EXPECT_EQ(cell.bender().commits_accepted(), 0u);
+
+  cell.Sweep(tube, 2);
+  ASSERT_TRUE(cell.Becomes("/last_part/end", "corrected")) << cell.log();
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  // Half a sweep may have left a result, too.
+  const auto number = static_cast<unsigned>(cell.results());
+  const auto lot = Slurp(cell.scratch() / "state/lot.json");
+  restart();
+
+  cell.Sweep(tube, 1);
+  const auto again = cell.Result(number + 1, "refused");
+  ASSERT_TRUE(again && again->interlocks);
+  EXPECT_THAT(again->interlocks->refusals(),
+              ::testing::Contains(HasSubstr("no new tube was bent")));
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  EXPECT_EQ(lot, Slurp(cell.scratch() / "state/lot.json"));
+}
+
+// Longer than the test takes: nothing ends by silence.
+constexpr char kSweeping[] = "[scan]\nend = \"coverage\"\nsilence_seconds = 120\n";
+
+TEST(LiveCell, ASweepThroughARestartOfTheDaemonIsOneDecision) {
+  LiveCell cell(kSweeping);
+  ExpectOneDecisionThrough(cell, [&] {
+    cell.StopDaemon();
+    cell.StartDaemon();
+  });
+}
+
+TEST(LiveCell, ASweepThroughARestartOfTheScannerIsOneDecision) {
+  LiveCell cell(kSweeping);
+  ExpectOneDecisionThrough(cell, [&] { cell.RestartScanner(); });
+}
+
+// A sweep is over when no points have come for so long.
+void AwaitSilence(LiveCell& cell, std::chrono::milliseconds silence) {
+  ASSERT_TRUE(cell.Becomes("/health/queue_now", 0)) << cell.log();
+  const auto over = std::chrono::steady_clock::now() + silence;
+  LiveCell::Until([&] { return std::chrono::steady_clock::now() > over; });
+}
+
+TEST(LiveCell, ASecondPassAfterTheSilenceIsARepeatOfItsTube) {
+  LiveCell cell("[scan]\nend = \"coverage\"\nsilence_seconds = 0.5\n");
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  cell.Sweep(tube, 1);
+  ASSERT_TRUE(cell.Result(1, "committed"));
+  const auto lot = Slurp(cell.scratch() / "state/lot.json");
+  AwaitSilence(cell, std::chrono::seconds(1));
+  cell.Sweep(tube, 1);
+  const auto again = cell.Result(2, "refused");
+  EXPECT_TRUE(again && again->repeat_of == "part-0001");
+  EXPECT_TRUE(cell.Becomes("/last_part/end", "repeat")) << cell.log();
+  EXPECT_TRUE(cell.Becomes("/parts/repeats", 1));
+  EXPECT_TRUE(cell.Becomes("/parts/refused", 0));
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  EXPECT_EQ(lot, Slurp(cell.scratch() / "state/lot.json"));
+  AwaitSilence(cell, std::chrono::seconds(1));
+  cell.Sweep(cell.Bend(), 1);
+  const auto next = cell.Result(3);
+  EXPECT_TRUE(next && next->repeat_of.empty());
+  cell.StopDaemon();
+  // A replay says the same.
+  const std::string json = (cell.scratch() / "again.json").string();
+  const auto session = (cell.scratch() / "state/sessions/part-0002.session").string();
+  EXPECT_EQ(cell.scratch()
+                .Bendloop("replay " + session + " --config " + cell.cell_file() + " --json " + json)
+                .code,
+            1);
+  const auto replayed = host::ReadResultJson(Slurp(json), json);
+  EXPECT_TRUE(replayed && replayed->repeat_of == "part-0001");
+}
+
+// The last tube of a batch that is bent one ahead: nobody can tell it from the one before it.
+TEST(LiveCell, TheLastTubeOfABatchIsMeasuredAndNotActedOn) {
+  LiveCell cell("[scan]\nparts_between = 1\n");
+  cell.StartDaemon();
+  const auto first = cell.Bend();
+  const auto last = cell.Bend();
+  cell.Scan(first, 1, "committed");
+  const auto lot = Slurp(cell.scratch() / "state/lot.json");
+  const auto result = cell.Scan(last, 2, "refused");
+  ASSERT_TRUE(result && result->inspection);
+  EXPECT_TRUE(result->repeat_of.empty());
+  ASSERT_TRUE(result->interlocks);
+  EXPECT_THAT(result->interlocks->refusals(),
+              ::testing::Contains(HasSubstr("one of the 1 that lie between bender and scan")));
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  EXPECT_EQ(lot, Slurp(cell.scratch() / "state/lot.json"));
 }
 
 TEST(LiveCell, ARecordingOf2020IsNotSentToARealBender) {
@@ -188,6 +291,64 @@ TEST(LiveCell, ACorrectionWaitsForABenderThatBends) {
   cell.Misbehave("mode idle");
   EXPECT_TRUE(cell.Result(1, "committed"));
   EXPECT_TRUE(cell.Becomes("/last_part/end", "corrected"));
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+}
+
+TEST(LiveCell, ACrashInTheCommitOfWhatWaitedIsNotToldAsRefused) {
+  LiveCell cell("",
+                "commit_timeout_ms = 60000\nconnect_timeout_ms = 200\nresponse_timeout_ms = 200\n");
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  cell.Misbehave("mode bending");
+  cell.Scan(tube, 1, "waiting");
+  cell.Misbehave("ack-late 600000");
+  cell.Misbehave("mode idle");
+  ASSERT_TRUE(LiveCell::Until([&] { return cell.bender().Staged().sequence != 0; })) << cell.log();
+  cell.KillDaemon();
+  cell.Misbehave("silent");
+  cell.StartDaemon();
+  const auto open = cell.Result(1);
+  ASSERT_TRUE(open && open->bender);
+  EXPECT_EQ(open->bender->outcome, CommitOutcome::kUnknown) << open->bender->reason;
+  cell.Misbehave("behave");
+  cell.Misbehave("reboot");  // the commit is lost
+  const auto settled = cell.Result(1, "failed");
+  EXPECT_THAT(Reason(settled), HasSubstr("the old program is active"));
+  EXPECT_EQ(cell.bender().commits_accepted(), 0u);
+  // Its tube is used up: no correction comes after what was told.
+  EXPECT_TRUE(cell.Scan(tube, 2, "refused"));
+}
+
+TEST(LiveCell, AWaitThatTheDaemonsEndCutsShortIsToldOnce) {
+  LiveCell cell;
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  cell.Misbehave("mode bending");
+  cell.Scan(tube, 1, "waiting");
+  cell.KillDaemon();
+  cell.Misbehave("mode idle");
+  cell.StartDaemon();
+  EXPECT_THAT(Reason(cell.Result(1, "refused")),
+              HasSubstr("while the correction waited for the bender"));
+  const auto again = cell.Scan(tube, 2, "refused");
+  EXPECT_TRUE(again && again->repeat_of == "part-0001");
+  EXPECT_EQ(cell.bender().commits_accepted(), 0u);
+}
+
+// Results, history and sessions tell; what a cell may act on is decided by the journal alone.
+TEST(LiveCell, WhatWasDecidedStandsInTheJournalAlone) {
+  LiveCell cell;
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  cell.Scan(tube, 1, "committed");
+  cell.StopDaemon();
+  for (const char* told :
+       {"state/results", "state/sessions", "state/history.db", "state/lot.json"}) {
+    std::filesystem::remove_all(cell.scratch() / told);
+  }
+  cell.StartDaemon();
+  const auto again = cell.Scan(tube, 2, "refused");
+  EXPECT_TRUE(again && again->repeat_of == "part-0001");
   EXPECT_EQ(cell.bender().commits_accepted(), 1u);
 }
 

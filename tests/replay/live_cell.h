@@ -33,8 +33,10 @@ namespace bendloop::testing {
 // A scan again and again, without a word of where it begins and ends: a scanner without events.
 class WordlessSource final : public hal::ProfileSource {
  public:
-  WordlessSource(std::shared_ptr<const drivers::VirtualScan> scan, std::size_t sweeps)
-      : scan_(std::move(scan)), profiles_(sweeps * scan_->profile_count()) {}
+  // Of so many profiles, the first with this number.
+  WordlessSource(std::shared_ptr<const drivers::VirtualScan> scan, std::size_t profiles,
+                 std::uint64_t first)
+      : scan_(std::move(scan)), profiles_(profiles), first_(first) {}
   hal::Result<hal::SourceInfo> Open() override {
     next_ = 0;
     return hal::SourceInfo{"virtual scan", "", "", false, scan_->max_points()};
@@ -45,7 +47,7 @@ class WordlessSource final : public hal::ProfileSource {
     if (next_ == profiles_) return hal::ReadStatus::kEnd;
     const std::size_t count = scan_->profile_count();
     scan_->Make(next_ % count, profile);
-    profile.sequence = next_;
+    profile.sequence = first_ + next_;
     profile.t_ns = scan_->TimeOf(0) + static_cast<std::int64_t>(next_) * 1'000'000;
     ++next_;
     return hal::ReadStatus::kProfile;
@@ -55,6 +57,7 @@ class WordlessSource final : public hal::ProfileSource {
  private:
   std::shared_ptr<const drivers::VirtualScan> scan_;
   std::size_t profiles_;
+  std::uint64_t first_;
   std::size_t next_ = 0;
 };
 
@@ -71,8 +74,7 @@ class LiveCell {
     config.part = *part;
     plan_ = *host::MakePartPlan(config);
     StartBender();
-    auto scanner =
-        drivers::SimulatedScanner::Listen(0, {"simulated", "1", "1", "none", kRays}, clock_);
+    auto scanner = drivers::SimulatedScanner::Listen(0, kScanner, clock_);
     EXPECT_TRUE(scanner);
     scanner_ = std::move(*scanner);
     serving_ = std::thread([this] {
@@ -110,6 +112,12 @@ class LiveCell {
   void StopDaemon() {
     ASSERT_TRUE(daemon_);
     EXPECT_EQ(daemon_->Stop(std::chrono::seconds(60)), 0) << log();
+    daemon_.reset();
+  }
+  // As a power cut does.
+  void KillDaemon() {
+    ASSERT_TRUE(daemon_);
+    daemon_->Stop(std::chrono::milliseconds(0));
     daemon_.reset();
   }
 
@@ -152,14 +160,33 @@ class LiveCell {
     const std::lock_guard lock(mutex_);
     scanner_->Trigger(std::move(scan), pace);
   }
-  // Sweeps without a beginning and an end; of how many profiles.
-  std::size_t Sweep(const hal::BendProgram& tube, std::size_t times) {
+  // Sweeps without a beginning and an end, e.g. half of one; of how many profiles.
+  std::size_t Sweep(const hal::BendProgram& tube, double times) {
     const auto scan = ScanOf(tube);
-    auto source = std::make_unique<WordlessSource>(scan, times);
+    const auto profiles =
+        static_cast<std::size_t>(times * static_cast<double>(scan->profile_count()));
+    auto source = std::make_unique<WordlessSource>(scan, profiles, swept_);
+    swept_ += profiles;
     EXPECT_TRUE(source->Open());
     const std::lock_guard lock(mutex_);
     scanner_->device().Trigger(std::move(source), drivers::ScanPace::kMax);
-    return times * scan->profile_count();
+    return profiles;
+  }
+  // The scanner is switched off and on; the daemon finds it again.
+  void RestartScanner() {
+    {
+      const std::lock_guard lock(mutex_);
+      const std::uint16_t port = scanner_->port();
+      scanner_.reset();
+      auto scanner = drivers::SimulatedScanner::Listen(port, kScanner, clock_);
+      ASSERT_TRUE(scanner) << scanner.error().message;
+      scanner_ = std::move(*scanner);
+    }
+    ASSERT_TRUE(Until([&] {
+      const std::lock_guard lock(mutex_);
+      return scanner_->has_host();
+    })) << log();
+    ASSERT_TRUE(Becomes("/state", "waiting for a scan")) << log();
   }
 
   // The part's result, as soon as its commit says `outcome` ("" for any).
@@ -221,6 +248,7 @@ class LiveCell {
 
  private:
   static constexpr std::uint32_t kRays = 200;
+  inline static const drivers::WireIdentity kScanner{"simulated", "1", "1", "none", kRays};
 
   void StartBender() {
     drivers::SimulatedBenderOptions options;
@@ -251,6 +279,7 @@ class LiveCell {
   std::thread serving_;
   std::optional<host::ChildProcess> daemon_;
   std::uint64_t scans_ = 0;
+  std::uint64_t swept_ = 0;  // profiles
 };
 
 }  // namespace bendloop::testing

@@ -24,7 +24,7 @@ class TimesSource final : public hal::ProfileSource {
   hal::Result<hal::ReadStatus> Read(hal::LaserProfile& profile, hal::ScanEvent&,
                                     nanoseconds) override {
     if (next_ == times_.size()) return hal::ReadStatus::kEnd;
-    profile = {};
+    profile.points.clear();
     profile.t_ns = times_[next_++];
     return hal::ReadStatus::kProfile;
   }
