@@ -45,10 +45,10 @@ Result<void> CheckScan(const hal::Tube& tube, const VirtualScanOptions& options)
     if (!(row.length_mm >= 0 && row.length_mm < 1e6) || !std::isfinite(row.rotation_deg) ||
         !(row.angle_deg >= 0 && row.angle_deg < 360) ||
         !(bend_radius_mm >= 0 && bend_radius_mm < 1e6)) {
-      return Fail(ErrorKind::kBadInput,
-                  "virtual scan: row " + std::to_string(i + 1) +
-                      ": expected a length of 0 to 1e6 mm, an angle of 0 to 360 degrees and a bend "
-                      "radius of 0 to 1e6 mm");
+      return Fail(ErrorKind::kBadInput, "virtual scan: row " + std::to_string(i + 1) +
+                                            ": expected a length of 0 to 1e6 mm, an angle of 0 to "
+                                            "less than 360 degrees and a bend "
+                                            "radius of 0 to 1e6 mm");
     }
     if (row.angle_deg > 0 && i + 1 < tube.program.rows.size() &&
         bend_radius_mm < tube.pipe_radius_mm) {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "firmware-host/cell/service_times.h"
-#include "firmware-host/cell/version.h"
+#include "firmware-host/console/version.h"
 #include "firmware-host/workers/thread_workers.h"
 
 namespace bendloop::host {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "firmware-host/cell/version.h"
+#include "firmware-host/console/version.h"
 #include "firmware-host/result/program_json.h"
 
 namespace bendloop::host {
@@ -136,6 +136,7 @@ Json StatusJson(const CellSnapshot& s) {
                  {"removed_sessions", s.removed_sessions},
                  {"disk_used_mb", s.disk_used_mb},
                  {"disk_free_mb", s.disk_free_mb}}}};
+  if (!s.problem.empty()) json["problem"] = s.problem;
   if (!s.session.empty()) {
     json["scan"] = {{"session", s.session},
                     {"profiles", s.live.profiles},

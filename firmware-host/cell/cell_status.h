@@ -60,6 +60,7 @@ struct CellSnapshot {
   double last_decision_ms = 0;  // from the scan's end to the bender's answer
   double peak_decision_ms = 0;
   std::optional<LastPart> last;
+  std::string problem;  // what of the last part could not be kept, and why; "": all of it was
 
   // Of the acquisition and the recorder.
   std::uint64_t profiles = 0;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "firmware-host/cell/version.h"
+#include "firmware-host/console/version.h"
 #include "firmware-host/ledger/tube_ledger.h"
 
 namespace bendloop::host {

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <fstream>
@@ -9,9 +10,12 @@
 
 #include "config/load.h"
 #include "drivers/session/session_check.h"
+#include "drivers/session/session_database.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/run_context.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/text/table.h"
 
 namespace bendloop::host {
 namespace {
@@ -21,14 +25,9 @@ Examples:
   bendloop check /etc/bendloop/cell.toml
   bendloop check cells/*.toml parts/*.toml sessions/*.session
 
-Cell files are checked with the part and the register map that they name. All files are checked;
-each problem is told with file, line, key and the mend. Exit code 3 when there is any.)";
-
-bool IsDatabase(const std::string& file) {
-  char head[16] = {};
-  std::ifstream(file, std::ios::binary).read(head, sizeof head);
-  return std::string(head, 15) == "SQLite format 3";
-}
+Cell files are checked with the part and the register map that they name, sessions
+to their last profile and against their checksums. All files are checked; each
+problem is told with file, line, key and the mend. Exit code 3 when there is any.)";
 
 hal::Result<std::string> CheckSessionFile(const std::string& file) {
   const auto summary = drivers::CheckSession(file);
@@ -36,9 +35,14 @@ hal::Result<std::string> CheckSessionFile(const std::string& file) {
   for (const std::string& warning : summary->warnings) {
     std::cerr << "bendloop: note: " << warning << "\n";
   }
-  if (!summary->ok()) {
+  std::vector<std::string> problems = summary->problems;
+  if (const auto context = summary->meta.find(kContextKey); context != summary->meta.end()) {
+    const auto read = ReadRunContext(context->second, file + ": meta 'context'");
+    if (!read) problems.push_back(read.error().message);
+  }
+  if (!problems.empty()) {
     std::string message;
-    for (const std::string& problem : summary->problems) {
+    for (const std::string& problem : problems) {
       message += (message.empty() ? "" : "\n") + problem;
     }
     if (summary->problems_left_out > 0) {
@@ -50,9 +54,31 @@ hal::Result<std::string> CheckSessionFile(const std::string& file) {
          std::to_string(summary->points) + " points";
 }
 
+// A register's step beside what the part may deviate: rounding alone must not make scrap. Empty:
+// fine.
+std::string TooCoarse(const config::CellConfig& cell) {
+  if (cell.bender.link == config::BenderKind::kNone) return "";
+  const hal::RegisterMap& map = cell.bender.register_map;
+  struct Step {
+    const char* name;
+    const hal::RegisterField& field;
+    double tolerance;
+  };
+  for (const Step& step : {Step{"length", map.row_length_mm, cell.part.tolerance.length_mm},
+                           Step{"rotation", map.row_rotation_deg, cell.part.tolerance.rotation_deg},
+                           Step{"angle", map.row_angle_deg, cell.part.tolerance.angle_deg}}) {
+    if (step.field.type == hal::RegisterType::kFloat32) continue;
+    if (std::abs(step.field.scale) <= step.tolerance) continue;
+    return "the register map's " + std::string(step.name) + " has a scale of " +
+           Fixed(step.field.scale, 3) + ", coarser than the part's tolerance of " +
+           Fixed(step.tolerance, 3) + "; use registers with a smaller scale";
+  }
+  return "";
+}
+
 // What the file is, when it is right.
 hal::Result<std::string> CheckFile(const std::string& file) {
-  if (IsDatabase(file)) return CheckSessionFile(file);
+  if (drivers::LooksLikeDatabase(file)) return CheckSessionFile(file);
   const auto kind = config::ValidateFile(file);
   if (!kind) return hal::Fail(kind.error());
   // Beyond keys and types: can this be bent?
@@ -60,6 +86,9 @@ hal::Result<std::string> CheckFile(const std::string& file) {
     const auto cell = config::LoadCell(file);
     if (!cell) return hal::Fail(cell.error());
     if (const auto plan = MakePartPlan(*cell); !plan) return hal::Fail(plan.error());
+    if (const std::string why = TooCoarse(*cell); !why.empty()) {
+      return hal::Fail(hal::ErrorKind::kBadInput, file + ": " + why);
+    }
     for (const std::string& remark : RemarksOn(*cell)) {
       std::cerr << "bendloop: note: " << file << ": " << remark << "\n";
     }

@@ -3,7 +3,8 @@
 
 #include <cstdio>
 
-#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/console/output_file.h"
+#include "firmware-host/console/standard_output.h"
 
 namespace bendloop::host {
 
@@ -15,12 +16,10 @@ int Report(const hal::Error& error) {
 
 int WriteOutput(const std::string& path, std::string_view text) {
   if (path == "-") {
-    const bool written =
-        std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
-    if (written) return 0;
-    return Report({hal::ErrorKind::kDevice, "standard output: cannot be written"});
+    std::fwrite(text.data(), 1, text.size(), stdout);  // main() asks whether it arrived
+    return 0;
   }
-  if (auto written = WriteFileAtomically(path, text); !written) return Report(written.error());
+  if (auto written = WriteOutputFile(path, text); !written) return Report(written.error());
   return 0;
 }
 

@@ -6,6 +6,7 @@
 
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cli/demo/demo.h"
+#include "firmware-host/console/command_line.h"
 #include "firmware-host/text/style.h"
 
 namespace bendloop::host {
@@ -15,15 +16,18 @@ constexpr const char* kDemoFooter = R"(
 Examples:
   bendloop demo
   bendloop demo --parts 5 --seed 7 --out /tmp/demo
-  sudo ip link add vcan0 type vcan && sudo ip link set vcan0 up   # a CAN bus without hardware
-  bendloop demo --link can --can-interface vcan0
-  modprobe dummy_hcd && bendloop demo --scanner usb     (as root: a USB device port without hardware)
+  bendloop demo --link can --can-interface vcan0    (a CAN bus without hardware:
+    ip link add vcan0 type vcan && ip link set vcan0 up)
+  bendloop demo --scanner usb     (as root; a USB device port without hardware:
+    modprobe dummy_hcd)
 
-Three processes beside this one: a simulated bender (Modbus TCP, CANopen or ISO-TP) whose steel
-springs back more than the part file says, a simulated scanner, and the daemon. Each part is bent,
-scanned while it is measured, inspected and corrected; the next one is bent with the corrected
-program. The folder --out gets cell.toml, part.toml, results/, sessions/ and report.html; what an earlier
-demo left there is removed. Exit code 1 when the second part is not better than the first.)";
+Three processes beside this one: a simulated bender (Modbus TCP, CANopen or
+ISO-TP) whose steel springs back more than the part file says, a simulated
+scanner, and the daemon. Each part is bent, scanned while it is measured,
+inspected and corrected; the next one is bent with the corrected program. The
+folder --out gets cell.toml, part.toml, results/, sessions/ and report.html; what
+an earlier demo left there is removed. Exit code 1 when the second part is not
+better than the first.)";
 
 struct Words {
   std::string link = "tcp";
@@ -66,7 +70,7 @@ CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
   command->add_option("--seed", options->seed, "Of bender and scanner")->capture_default_str();
   command->add_flag("--no-color,--no-colour", *no_color, "Plain text");
   command->add_option("--spacing", options->spacing_mm, "Between profiles [mm]")
-      ->check(CLI::Range(0.1, 10.0).description("0.1 to 10"))
+      ->check(NumberWithin(0.1, 10.0))
       ->capture_default_str();
   command->add_option("--rays", options->rays, "Points of a profile, at most")
       ->check(CLI::Range(50, 5000))

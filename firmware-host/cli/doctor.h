@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -24,5 +25,8 @@ struct DoctorPlaces {
 };
 
 std::vector<Finding> Examine(const DoctorPlaces& places);
+
+// The findings as a table of at most `columns`; what is long is broken.
+std::string FindingsText(const std::vector<Finding>& findings, bool colour, std::size_t columns);
 
 }  // namespace bendloop::host

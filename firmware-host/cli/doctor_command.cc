@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <algorithm>
 #include <iostream>
 #include <memory>
+#include <utility>
 
 #include "config/load.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cli/doctor.h"
+#include "firmware-host/console/wrap.h"
 #include "firmware-host/result/json.h"
+#include "firmware-host/text/progress.h"
 #include "firmware-host/text/style.h"
 #include "firmware-host/text/table.h"
 
@@ -25,8 +29,8 @@ Examples:
   bendloop doctor --config /etc/bendloop/cell.toml
   sudo -u bendloop bendloop doctor --json
 
-Run it as the user that runs the daemon. Warnings do not change the exit code: which of them
-matter depends on the cell.)";
+Run it as the user that runs the daemon. Warnings do not change the exit code:
+which of them matter depends on the cell.)";
 
 int Doctor(const DoctorArguments& arguments) {
   DoctorPlaces places;
@@ -47,18 +51,32 @@ int Doctor(const DoctorArguments& arguments) {
     std::cout << Dump({{"schema", "bendloop.doctor/1"}, {"findings", list}}, 2) << "\n";
     return 0;
   }
-  const bool colour = ColourAllowed(STDOUT_FILENO);
-  Table table({{"", Align::kLeft}, {"what", Align::kLeft}, {"found", Align::kLeft}});
-  for (const Finding& finding : findings) {
-    table.Add({Cell(finding.ok ? "ok" : "warn", finding.ok ? Style::kGood : Style::kWarning),
-               finding.name, finding.found});
-    if (!finding.ok) table.Add({"", "", Cell(finding.mend, Style::kFaint)});
-  }
-  std::cout << table.Render(colour);
+  std::cout << FindingsText(findings, ColourAllowed(STDOUT_FILENO), TerminalColumns(STDOUT_FILENO));
   return 0;
 }
 
 }  // namespace
+
+std::string FindingsText(const std::vector<Finding>& findings, bool colour, std::size_t columns) {
+  constexpr std::size_t kFewest = 20;  // a terminal narrower than its names breaks the lines itself
+  std::size_t names = 0;
+  for (const Finding& finding : findings) names = std::max(names, finding.name.size());
+  const std::size_t taken = 2 + 4 + 2 + names + 2;  // indent, "warn", gaps
+  const std::size_t room = columns > taken + kFewest ? columns - taken : kFewest;
+  Table table({{"", Align::kLeft}, {"what", Align::kLeft}, {"found", Align::kLeft}});
+  for (const Finding& finding : findings) {
+    Cell state(finding.ok ? "ok" : "warn", finding.ok ? Style::kGood : Style::kWarning);
+    Cell name = finding.name;
+    for (const std::string& line : WrapWords(finding.found, room)) {
+      table.Add({std::exchange(state, ""), std::exchange(name, ""), line});
+    }
+    if (finding.ok) continue;
+    for (const std::string& line : WrapWords(finding.mend, room)) {
+      table.Add({"", "", Cell(line, Style::kFaint)});
+    }
+  }
+  return table.Render(colour);
+}
 
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run) {
   auto arguments = std::make_shared<DoctorArguments>();

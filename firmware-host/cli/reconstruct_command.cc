@@ -8,9 +8,10 @@
 
 #include "config/load.h"
 #include "firmware-host/cell/part_plan.h"
-#include "firmware-host/cell/version.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cloud/point_cloud.h"
+#include "firmware-host/console/command_line.h"
+#include "firmware-host/console/version.h"
 #include "firmware-host/result/result_json.h"
 #include "firmware-host/text/result_text.h"
 #include "firmware-host/text/style.h"
@@ -40,24 +41,28 @@ constexpr const char* kReconstructFooter = R"(
 Examples:
   bendloop reconstruct tube.ply
   bendloop reconstruct coil.ply --units m
-  bendloop reconstruct tube.xyz --pipe-radius 4 --json tube.json --spine-out spine.csv
+  bendloop reconstruct tube.xyz --pipe-radius 4 --json tube.json
+  zcat tube.ply.gz | bendloop reconstruct - --units m
   bendloop reconstruct tube.pcd --json - | jq .tube.rows
   bendloop reconstruct noisy.ply --part part.toml
   bendloop reconstruct tapered.ply --model canal --spine-out spine.csv
 
 Models:
-  tube      lines and arcs, one pipe radius: rows of lengths, rotations and angles
-  canal     the pipe radius varies along the spine (tapered, end-formed): spine with local radius;
-            the rows are the lines and arcs nearest to it, the pipe radius is the mean
+  tube      lines and arcs, one pipe radius: rows of lengths, rotations, angles
+  canal     the pipe radius varies along the spine (tapered, end-formed): spine
+            with local radius; the rows are the lines and arcs nearest to it, the
+            pipe radius is the mean
   freeform  a spine without lines and arcs: spine with local radius, no rows
-  auto      tube, unless the points contradict it clearly; a warning then says why
+  auto      tube, unless the points contradict it clearly; a warning says why
 Spine methods:
   mls       moving least squares: cylinders fitted around each place
-  shrinking points move along their normals until they meet; needs more than a third of the
-            circumference
+  shrinking points move along their normals until they meet; needs more than a
+            third of the circumference
 
-Reads PLY, PCD and XYZ/CSV text; the content decides, not the name. Output is in mm and degrees.
-The rotation is right-handed about the feed direction, from one bend plane to the next.)";
+Reads PLY, PCD and XYZ/CSV text, - from standard input; the content decides, not
+the name. Output is in mm and degrees. The rotation is right-handed about the
+feed direction, from one bend plane to the next. The rows go along the tube from
+the end at which the scan began: the nominal's order is in a cell's results.)";
 
 // The one place where a model and a spine method become a measurement.
 hal::Result<pipeline::Measurement> Measure(const ReconstructArguments& arguments,
@@ -118,6 +123,19 @@ std::string BaseName(const std::string& path) {
   return slash == std::string::npos ? path : path.substr(slash + 1);
 }
 
+void TellNotes(const std::string& name, const PointCloud& cloud) {
+  std::vector<std::string> notes = cloud.warnings;
+  const std::size_t most = pipeline::ReconstructionOptions().max_points;
+  if (cloud.points_mm.size() > most) {
+    notes.push_back("the final fit takes " + std::to_string(most) + " of the " +
+                    std::to_string(cloud.points_mm.size()) +
+                    " points at most, evenly spread; all of them find the spine");
+  }
+  for (const std::string& note : notes) {
+    std::cerr << "bendloop: note: " << name << ": " << note << "\n";
+  }
+}
+
 int Reconstruct(const ReconstructArguments& arguments) {
   const auto units = UnitsFromName(arguments.units);
   if (!units) return Report(units.error());
@@ -129,11 +147,9 @@ int Reconstruct(const ReconstructArguments& arguments) {
     if (!program) return Report(program.error());
     nominal = std::move(*program);
   }
-  auto cloud = ReadCloud(arguments.cloud, *units);
+  auto cloud = ReadCloud(arguments.cloud == "-" ? "/dev/stdin" : arguments.cloud, *units);
   if (!cloud) return Report(cloud.error());
-  for (const std::string& warning : cloud->warnings) {
-    std::cerr << "bendloop: note: " << arguments.cloud << ": " << warning << "\n";
-  }
+  TellNotes(arguments.cloud, *cloud);
   auto measurement = Measure(arguments, nominal, *cloud);
   if (!measurement) {
     hal::Error error = measurement.error();
@@ -149,7 +165,7 @@ int Reconstruct(const ReconstructArguments& arguments) {
     std::cerr << "bendloop: warning: " << warning << "\n";
   }
   RunResult result;
-  result.session = BaseName(arguments.cloud);
+  result.session = arguments.cloud == "-" ? "standard input" : BaseName(arguments.cloud);
   result.software = kSoftware;
   result.measurement = std::move(*measurement);
   // With the JSON on standard output the table would be in its way.
@@ -176,14 +192,14 @@ CLI::App* AddReconstructCommand(CLI::App& app, Run& run) {
   CLI::App* command =
       app.add_subcommand("reconstruct", "Point cloud to lengths, rotations and angles (LRA)");
   command->footer(kReconstructFooter);
-  command->add_option("cloud", arguments->cloud, "PLY, PCD or XYZ/CSV text")
+  command->add_option("cloud", arguments->cloud, "PLY, PCD or XYZ/CSV text; - is standard input")
       ->required()
       ->type_name("CLOUD");
   command->add_option("--units", arguments->units, "Unit of the cloud's coordinates")
       ->check(CLI::IsMember({"mm", "m", "in"}))
       ->capture_default_str();
   command->add_option("--pipe-radius", arguments->pipe_radius_mm, "Known; estimated when not given")
-      ->check(CLI::Range(0.2, 300.0).description("0.2 to 300"))
+      ->check(NumberWithin(0.2, 300.0))
       ->type_name("MM");
   command
       ->add_option("--part", arguments->part,

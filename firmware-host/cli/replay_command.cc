@@ -11,6 +11,7 @@
 #include "firmware-host/cli/command.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/result/result_json.h"
+#include "firmware-host/text/progress.h"
 #include "firmware-host/text/result_text.h"
 #include "firmware-host/text/style.h"
 #include "hal/clock.h"
@@ -29,18 +30,20 @@ struct ReplayArguments {
 constexpr const char* kReplayFooter = R"(
 Examples:
   bendloop replay demo-out/sessions/part-0002.session --config demo-out/cell.toml
-  bendloop replay part.session --config cell.toml --pace recorded --json result.json
+  bendloop replay part.session --config cell.toml --pace recorded --json out.json
 
-The session takes the daemon's own way, the bender included. With [bender] link = "simulated" it
-starts a simulated bender that holds the program that bent the part. A real bender is read and never
-written, but with --send: then it is corrected under the same interlocks as by a live scan. The age of
-the recording counts, the tube must not have been used by another scan, and the program that the
-bender holds must be the one that bent it, or our own correction of it. The same session and cell
-file give the same result, timing_ms aside.
+The session takes the daemon's own way, the bender included. With [bender]
+link = "simulated" it starts a simulated bender that holds the program that bent
+the part. A real bender is read and never written, but with --send: then it is
+corrected under the same interlocks as by a live scan. The age of the recording
+counts, the tube must not have been used by another scan, and the program that
+the bender holds must be the one that bent it, or our own correction of it. The
+same session and cell file give the same result, timing_ms aside.
 
-Exit code 1 when the part is refused or out of tolerance; the reasons are printed. A part that is
-undecided (too near a tolerance for what the samples tell) is told so, with exit code 0: who takes
-parts for good by a script asks for inspection.verdict == "pass" in the JSON.)";
+Exit code 1 when the part is refused or out of tolerance; the reasons are
+printed. A part that is undecided (too near a tolerance for what the samples
+tell) is told so, with exit code 0: who takes parts for good by a script asks for
+inspection.verdict == "pass" in the JSON.)";
 
 int ReplayOne(const ReplayArguments& arguments) {
   const auto cell = config::LoadCell(arguments.config);
@@ -75,7 +78,9 @@ int ReplayOne(const ReplayArguments& arguments) {
     if (auto kept = store->KeepLot(*outcome.next, lot_key); !kept) return Report(kept.error());
   }
   if (arguments.json != "-") {
-    std::cout << RunText(outcome.result, ColourAllowed(STDOUT_FILENO)) << std::flush;
+    std::cout << RunText(outcome.result, ColourAllowed(STDOUT_FILENO),
+                         SentenceColumns(STDOUT_FILENO))
+              << std::flush;
   }
   if (!arguments.json.empty()) {
     const int code = WriteOutput(arguments.json, WriteResultJson(outcome.result));

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
 
 #include "config/load.h"
+#include "drivers/session/session_database.h"
 #include "drivers/simulated_bender/bending_physics.h"
 #include "drivers/simulated_scanner/simulate_session.h"
 #include "firmware-host/cell/part_plan.h"
-#include "firmware-host/cell/version.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/console/output_file.h"
+#include "firmware-host/console/version.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/simulators/scan_options.h"
 #include "pipeline/correction/material.h"
@@ -30,18 +33,36 @@ struct SimulateArguments {
   double scatter_rotation_deg = 0;
   double scatter_length_mm = 0;
   std::uint32_t serial = 1;
+  bool force = false;
 };
 
 constexpr const char* kSimulateFooter = R"(
 Examples:
   bendloop simulate --part part.toml --out part.session
-  bendloop simulate --part part.toml --out noisy.session --seed 7 --noise 0.1 --outliers 0.02
+  bendloop simulate --part part.toml --out noisy.session --seed 7 --noise 0.1
   bendloop simulate --part part.toml --out shiny.session --noise-growth 2
-  bendloop simulate --part part.toml --out bad.session --springback-120 6 --clutter table,clamps
+  bendloop simulate --part part.toml --out bad.session --springback-120 6 \
+    --clutter table,clamps
 
-The tube is bent from the part's first program: the nominal with its [material] made up for. So it
-comes out at the nominal unless springback, elongation or scatter say otherwise. The true rows stand
-in the session's meta under "true_rows".)";
+The tube is bent from the part's first program: the nominal with its [material]
+made up for. So it comes out at the nominal unless springback, elongation or
+scatter say otherwise. The true rows stand in the session's meta, "true_rows".)";
+
+// The file behind a link. What stands there is replaced only if it is a session, or empty.
+hal::Result<std::filesystem::path> SessionToWrite(const std::string& out, bool force) {
+  auto file = FollowLinks(out);
+  if (!file) return file;
+  std::error_code none;
+  const bool in_the_way = std::filesystem::is_regular_file(*file, none) &&
+                          std::filesystem::file_size(*file, none) > 0 &&
+                          !drivers::LooksLikeSession(file->string());
+  if (in_the_way && !force) {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     "--out: '" + out +
+                         "' is no session and is not written over; name another file, or --force");
+  }
+  return file;
+}
 
 int Simulate(SimulateArguments& arguments) {
   const auto part = config::LoadPart(arguments.part);
@@ -74,12 +95,14 @@ int Simulate(SimulateArguments& arguments) {
   for (const std::string& what : arguments.clutter) {
     if (what == "table") options.scan.clutter.table = true;
     if (what == "clamps") options.scan.clutter.clamps = 2;
-    if (what == "tube") options.scan.clutter.second_tube = true;
+    if (what == "second-tube" || what == "tube") options.scan.clutter.second_tube = true;
   }
   options.part = part->name;
   options.software = kSoftware;
   options.more_meta["true_rows"] = Dump(RowsJson(tube.program));
-  const auto session = drivers::SimulateSession(tube, options, arguments.out);
+  const auto out = SessionToWrite(arguments.out, arguments.force);
+  if (!out) return Report(out.error());
+  const auto session = drivers::SimulateSession(tube, options, out->string());
   if (!session) return Report(session.error());
   std::cout << arguments.out << ": " << session->profiles << " profiles, " << session->points
             << " points, " << tube.program.bend_count() << " bends\n";
@@ -94,9 +117,10 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
       app.add_subcommand("simulate", "A recorded session of a virtual scan of a virtual tube");
   command->footer(kSimulateFooter);
   command->add_option("--part", a->part, "Part file")->required()->type_name("PART.toml");
-  command->add_option("--out", a->out, "Session to write, over one that is there")
+  command->add_option("--out", a->out, "Session to write, over a session that is there")
       ->required()
       ->type_name("SESSION");
+  command->add_flag("--force", a->force, "Write over a file of any kind");
   command->add_option("--seed", a->scan.seed, "Of everything random")->capture_default_str();
   AddScanOptions(*command, a->scan);
   command->add_option("--views", a->views, "Passes along the tube, from different sides")
@@ -104,9 +128,9 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
       ->capture_default_str();
   command->add_flag("--all-around", a->all_around, "Views on all sides, not from above only");
   command->add_flag("--reverse", a->scan.path.reverse, "Scan from the tube's end");
-  command->add_option("--clutter", a->clutter, "In view as well: table, clamps, tube")
+  command->add_option("--clutter", a->clutter, "In view as well: table, clamps, second-tube")
       ->delimiter(',')
-      ->check(CLI::IsMember({"table", "clamps", "tube"}));
+      ->check(CLI::IsMember({"table", "clamps", "second-tube", "tube"}));
   command->add_option(
       "--springback-20", a->springback_20_deg,
       "True springback of a bend of 20 degrees [deg]; default: the part's material");

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cstdint>
 #include <filesystem>
 #include <iostream>
 #include <memory>
+#include <optional>
 
 #include "config/load.h"
 #include "firmware-host/cell/cell_status.h"
@@ -14,6 +16,7 @@ namespace {
 struct StatusArguments {
   std::string config;
   std::string state_dir = "/var/lib/bendloop";
+  std::optional<std::uint16_t> port;
   bool json = false;
 };
 
@@ -32,7 +35,8 @@ int Status(const StatusArguments& arguments) {
     if (!cell) return Report(cell.error());
     directory = cell->state_dir;
   }
-  const auto status = FetchStatus(directory / "status.json");
+  const auto status =
+      arguments.port ? FetchStatus(*arguments.port) : FetchStatus(directory / "status.json");
   if (!status) return Report(status.error());
   std::cout << (arguments.json ? Dump(*status, 2) + "\n" : StatusText(*status)) << std::flush;
   return 0;
@@ -50,6 +54,11 @@ CLI::App* AddStatusCommand(CLI::App& app, Run& run) {
       ->type_name("DIR")
       ->capture_default_str()
       ->excludes(config);
+  command
+      ->add_option("--port", arguments->port,
+                   "Ask this port of this machine, whoever may read the state directory")
+      ->check(CLI::Range(1, 65535).description(""))
+      ->type_name("PORT");
   command->add_flag("--json", arguments->json, "JSON, schema bendloop.status/1");
   command->callback([arguments, &run] { run = [arguments] { return Status(*arguments); }; });
   return command;

@@ -12,6 +12,7 @@
 #include <string>
 #include <system_error>
 
+#include "firmware-host/console/command_line.h"
 #include "firmware-host/convert/tube_table.h"
 
 namespace bendloop::host {
@@ -191,7 +192,7 @@ CLI::App* AddConvertCommand(CLI::App& app, std::function<int()>& run, std::istre
   command
       ->add_option("--bend-radius", words->bend_radius_mm,
                    "CLR in mm where the table has none; 0: sharp corners")
-      ->check(CLI::Range(0.0, 1e6));
+      ->check(NumberWithin(0.0, 1e6));
   command->add_option("--decimals", words->decimals, "4 in text, 6 in CSV and JSON if not given")
       ->check(CLI::Range(0, 9));
   command

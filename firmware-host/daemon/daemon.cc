@@ -20,7 +20,8 @@
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/service_times.h"
 #include "firmware-host/cell/tube_rules.h"
-#include "firmware-host/cell/version.h"
+#include "firmware-host/console/output_file.h"
+#include "firmware-host/console/version.h"
 #include "firmware-host/daemon/part_keeper.h"
 #include "firmware-host/daemon/service_notify.h"
 #include "firmware-host/daemon/state_store.h"
@@ -33,9 +34,17 @@ namespace {
 using namespace std::chrono_literals;
 
 std::atomic<bool> g_stop{false};
+std::atomic<bool> g_hung_up{false};
 
 constexpr auto kFirstRetry = 100ms;
 constexpr auto kLongestRetry = 5000ms;
+
+void TellHangUp() {
+  if (!g_hung_up.exchange(false)) return;
+  spdlog::warn(
+      "SIGHUP: nothing is read again; the settings are read at the start, so restart "
+      "bendloopd when no scan runs");
+}
 
 RealtimePolicy RealtimeOf(const config::RealtimeConfig& from) {
   RealtimePolicy policy;
@@ -163,15 +172,16 @@ hal::Result<void> Daemon::Impl::ServeStatus() {
   StatusServer::Pages pages;
   pages.status = [this] { return Dump(StatusJson(board_.Get()), 2) + "\n"; };
   pages.metrics = [this] { return MetricsText(board_.Get()); };
-  auto server = StatusServer::Start(options_.status_port, std::move(pages));
+  auto server = StatusServer::Start(options_.status_port, store_.socket(), std::move(pages));
   if (!server) return hal::Fail(server.error());
   server_ = std::move(*server);
   spdlog::info("status: http://127.0.0.1:{}/status", server_->port());
   const Json address = {{"schema", "bendloop.status-address/1"},
                         {"host", "127.0.0.1"},
                         {"port", server_->port()},
+                        {"socket", store_.socket().filename().string()},
                         {"pid", getpid()}};
-  return WriteFileAtomically(store_.status(), Dump(address, 2) + "\n");
+  return WriteOutputFile(store_.status(), Dump(address, 2) + "\n");
 }
 
 CellPorts Daemon::Impl::Ports() {
@@ -187,8 +197,14 @@ CellPorts Daemon::Impl::Ports() {
     return identity;
   };
   ports.lot = [this] { return keeper_.Lot(); };
-  ports.part_done = [this](PartOutcome outcome) { keeper_.Keep(std::move(outcome)); };
-  ports.scan_failed = [this](const FailedScan& failed) { keeper_.KeepFailure(failed); };
+  ports.part_done = [this](PartOutcome outcome) {
+    keeper_.Keep(std::move(outcome));
+    board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
+  };
+  ports.scan_failed = [this](const FailedScan& failed) {
+    keeper_.KeepFailure(failed);
+    board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
+  };
   ports.commit_settled = [this](const SettledCommit& settled) { keeper_.Settle(settled); };
   ports.bender_heard = [this](const BenderReading& heard) { BenderHeard(heard); };
   ports.viewed = [this](const pipeline::LiveView& view) { Viewed(view); };
@@ -208,6 +224,7 @@ int Daemon::Impl::Run() {
   CellLoop* running = nullptr;
   ports.alive = [this, &running] {
     notify_.Alive();
+    TellHangUp();
     if (g_stop) running->Stop();
   };
   std::optional<CellLoop> loop;
@@ -314,6 +331,7 @@ void Daemon::Impl::WaitForRetry(CellLoop& loop) {
   const auto until = clock_.Now() + retry_;
   while (!g_stop && clock_.Now() < until) {
     loop.Tend();
+    TellHangUp();
     clock_.SleepUntil(std::min(until, clock_.Now() + std::chrono::nanoseconds(kLoopPeriod)));
   }
   retry_ = std::min<std::chrono::milliseconds>(retry_ * 2, kLongestRetry);
@@ -362,5 +380,6 @@ Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Daemon::~Daemon() = default;
 int Daemon::Run() { return impl_->Run(); }
 void Daemon::RequestStop() { g_stop = true; }
+void Daemon::NoteHangUp() { g_hung_up = true; }
 
 }  // namespace bendloop::host

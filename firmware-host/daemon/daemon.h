@@ -21,6 +21,8 @@ class Daemon {
   int Run();
   // Async-signal-safe.
   static void RequestStop();
+  // Async-signal-safe. Logs that the settings are read at the start only.
+  static void NoteHangUp();
 
  private:
   class Impl;

@@ -6,7 +6,8 @@
 #include <charconv>
 #include <iostream>
 
-#include "firmware-host/cell/version.h"
+#include "firmware-host/console/command_line.h"
+#include "firmware-host/console/version.h"
 
 namespace bendloop::host {
 namespace {
@@ -15,11 +16,11 @@ constexpr const char* kFooter = R"(
 Examples:
   bendloopd --config /etc/bendloop/cell.toml
   bendloopd --config cell.toml --check-only
-  bendloopd --config cell.toml --bender 127.0.0.1:1502 --scanner 127.0.0.1:7420 --parts 3
+  bendloopd --config cell.toml --bender 127.0.0.1:1502 --scanner 127.0.0.1:7420
 
-Runs until SIGTERM. State, results and recordings go to the cell's state_dir; `bendloop status`
-asks the running daemon. Exit codes: 0 stopped, 2 wrong usage, 3 bad configuration, 4 device
-failure at start, 5 internal error.)";
+Runs until SIGTERM. State, results and recordings go to the cell's state_dir;
+`bendloop status` asks the running daemon. Exit codes: 0 stopped, 2 wrong usage,
+3 bad configuration, 4 device failure at start, 5 internal error.)";
 
 }  // namespace
 
@@ -41,9 +42,10 @@ hal::Result<std::optional<DaemonOptions>> ParseDaemonOptions(int argc, char** ar
   DaemonOptions options;
   std::string bender;
   std::string scanner;
-  CLI::App app{"bendloopd: measures each scanned tube and corrects the bender's program"};
+  CLI::App app{"bendloopd: measures each scanned tube and corrects the bender's program",
+               "bendloopd"};
+  DressCommandLine(app, BuildText());
   app.footer(kFooter);
-  app.set_version_flag("--version", kSoftware);
   app.add_option("--config", options.config, "Cell file (TOML, schema bendloop.cell/1)")
       ->required()
       ->type_name("CELL.toml");
@@ -64,7 +66,7 @@ hal::Result<std::optional<DaemonOptions>> ParseDaemonOptions(int argc, char** ar
       app.exit(error, std::cout, std::cerr);
       return std::optional<DaemonOptions>();
     }
-    return hal::Fail(hal::ErrorKind::kUsage, std::string(error.what()) + "; try bendloopd --help");
+    return hal::Fail(hal::ErrorKind::kUsage, WhatIsWrong(app, error));
   }
   if (!bender.empty()) {
     auto endpoint = ParseEndpoint(bender, "--bender");

@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <signal.h>
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
 #include <exception>
+#include <memory>
+#include <string>
+#include <utility>
 
 #include "config/load.h"
 #include "firmware-host/acquisition/realtime.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/tube_rules.h"
+#include "firmware-host/console/standard_output.h"
 #include "firmware-host/daemon/daemon.h"
+#include "firmware-host/text/style.h"
 
 namespace {
 
@@ -22,13 +28,33 @@ int Report(const Error& error) {
   return ExitCode(error.kind);
 }
 
+// What scanners, benders and files say stands in the log: it must not move a terminal's cursor, nor
+// begin a line of its own.
+class PrintableMessage : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, const std::tm&,
+              spdlog::memory_buf_t& out) override {
+    const std::string text =
+        bendloop::host::Printable({message.payload.data(), message.payload.size()});
+    out.append(text.data(), text.data() + text.size());
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return std::make_unique<PrintableMessage>();
+  }
+};
+
 extern "C" void OnSignal(int) { bendloop::host::Daemon::RequestStop(); }
+
+extern "C" void OnHangUp(int) { bendloop::host::Daemon::NoteHangUp(); }
 
 void CatchSignals() {
   struct sigaction action {};
   action.sa_handler = OnSignal;
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
+  // A terminal that was closed, or who expects the settings to be read again: no reason to end.
+  action.sa_handler = OnHangUp;
+  sigaction(SIGHUP, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
 }
 
@@ -51,7 +77,9 @@ int Main(int argc, char** argv) {
   if (!*options) return 0;
   if ((*options)->check_only) return CheckOnly(**options);
   spdlog::set_default_logger(spdlog::stderr_logger_mt("bendloopd"));
-  spdlog::set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %v");
+  auto formatter = std::make_unique<spdlog::pattern_formatter>();
+  formatter->add_flag<PrintableMessage>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %*");
+  spdlog::set_formatter(std::move(formatter));
   bendloop::host::KeepMemory();
   CatchSignals();
   auto daemon = bendloop::host::Daemon::Start(**options);
@@ -63,7 +91,7 @@ int Main(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
-    return Main(argc, argv);
+    return bendloop::host::FinishOutput("bendloopd", Main(argc, argv));
   } catch (const std::exception& error) {
     return Report({bendloop::hal::ErrorKind::kInternal,
                    std::string("internal error: ") + error.what() + "; please report it"});

@@ -6,7 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "firmware-host/cell/version.h"
+#include "firmware-host/console/output_file.h"
+#include "firmware-host/console/version.h"
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/report/report.h"
 #include "firmware-host/result/json.h"
@@ -40,10 +41,16 @@ ScanIdentity PartKeeper::Identify() {
   return {PartName(last_number_), UtcText(SystemMoment().unix_ms)};
 }
 
+void PartKeeper::TellProblem(std::string problem) {
+  spdlog::error("{}", problem);
+  problem_ = std::move(problem);
+}
+
 void PartKeeper::KeepResult(const RunResult& result) {
+  problem_.clear();
   const auto path = store_.results() / (result.session + ".json");
-  if (auto written = WriteFileAtomically(path, WriteResultJson(result)); !written) {
-    spdlog::error("result not kept: {}", written.error().message);
+  if (auto written = WriteOutputFile(path, WriteResultJson(result)); !written) {
+    TellProblem("result not kept: " + written.error().message);
   }
   if (auto kept = history_->AddOrReplace(result); !kept) {
     spdlog::error("history not kept: {}", kept.error().message);
@@ -85,7 +92,7 @@ void PartKeeper::WriteReport() {
   report_ = std::async(
       std::launch::async,
       [path = store_.report(), runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
-        if (auto written = WriteFileAtomically(path, ReportHtml(runs)); !written) {
+        if (auto written = WriteOutputFile(path, ReportHtml(runs)); !written) {
           spdlog::error("report not written: {}", written.error().message);
         }
       });
@@ -106,9 +113,10 @@ void PartKeeper::KeepFailure(const FailedScan& failed) {
   const Json json = {{"schema", kFailedScanSchema},   {"session", failed.identity.session},
                      {"time", failed.identity.start}, {"software", kSoftware},
                      {"profiles", failed.profiles},   {"error", failed.error.message}};
+  problem_.clear();
   const auto path = store_.results() / (failed.identity.session + ".json");
-  if (auto written = WriteFileAtomically(path, Dump(json, 2) + "\n"); !written) {
-    spdlog::error("result not kept: {}", written.error().message);
+  if (auto written = WriteOutputFile(path, Dump(json, 2) + "\n"); !written) {
+    TellProblem("result not kept: " + written.error().message);
   }
 }
 
@@ -135,7 +143,7 @@ void PartKeeper::Settle(const SettledCommit& settled) {
   }
   result->bender = report;
   const ResultJsonOptions same{.spine = !result->measurement.spine.empty(), .timing = true};
-  if (auto written = WriteFileAtomically(path, WriteResultJson(*result, same)); !written) {
+  if (auto written = WriteOutputFile(path, WriteResultJson(*result, same)); !written) {
     spdlog::error("result not kept: {}", written.error().message);
   }
 }

@@ -34,12 +34,15 @@ class PartKeeper {
   // The end of a commit that was not known when its part was kept: result and history are set
   // right.
   void Settle(const SettledCommit& settled);
+  // What of the latest part could not be kept, and why; "": all of it was.
+  const std::string& problem() const { return problem_; }
   // Waits for the report that is being written, for so long at most; false: the disk hangs.
   bool FlushWithin(std::chrono::nanoseconds patience);
 
  private:
   void WriteReport();
   void KeepResult(const RunResult& result);
+  void TellProblem(std::string problem);
 
   StateStore& store_;
   std::filesystem::path sessions_;
@@ -50,6 +53,7 @@ class PartKeeper {
   std::future<void> report_;
   bool report_late_ = false;
   unsigned last_number_ = 0;
+  std::string problem_;
 };
 
 }  // namespace bendloop::host

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "firmware-host/cell/run_context.h"
+#include "firmware-host/console/output_file.h"
 
 namespace bendloop::host {
 namespace {
@@ -43,34 +44,6 @@ unsigned LargestNumber(const fs::path& directory) {
 }
 
 }  // namespace
-
-hal::Result<void> WriteFileAtomically(const fs::path& path, std::string_view text) {
-  const std::string beside = path.string() + ".new";
-  const auto fail = [&](const char* what) {
-    const int why = errno;
-    ::unlink(beside.c_str());
-    return hal::Fail(hal::ErrorKind::kDevice, path.string() + ": cannot " + what + ": " +
-                                                  Text(why) + "; check the disk and its rights");
-  };
-  const int file = ::open(beside.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file < 0) return fail("create");
-  while (!text.empty()) {
-    const ssize_t written = ::write(file, text.data(), text.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) {
-      ::close(file);
-      return fail("write");
-    }
-    text.remove_prefix(static_cast<std::size_t>(written));
-  }
-  if (::fsync(file) != 0) {
-    ::close(file);
-    return fail("flush");
-  }
-  ::close(file);
-  if (::rename(beside.c_str(), path.c_str()) != 0) return fail("rename");
-  return {};
-}
 
 hal::Result<std::string> ReadWholeFile(const fs::path& path, std::size_t most_bytes) {
   std::ifstream file(path, std::ios::binary);
@@ -145,7 +118,7 @@ hal::Result<std::optional<pipeline::LotState>> StateStore::Lot(std::string_view 
 }
 
 hal::Result<void> StateStore::KeepLot(const pipeline::LotState& lot, std::string_view key) const {
-  return WriteFileAtomically(LotFile(), WriteLot(lot, key));
+  return WriteOutputFile(LotFile(), WriteLot(lot, key));
 }
 
 }  // namespace bendloop::host

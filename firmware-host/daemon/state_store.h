@@ -17,6 +17,7 @@ namespace bendloop::host {
 //   history.db         every part
 //   lot.json           what the lot has taught so far
 //   status.json        where the running daemon answers
+//   status.sock        it answers there too, its user and group
 //   results/NAME.json  one a part
 //   sessions/          recordings, unless the cell file says otherwise
 class StateStore {
@@ -30,6 +31,7 @@ class StateStore {
   std::filesystem::path journal() const { return directory_ / "journal.db"; }
   std::filesystem::path history() const { return directory_ / "history.db"; }
   std::filesystem::path status() const { return directory_ / "status.json"; }
+  std::filesystem::path socket() const { return directory_ / "status.sock"; }
   std::filesystem::path results() const { return directory_ / "results"; }
   std::filesystem::path report() const { return directory_ / "report.html"; }
 
@@ -53,8 +55,6 @@ class StateStore {
 // "part-0007".
 std::string PartName(unsigned number);
 
-// Writes the whole text or nothing: to a file beside it, flushed, then renamed.
-hal::Result<void> WriteFileAtomically(const std::filesystem::path& path, std::string_view text);
 // kBadInput when it cannot be read or is larger than `most_bytes`.
 hal::Result<std::string> ReadWholeFile(const std::filesystem::path& path,
                                        std::size_t most_bytes = 64u << 20);

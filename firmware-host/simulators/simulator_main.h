@@ -5,7 +5,11 @@
 #include <csignal>
 #include <exception>
 #include <iostream>
+#include <string>
 
+#include "firmware-host/console/command_line.h"
+#include "firmware-host/console/standard_output.h"
+#include "firmware-host/console/version.h"
 #include "hal/error.h"
 #include "hal/result.h"
 
@@ -18,13 +22,18 @@ inline int SimulatorMain(const char* name, hal::Result<void> (*run)(CLI::App&, i
   std::signal(SIGPIPE, SIG_IGN);
   CLI::App app;
   app.name(name);
+  DressCommandLine(app, name + BuildText().substr(std::string("bendloop").size()));
   hal::Error error;
   try {
     const hal::Result<void> done = run(app, argc, argv);
-    if (done) return 0;
+    if (done) return FinishOutput(name, 0);
     error = done.error();
-  } catch (const CLI::ParseError& e) {  // or --help
-    return app.exit(e) == 0 ? 0 : hal::ExitCode(hal::ErrorKind::kUsage);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) {  // --help, --version
+      app.exit(e, std::cout, std::cerr);
+      return FinishOutput(name, 0);
+    }
+    error = {hal::ErrorKind::kUsage, WhatIsWrong(app, e)};
   } catch (const std::exception& e) {
     error = {hal::ErrorKind::kInternal, e.what()};
   }

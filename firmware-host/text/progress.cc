@@ -2,6 +2,7 @@
 #include "firmware-host/text/progress.h"
 
 #include <sys/ioctl.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -37,7 +38,12 @@ std::string ProgressText(const pipeline::LiveView& view, std::optional<double> e
   }
   if (expected_mm && *expected_mm > 0) {
     const double missing_mm = std::clamp(*expected_mm - view.covered_mm, 0.0, *expected_mm);
-    text += "; " + Fixed(missing_mm, 0) + " mm of " + Fixed(*expected_mm, 0) + " still missing";
+    // The ends are seen to a pipe radius or so: less is not missing.
+    if (missing_mm < 2 * view.pipe_radius_mm) {
+      text += "; " + Fixed(*expected_mm, 0) + " mm of " + Fixed(*expected_mm, 0) + " seen";
+    } else {
+      text += "; " + Fixed(missing_mm, 0) + " mm of " + Fixed(*expected_mm, 0) + " still missing";
+    }
   } else {
     text += "; " + Fixed(view.covered_mm, 0) + " mm seen";
   }
@@ -70,6 +76,8 @@ void Progress::End() {
   bends_ = 0;
   quarters_ = -1;
 }
+
+std::size_t SentenceColumns(int fd) { return isatty(fd) == 1 ? TerminalColumns(fd) : 0; }
 
 std::size_t TerminalColumns(int fd) {
   winsize size{};

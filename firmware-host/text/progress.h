@@ -9,8 +9,9 @@
 
 namespace bendloop::host {
 
-// "bend 3 seen, 41.2 +- 0.1 deg; 180 mm of 620 still missing". `expected_mm` is the length of the
-// nominal's spine; empty: only what was seen is told. A bend is told of once it is whole.
+// "bend 3 seen, 41.2 +- 0.1 deg; 180 mm of 620 still missing", at last "620 mm of 620 seen".
+// `expected_mm` is the length of the nominal's spine; empty: only what was seen is told. A bend is
+// told of once it is whole.
 std::string ProgressText(const pipeline::LiveView& view, std::optional<double> expected_mm);
 
 // The one line that shows a running scan. On a terminal it is written over itself; elsewhere (a
@@ -36,5 +37,7 @@ class Progress {
 
 // Columns of the terminal behind `fd`; 80 when it does not say.
 std::size_t TerminalColumns(int fd);
+// To which sentences are broken: of the terminal behind `fd`; 0 when there is none.
+std::size_t SentenceColumns(int fd);
 
 }  // namespace bendloop::host

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
+#include "firmware-host/console/wrap.h"
 #include "firmware-host/result/words.h"
 #include "firmware-host/text/table.h"
 
@@ -19,6 +21,7 @@ constexpr int kDecimals = 3;
 constexpr double kUnknownDeg = 5;
 constexpr double kUnknownMm = 0.3;  // a straight of nothing is well known to be short
 constexpr std::size_t kMostTogether = 6;
+constexpr std::size_t kHanging = 4;  // of the further lines of a sentence
 
 struct Mark {
   const char* text;
@@ -39,8 +42,16 @@ Mark MarkOf(ToleranceState state) {
   return {"-", Style::kFaint};
 }
 
-std::string Line(const std::string& text, Style style, bool colour) {
-  return "  " + Paint(Printable(text), style, colour) + "\n";
+// A sentence in lines that `columns` hold; 0: in one.
+std::string Line(const std::string& text, Style style, bool colour, std::size_t columns) {
+  if (columns == 0) return "  " + Paint(Printable(text), style, colour) + "\n";
+  std::string out, indent = "  ";
+  for (const std::string& line :
+       WrapWords(Printable(text), columns - std::min(columns, kHanging))) {
+    out += indent + Paint(line, style, colour) + "\n";
+    indent = std::string(kHanging, ' ');
+  }
+  return out;
 }
 
 std::string Plural(std::size_t count, const char* noun) {
@@ -89,7 +100,6 @@ void AddAxis(Table& table, std::string row, RowValueKind kind, const pipeline::D
   if (correction) {
     cells.emplace_back(Fixed(correction->corrected, kDecimals));
     cells.emplace_back(Signed(correction->applied, kDecimals));
-    cells.emplace_back(FlagText(correction->flags));
   }
   table.Add(std::move(cells));
 }
@@ -105,6 +115,30 @@ std::string TogetherText(const std::vector<std::string>& lines) {
   for (const std::string& line : lines) out += "  " + line + "\n";
   return out;
 }
+
+// "deadband: L4, A2": which numbers were not corrected as they asked for, below the table, which
+// has no room for words.
+class FlagLines {
+ public:
+  void Add(const pipeline::RowValue& value, const pipeline::AxisCorrection* correction) {
+    const std::string words = correction ? FlagText(correction->flags) : "";
+    if (words.empty()) return;
+    std::string& names = names_[words];
+    names += (names.empty() ? "" : ", ") + ShortName(value);
+  }
+  std::string Text() const {
+    std::string text;
+    for (const auto& [words, names] : names_) {
+      for (const auto& line : WrapWords(words + ": " + names, kPlainColumns - 2)) {
+        text += "  " + line + "\n";
+      }
+    }
+    return text;
+  }
+
+ private:
+  std::map<std::string, std::string> names_;
+};
 
 bool Refused(const pipeline::InterlockReport& report) {
   return !std::all_of(report.checks.begin(), report.checks.end(),
@@ -255,15 +289,15 @@ std::string ComparisonText(const RunResult& result, bool colour) {
                                  {"nominal", Align::kDecimal},
                                  {"measured", Align::kDecimal},
                                  {"+-", Align::kDecimal},
-                                 {"deviation", Align::kDecimal},
+                                 {"off by", Align::kDecimal},
                                  {"limit", Align::kDecimal},
                                  {"", Align::kLeft}};
   if (corrected) {
-    columns.push_back({"corrected", Align::kDecimal});
+    columns.push_back({"command", Align::kDecimal});
     columns.push_back({"change", Align::kDecimal});
-    columns.push_back({"", Align::kLeft});
   }
   Table table(std::move(columns));
+  FlagLines flags;
   bool unknown = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const pipeline::RowCorrection* c = corrected ? &result.correction->rows[i] : nullptr;
@@ -274,6 +308,7 @@ std::string ComparisonText(const RunResult& result, bool colour) {
       unknown = unknown || !measured.is_known;
       const bool first = kind == RowValueKind::kLength;
       AddAxis(table, first ? std::to_string(i + 1) : "", kind, d, measured, correction);
+      flags.Add({i, kind}, correction);
     };
     add(RowValueKind::kLength, rows[i].length_mm, c ? &c->length_mm : nullptr);
     if (i + 1 == rows.size()) break;
@@ -285,7 +320,7 @@ std::string ComparisonText(const RunResult& result, bool colour) {
       add(RowValueKind::kBendRadius, *rows[i].bend_radius_mm, nullptr);
     }
   }
-  std::string out = table.Render(colour);
+  std::string out = table.Render(colour, 1, 1) + flags.Text();  // 80 columns
   if (unknown) out += std::string("  ") + kUnknownLegend + "\n";
   return out + TogetherText(TogetherLines(result));
 }
@@ -322,29 +357,29 @@ std::string VerdictLine(const RunResult& result, bool colour) {
   return out + "\n";
 }
 
-std::string RunText(const RunResult& result, bool colour) {
+std::string RunText(const RunResult& result, bool colour, std::size_t columns) {
   std::string out = VerdictLine(result, colour) + "\n" + ComparisonText(result, colour);
   std::string notes;
   if (result.inspection) {
     for (const auto& reason : result.inspection->reasons) {
-      notes += Line(reason, Style::kPlain, colour);
+      notes += Line(reason, Style::kPlain, colour, columns);
     }
     if (!result.inspection->direction.settled()) {
-      notes += Line(result.inspection->direction.message, Style::kBad, colour);
+      notes += Line(result.inspection->direction.message, Style::kBad, colour, columns);
     }
   }
   if (result.interlocks) {
     for (const auto& check : result.interlocks->checks) {
-      if (!check.passed) notes += Line("refused: " + check.sentence, Style::kBad, colour);
+      if (!check.passed) notes += Line("refused: " + check.sentence, Style::kBad, colour, columns);
     }
   }
   if (result.correction) {
     for (const auto& notice : result.correction->notices) {
-      notes += Line("note: " + notice, Style::kPlain, colour);
+      notes += Line("note: " + notice, Style::kPlain, colour, columns);
     }
   }
   for (const auto& warning : result.measurement.warnings) {
-    notes += Line("warning: " + warning, Style::kWarning, colour);
+    notes += Line("warning: " + warning, Style::kWarning, colour, columns);
   }
   return notes.empty() ? out : out + "\n" + notes;
 }

@@ -40,7 +40,8 @@ std::string ComparisonText(const RunResult& result, bool colour);
 std::string VerdictLine(const RunResult& result, bool colour);
 
 // Everything for a person: the verdict, the table, the reasons, the interlocks that refused, the
-// notices and the warnings.
-std::string RunText(const RunResult& result, bool colour);
+// notices and the warnings. The sentences are broken to `columns`; 0: each is one line, as programs
+// that read them want it.
+std::string RunText(const RunResult& result, bool colour, std::size_t columns = 0);
 
 }  // namespace bendloop::host

@@ -77,19 +77,19 @@ void Table::Add(std::vector<Cell> cells) {
   rows_.push_back(std::move(cells));
 }
 
-std::string Table::Render(bool colour, std::size_t indent) const {
+std::string Table::Render(bool colour, std::size_t indent, std::size_t gap) const {
   const std::vector<Extent> widths = Extents(columns_, rows_);
   std::string out;
   const auto add_line = [&](const auto& cell) {
-    std::string line, gap = Blanks(indent);
+    std::string line, blanks = Blanks(indent);
     for (std::size_t c = 0; c < columns_.size(); ++c) {
       const auto [before, text, after] = cell(c);
-      gap += Blanks(before);
+      blanks += Blanks(before);
       if (!text.empty()) {
-        line += gap + text;  // blanks are only written before something: none trail
-        gap.clear();
+        line += blanks + text;  // blanks are only written before something: none trail
+        blanks.clear();
       }
-      gap += Blanks(after + 2);
+      blanks += Blanks(after + gap);
     }
     out += line + "\n";
   };

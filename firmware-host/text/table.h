@@ -35,7 +35,8 @@ class Table {
   void AddGap() { rows_.emplace_back(); }
 
   // Title line, a rule, the rows; every line ends with '\n' and without trailing blanks.
-  std::string Render(bool colour, std::size_t indent = 2) const;
+  // `gap` blanks stand between columns.
+  std::string Render(bool colour, std::size_t indent = 2, std::size_t gap = 2) const;
 
  private:
   std::vector<Column> columns_;

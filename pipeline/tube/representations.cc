@@ -339,9 +339,10 @@ hal::Result<void> CheckProgram(const hal::BendProgram& program) {
       return bad(i, "rotation " + Number(row.rotation_deg) + "; expected degrees");
     }
     if (!(row.angle_deg >= 0 && row.angle_deg < 360)) {
-      return bad(i, "angle " + Number(row.angle_deg) +
-                        " degrees; expected 0 to 360 (a bend to the other side is a rotation of "
-                        "180 degrees)");
+      return bad(
+          i, "angle " + Number(row.angle_deg) +
+                 " degrees; expected 0 to less than 360 (a bend to the other side is a rotation of "
+                 "180 degrees)");
     }
     if (row.bend_radius_mm && !(*row.bend_radius_mm > 0 && std::isfinite(*row.bend_radius_mm))) {
       return bad(i, "bend radius " + Number(*row.bend_radius_mm) + " mm; expected more than 0");

@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
+#include <sstream>
 
+#include "drivers/session/session_writer.h"
+#include "hal/clock.h"
 #include "program.h"
 
 namespace bendloop::testing {
@@ -126,6 +133,136 @@ TEST(Usage, DoctorNamesEverything) {
     EXPECT_THAT(ran.out, HasSubstr(what));
   }
   EXPECT_EQ(scratch.Bendloop("doctor").code, 0);
+}
+
+// A program of ours with its standard output where it does not fit.
+Ran IntoAFullDisk(const Scratch& scratch, const std::string& program,
+                  const std::string& arguments) {
+  const auto err = scratch / ".err";
+  const std::string line = std::string(BENDLOOP_BIN_DIR) + "/" + program + " " + arguments +
+                           " >/dev/full 2>" + err.string() + " </dev/null";
+  const int status = std::system(line.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, "", Slurp(err)};
+}
+
+TEST(Usage, AFullStandardOutputIsFour) {
+  const Scratch scratch;
+  const std::string part = BENDLOOP_SOURCE_DIR "/config/parts/demo.toml";
+  std::ofstream(scratch / "lra.txt") << "L R A CLR\n100 0 90 20\n50\n";
+  for (const std::string& arguments :
+       {std::string("--help"), std::string("--version"), std::string("doctor"),
+        std::string("doctor --json"), std::string("check --help"), "check " + part,
+        "convert --to xyz " + (scratch / "lra.txt").string()}) {
+    const Ran ran = IntoAFullDisk(scratch, "bendloop", arguments);
+    EXPECT_EQ(ran.code, 4) << arguments;
+    EXPECT_THAT(ran.err, HasSubstr("standard output: cannot be written")) << arguments;
+  }
+  for (const char* program : {"bendloop-simbender", "bendloop-simscanner", "bendloopd"}) {
+    EXPECT_EQ(IntoAFullDisk(scratch, program, "--help").code, 4) << program;
+  }
+}
+
+TEST(Usage, NothingIsWiderThanATerminal) {
+  const Scratch scratch;
+  const auto expect_narrow = [&](const std::string& what, const std::string& text) {
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      EXPECT_LE(line.size(), 80u) << what << ": " << line;
+    }
+  };
+  for (const char* arguments : {"--help", "demo --help", "reconstruct --help", "replay --help",
+                                "simulate --help", "convert --help", "check --help",
+                                "doctor --help", "status --help", "doctor", "--version"}) {
+    expect_narrow(arguments, scratch.Bendloop(arguments).out);
+  }
+}
+
+TEST(Usage, NamesTheUnknownWordAndWhatWasMeant) {
+  const Scratch scratch;
+  const auto error_of = [&](const char* arguments) { return scratch.Bendloop(arguments).err; };
+  EXPECT_THAT(error_of("recontsruct x"),
+              HasSubstr("no command recontsruct; did you mean reconstruct?"));
+  EXPECT_THAT(error_of("reconstruct x --unitz mm"),
+              HasSubstr("no option --unitz; did you mean --units?"));
+  const Ran help = scratch.Bendloop("help");
+  EXPECT_EQ(help.code, 0);
+  EXPECT_EQ(help.out, scratch.Bendloop("--help").out);
+  EXPECT_EQ(scratch.Bendloop("help convert").out, scratch.Bendloop("convert --help").out);
+  const Ran version = scratch.Bendloop("-V");
+  EXPECT_EQ(version.code, 0);
+  EXPECT_THAT(version.out, HasSubstr("\nbuild: "));
+  EXPECT_THAT(version.out, HasSubstr("Eigen 3"));
+}
+
+TEST(Usage, NotANumberIsNoNumber) {
+  const Scratch scratch;
+  for (const char* arguments : {"reconstruct x --pipe-radius nan",
+                                "convert --to lra --bend-radius nan", "demo --spacing nan"}) {
+    const Ran ran = scratch.Bendloop(arguments);
+    EXPECT_EQ(ran.code, 2) << arguments;
+    EXPECT_THAT(ran.err, HasSubstr("found nan, expected ")) << arguments;
+  }
+}
+
+TEST(Usage, WhatIsNoSessionIsNotWrittenOver) {
+  const Scratch scratch;
+  const std::string file = (scratch / "notes.txt").string();
+  std::ofstream(file) << "dear";
+  const std::string simulate = std::string("simulate --part ") + BENDLOOP_SOURCE_DIR +
+                               "/config/parts/demo.toml --spacing 10 --rays 50 --views 1 --out ";
+  const Ran refused = scratch.Bendloop(simulate + file);
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("is no session and is not written over"));
+  EXPECT_EQ(Slurp(file), "dear");
+  EXPECT_EQ(scratch.Bendloop(simulate + file + " --force").code, 0);
+  EXPECT_EQ(scratch.Bendloop(simulate + file).code, 0);  // a session by now
+}
+
+TEST(Usage, CheckIsOnlyContentWithWhatAReplayTakes) {
+  const Scratch scratch;
+  const std::string session = (scratch / "a.session").string();
+  const hal::ManualClock clock;
+  {
+    auto writer = drivers::SessionWriter::Create(session, clock);
+    ASSERT_TRUE(writer->SetMeta("context", "{"));
+    hal::LaserProfile profile(1);
+    ASSERT_TRUE(writer->Write(profile));
+    ASSERT_TRUE(writer->Finish());
+  }
+  const Ran ran = scratch.Bendloop("check " + session);
+  EXPECT_EQ(ran.code, 3);
+  EXPECT_THAT(ran.err, HasSubstr("meta 'context': found text that is not JSON"));
+}
+
+TEST(Usage, AMapCoarserThanTheToleranceIsRefused) {
+  const Scratch scratch;
+  const std::filesystem::path shipped = BENDLOOP_SOURCE_DIR "/config";
+  std::string map = Slurp(shipped / "register-maps/default.toml");
+  const std::string fine = "type = \"int32\", scale = 0.001";
+  const std::size_t at = map.find(fine, map.find("angle_deg "));
+  ASSERT_NE(at, std::string::npos);
+  map.replace(at, fine.size(), "type = \"int32\", scale = 1.0");
+  std::ofstream(scratch / "map.toml") << map;
+  std::ofstream(scratch / "part.toml") << Slurp(shipped / "parts/demo.toml");
+  std::ofstream(scratch / "cell.toml")
+      << "schema = \"bendloop.cell/1\"\nname = \"c\"\npart = \"part.toml\"\n"
+         "[scanner]\nkind = \"simulated\"\n[bender]\nlink = \"simulated\"\n"
+         "register_map = \"map.toml\"\n";
+  const Ran ran = scratch.Bendloop("check " + (scratch / "cell.toml").string());
+  EXPECT_EQ(ran.code, 3) << ran.err;
+  EXPECT_THAT(ran.err, HasSubstr("coarser than the part's tolerance"));
+}
+
+TEST(Usage, TwoDemosDoNotShareAFolder) {
+  const Scratch scratch;
+  const auto folder = scratch / "out";
+  std::filesystem::create_directory(folder);
+  const int marker = open((folder / ".bendloop-demo").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  ASSERT_EQ(flock(marker, LOCK_EX), 0);
+  const Ran second = scratch.Bendloop("demo --quick --out " + folder.string());
+  EXPECT_EQ(second.code, 2);
+  EXPECT_THAT(second.err, HasSubstr("another demo runs in"));
+  close(marker);
 }
 
 }  // namespace

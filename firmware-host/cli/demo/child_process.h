@@ -33,11 +33,11 @@ class ChildProcess {
   std::optional<int> Exited();
   // Closes its input, asks it to end (SIGTERM), kills it after `patience`.
   int Stop(std::chrono::milliseconds patience);
+  // The error log's last line, to be put behind a message.
+  std::string LastWords() const;
 
  private:
   ChildProcess() = default;
-  // The error log's last line, for messages.
-  std::string LastWords() const;
 
   std::string name_;
   std::filesystem::path error_log_;

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cli/demo/demo.h"
 
+#include <signal.h>
 #include <unistd.h>
 
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <iostream>
 #include <optional>
@@ -25,6 +27,7 @@
 #include "firmware-host/text/progress.h"
 #include "firmware-host/text/result_text.h"
 #include "firmware-host/text/style.h"
+#include "firmware-host/text/table.h"
 
 namespace bendloop::host {
 namespace {
@@ -37,6 +40,34 @@ constexpr auto kStartTimeout = 30s;
 constexpr auto kBendTimeout = 30s;
 constexpr auto kPartTimeout = 180s;
 constexpr auto kPollPeriod = 50ms;
+constexpr auto kFarewell = 10s;  // of the daemon, when the demo is interrupted
+
+volatile std::sig_atomic_t g_signal = 0;
+
+extern "C" void OnSignal(int signal) { g_signal = signal; }
+
+// Ctrl-C ends the demo in good order: the processes close what they have open.
+class CatchInterrupts {
+ public:
+  CatchInterrupts() {
+    struct sigaction action {};
+    action.sa_handler = OnSignal;
+    sigaction(SIGINT, &action, nullptr);
+    sigaction(SIGTERM, &action, nullptr);
+  }
+  CatchInterrupts(const CatchInterrupts&) = delete;
+  CatchInterrupts& operator=(const CatchInterrupts&) = delete;
+  // Ends the process as the signal would have; the shell knows then that it was interrupted.
+  ~CatchInterrupts() {
+    signal(SIGINT, SIG_DFL);
+    signal(SIGTERM, SIG_DFL);
+    if (g_signal != 0) raise(g_signal);
+  }
+};
+
+tl::unexpected<hal::Error> Interrupted() {
+  return hal::Fail(hal::ErrorKind::kDevice, "the demo was interrupted");
+}
 
 // What the press really does: more springback and stretch than the part file says, and scatter.
 const std::vector<std::string> kPhysics = {"--springback-20",    "1.9",  "--springback-120", "5.2",
@@ -96,6 +127,7 @@ class Demo {
   hal::Result<void> Run();
 
  private:
+  hal::Result<void> RunParts();
   hal::Result<void> Launch(std::optional<ChildProcess>& child, const std::string& program,
                            const std::vector<std::string>& arguments);
   hal::Result<void> StartProcesses();
@@ -108,6 +140,7 @@ class Demo {
   hal::Result<RunResult> MakePart(std::uint32_t part);
   hal::Result<void> AwaitResult(const fs::path& file);
   void ShowProgress();
+  std::string Problem() const;
   hal::Result<void> Conclude();
   fs::path Log(const char* name) const { return options_.out / "logs" / name; }
 
@@ -231,10 +264,10 @@ hal::Result<void> Demo::AwaitDaemon() {
   while (Clock::now() < deadline) {
     if (const auto code = daemon_->Exited()) {
       return hal::Fail(hal::ErrorKind::kDevice, "bendloopd ended with exit code " +
-                                                    std::to_string(*code) + "; see " +
-                                                    Log("bendloopd.log").string());
+                                                    std::to_string(*code) + daemon_->LastWords());
     }
     const auto status = FetchStatus(options_.out / "status.json");
+    if (g_signal != 0) return Interrupted();
     if (status && status->value("state", "") == "waiting for a scan") {
       std::cout << "daemon   bendloopd, ready\n" << std::flush;
       return {};
@@ -261,12 +294,28 @@ void Demo::ShowProgress() {
   if (!error) progress_.Show(view, nominal_length_mm_);
 }
 
+// What keeps the daemon from keeping what the demo waits for, a full disk above all.
+std::string Demo::Problem() const {
+  const auto status = FetchStatus(options_.out / "status.json");
+  if (!status) return "";
+  const std::string problem = status->value("problem", "");
+  if (!problem.empty()) return problem;
+  return status->value(Json::json_pointer("/health/recorder_error"), std::string());
+}
+
 hal::Result<void> Demo::AwaitResult(const fs::path& file) {
   const auto deadline = Clock::now() + kPartTimeout;
   std::error_code error;
   while (Clock::now() < deadline) {
     if (fs::exists(file, error)) return {};
-    if (daemon_->Exited() && !fs::exists(file, error)) break;
+    if (g_signal != 0) return Interrupted();
+    if (daemon_->Exited() && !fs::exists(file, error)) {
+      return hal::Fail(hal::ErrorKind::kDevice, "bendloopd ended without a result for " +
+                                                    file.stem().string() + daemon_->LastWords());
+    }
+    if (const std::string problem = Problem(); !problem.empty()) {
+      return hal::Fail(hal::ErrorKind::kDevice, "bendloopd: " + problem);
+    }
     ShowProgress();
     std::this_thread::sleep_for(kPollPeriod);
   }
@@ -278,6 +327,7 @@ hal::Result<void> Demo::AwaitResult(const fs::path& file) {
 hal::Result<void> Demo::AwaitCount(std::uint32_t part) {
   const auto deadline = Clock::now() + kBendTimeout;
   while (Clock::now() < deadline) {
+    if (g_signal != 0) return Interrupted();
     const auto status = FetchStatus(options_.out / "status.json");
     const Json::json_pointer count("/bender/parts_bent");
     if (status && status->contains(count) && status->at(count) == part) return {};
@@ -309,7 +359,8 @@ hal::Result<RunResult> Demo::MakePart(std::uint32_t part) {
   const auto text = ReadWholeFile(file);
   if (!text) return hal::Fail(text.error());
   auto result = ReadResultJson(*text, file.string());
-  if (result) std::cout << RunText(*result, options_.colour) << std::flush;
+  if (result)
+    std::cout << RunText(*result, options_.colour, SentenceColumns(STDOUT_FILENO)) << std::flush;
   return result;
 }
 
@@ -318,16 +369,18 @@ hal::Result<void> Demo::Conclude() {
             << Paint("Largest deviations from the nominal", Style::kStrong, options_.colour)
             << "\n";
   std::vector<Worst> worst;
+  Table table({{"part", Align::kRight},
+               {"length mm", Align::kDecimal},
+               {"rotation deg", Align::kDecimal},
+               {"angle deg", Align::kDecimal},
+               {"of tolerance", Align::kDecimal}});
   for (const RunResult& result : results_) {
     worst.push_back(WorstOf(result));
-    char line[160];
-    std::snprintf(line, sizeof line,
-                  "  part %zu   length %7.3f mm   rotation %7.3f deg   angle %7.3f deg   %5.2f of "
-                  "the tolerance\n",
-                  worst.size(), worst.back().length_mm, worst.back().rotation_deg,
-                  worst.back().angle_deg, worst.back().of_tolerance);
-    std::cout << line;
+    const Worst& last = worst.back();
+    table.Add({std::to_string(worst.size()), Fixed(last.length_mm, 3), Fixed(last.rotation_deg, 3),
+               Fixed(last.angle_deg, 3), Fixed(last.of_tolerance, 2)});
   }
+  std::cout << table.Render(options_.colour);
   const std::string last = NameOf(static_cast<std::uint32_t>(results_.size()));
   const auto show = [&](const char* what, const fs::path& path) {
     std::cout << what << path.string() << "\n";
@@ -340,8 +393,8 @@ hal::Result<void> Demo::Conclude() {
   show("results   ", options_.out / "results");
   show("sessions  ", options_.out / "sessions");
   std::cout << "again     bendloop replay "
-            << (options_.out / "sessions" / (last + ".session")).string() << " --config "
-            << (options_.out / "cell.toml").string() << "\n"
+            << (options_.out / "sessions" / (last + ".session")).string()
+            << " \\\n            --config " << (options_.out / "cell.toml").string() << "\n"
             << std::flush;
   if (worst.size() >= 2 && !(worst[1].of_tolerance < worst[0].of_tolerance)) {
     return hal::Fail(hal::ErrorKind::kRefused, "the second part is not better than the first");
@@ -350,6 +403,13 @@ hal::Result<void> Demo::Conclude() {
 }
 
 hal::Result<void> Demo::Run() {
+  auto done = RunParts();
+  // The others have nothing to lose.
+  if (!done && daemon_) (void)daemon_->Stop(kFarewell);
+  return done;
+}
+
+hal::Result<void> Demo::RunParts() {
   if (auto started = StartProcesses(); !started) return started;
   for (std::uint32_t part = 1; part <= options_.parts; ++part) {
     auto result = MakePart(part);
@@ -358,7 +418,9 @@ hal::Result<void> Demo::Run() {
   }
   // The daemon ends by itself after the last part, with everything on the disk.
   const auto deadline = Clock::now() + kStartTimeout;
-  while (!daemon_->Exited() && Clock::now() < deadline) std::this_thread::sleep_for(kPollPeriod);
+  while (!daemon_->Exited() && Clock::now() < deadline && g_signal == 0) {
+    std::this_thread::sleep_for(kPollPeriod);
+  }
   const int code = daemon_->Stop(5s);
   if (code != 0) {
     return hal::Fail(hal::ErrorKind::kDevice, "bendloopd ended with exit code " +
@@ -371,6 +433,9 @@ hal::Result<void> Demo::Run() {
 }  // namespace
 
 hal::Result<void> RunDemo(const DemoOptions& options) {
+  const CatchInterrupts interrupts;
+  const auto lock = LockDemoFolder(options.out);
+  if (!lock) return hal::Fail(lock.error());
   if (auto written = WriteDemoFiles(options); !written) return written;
   auto cell = config::LoadCell(options.out / "cell.toml");
   if (!cell) return hal::Fail(cell.error());

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cli/demo/demo_files.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -8,6 +13,7 @@
 
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cli/demo/shipped_texts.h"
+#include "firmware-host/console/output_file.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/result/program_json.h"
 #include "pipeline/correction/material.h"
@@ -48,19 +54,9 @@ std::string CellText(const std::string& bender) {
   return std::string(kCellHead) + "\n[bender]\n" + bender + kCellTail;
 }
 
-hal::Result<void> Clear(const fs::path& out) {
+// The marker stays: it is the lock, and a removal cut short can be taken up again.
+void Clear(const fs::path& out) {
   std::error_code error;
-  if (!fs::exists(out, error)) return {};
-  if (!fs::is_directory(out, error)) {
-    return hal::Fail(hal::ErrorKind::kUsage,
-                     "--out: '" + out.string() + "' is no folder; name another one");
-  }
-  if (!fs::exists(out / kMarker, error) && !fs::is_empty(out, error)) {
-    return hal::Fail(hal::ErrorKind::kUsage, "--out: '" + out.string() +
-                                                 "' holds files that are not of a demo; name an "
-                                                 "empty or a new folder");
-  }
-  // The marker goes last, so that a removal cut short can be taken up again.
   for (const char* name : {"cell.toml",
                            "live-cell.toml",
                            "part.toml",
@@ -77,19 +73,48 @@ hal::Result<void> Clear(const fs::path& out) {
                            "lot.json",
                            "lock",
                            "status.json",
+                           "status.sock",
                            "report.html",
                            "results",
                            "sessions",
                            "tray",
                            "scans",
-                           "logs",
-                           kMarker}) {
+                           "logs"}) {
     fs::remove_all(out / name, error);
   }
-  return {};
 }
 
 }  // namespace
+
+DemoLock::~DemoLock() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+hal::Result<DemoLock> LockDemoFolder(const fs::path& out) {
+  std::error_code error;
+  if (fs::exists(out, error) && !fs::is_directory(out, error)) {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     "--out: '" + out.string() + "' is no folder; name another one");
+  }
+  if (!fs::exists(out / kMarker, error) && fs::exists(out, error) && !fs::is_empty(out, error)) {
+    return hal::Fail(hal::ErrorKind::kUsage, "--out: '" + out.string() +
+                                                 "' holds files that are not of a demo; name an "
+                                                 "empty or a new folder");
+  }
+  const auto failed = [&](const std::string& why) {
+    return hal::Fail(hal::ErrorKind::kDevice, out.string() + ": cannot be created: " + why);
+  };
+  fs::create_directories(out, error);
+  if (error) return failed(error.message());
+  const int file = ::open((out / kMarker).c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
+  if (file < 0) return failed(std::generic_category().message(errno));
+  DemoLock lock(file);
+  if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
+    return hal::Fail(hal::ErrorKind::kUsage, "--out: another demo runs in '" + out.string() +
+                                                 "'; name another folder, or wait for its end");
+  }
+  return lock;
+}
 
 fs::path LiveCellFile(const DemoOptions& options) {
   return options.out / (options.link == DemoLink::kTcp ? "cell.toml" : "live-cell.toml");
@@ -103,7 +128,7 @@ hal::Result<void> WriteDemoFiles(const DemoOptions& options) {
     if (!text) return hal::Fail(text.error());
     part = std::move(*text);
   }
-  if (auto cleared = Clear(out); !cleared) return cleared;
+  Clear(out);
   std::error_code error;
   fs::create_directories(out / "tray", error);
   fs::create_directories(out / "logs", error);
@@ -113,7 +138,6 @@ hal::Result<void> WriteDemoFiles(const DemoOptions& options) {
                      out.string() + ": cannot be created: " + error.message());
   }
   std::vector<std::pair<const char*, std::string>> files = {
-      {kMarker, ""},
       {"cell.toml", CellText("link = \"simulated\"\nregister_map = \"register-map.toml\"\n")},
       {"part.toml", part},
       {"register-map.toml", kDefaultRegisterMap}};
@@ -132,7 +156,7 @@ hal::Result<void> WriteDemoFiles(const DemoOptions& options) {
     files.emplace_back("bender.eds", kDefaultObjectDictionary);
   }
   for (const auto& [name, text] : files) {
-    if (auto written = WriteFileAtomically(out / name, text); !written) return written;
+    if (auto written = WriteOutputFile(out / name, text); !written) return written;
   }
   return {};
 }
@@ -142,8 +166,7 @@ hal::Result<void> WriteFirstProgram(const fs::path& out, const config::CellConfi
   if (!nominal) return hal::Fail(nominal.error());
   const auto first = pipeline::InitialProgram(*nominal, MaterialOf(cell.part));
   if (!first) return hal::Fail(first.error());
-  return WriteFileAtomically(out / "first-program.json",
-                             Dump({{"rows", RowsJson(*first)}}, 2) + "\n");
+  return WriteOutputFile(out / "first-program.json", Dump({{"rows", RowsJson(*first)}}, 2) + "\n");
 }
 
 }  // namespace bendloop::host

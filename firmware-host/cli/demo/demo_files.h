@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <utility>
 
 #include "config/cell_config.h"
 #include "firmware-host/cli/demo/demo.h"
@@ -9,11 +10,27 @@
 
 namespace bendloop::host {
 
+// Holds a demo's folder against a second demo, until the process ends or this object does.
+class DemoLock {
+ public:
+  explicit DemoLock(int descriptor) : descriptor_(descriptor) {}
+  DemoLock(DemoLock&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
+  DemoLock& operator=(DemoLock&&) = delete;
+  ~DemoLock();
+
+ private:
+  int descriptor_;
+};
+
+// Creates the folder where there is none and takes it. kUsage when another demo runs in it, or when
+// it holds files that are not of a demo.
+hal::Result<DemoLock> LockDemoFolder(const std::filesystem::path& out);
+
 // The demo's folder: cell.toml, part.toml, register-map.toml, first-program.json. It is the cell's
 // state_dir as well, so results/, sessions/ and the rest come to stand beside them.
 // For a bender on CAN there is live-cell.toml with what it names, for the daemon; a replay takes
 // cell.toml all the same, and simulates the bender itself.
-// What an earlier demo left there is removed; a folder with anything else in it is kUsage.
+// What an earlier demo left there is removed. The folder must be locked.
 hal::Result<void> WriteDemoFiles(const DemoOptions& options);
 
 // The cell file that the daemon runs.

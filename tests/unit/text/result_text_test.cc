@@ -21,8 +21,18 @@ TEST(ComparisonText, PutsNominalMeasuredAndCorrectedSideBySide) {
   // Bend 2: 45 nominal, 46.5 measured, OUT of 0.5, corrected by 0.8 of 1.5.
   EXPECT_THAT(text, testing::ContainsRegex("angle +deg +45\\.000 +46\\.500 +0\\.015 +\\+1\\.500 +"
                                            "0\\.500 +OUT +43\\.800 +-1\\.200"));
-  EXPECT_THAT(text, testing::ContainsRegex("4 +length .*50\\.300 .*\\+0\\.000 +deadband"));
+  EXPECT_THAT(text, testing::ContainsRegex("4 +length .*50\\.300 .*\\+0\\.000\n"));
+  EXPECT_THAT(text, HasSubstr("\n  deadband: L4\n"));
   EXPECT_THAT(text, Not(HasSubstr("\x1b")));
+}
+
+TEST(ComparisonText, FitsAnEightyColumnTerminal) {
+  RunResult run = SampleRun(1, 1.5);
+  run.inspection->rows[1].rotation_deg.state = pipeline::ToleranceState::kUndecided;
+  for (const std::string& text : {ComparisonText(run, false), RunText(run, false, 80)}) {
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);) EXPECT_LE(line.size(), 80u) << line;
+  }
 }
 
 TEST(ComparisonText, EveryNumberOfAColumnHasItsPointInTheSamePlace) {

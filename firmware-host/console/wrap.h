@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace bendloop::host {
+
+// The columns of a terminal that says nothing about itself, and of every --help.
+inline constexpr std::size_t kPlainColumns = 80;
+
+// `text` in lines of at most `columns` characters, broken at blanks; a longer word has its own
+// line. Never empty.
+std::vector<std::string> WrapWords(std::string_view text, std::size_t columns);
+
+}  // namespace bendloop::host
