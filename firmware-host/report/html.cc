@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/report/html.h"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 
 namespace bendloop::host {
 
@@ -63,6 +65,15 @@ std::string Base64(std::span<const float> values) {
   }
   if (bytes > 0) flush();
   return out;
+}
+
+int TickDecimals(double value) {
+  double ten = 1;
+  for (int decimals = 0; decimals < 4; ++decimals, ten *= 10) {
+    const double half = value / 2 * ten;
+    if (std::abs(half - std::round(half)) < 1e-6 * std::max(1.0, std::abs(half))) return decimals;
+  }
+  return 4;
 }
 
 StateMark MarkOf(pipeline::ToleranceState state) {

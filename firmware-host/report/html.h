@@ -29,4 +29,7 @@ struct StateMark {
 StateMark MarkOf(pipeline::ToleranceState state);
 StateMark MarkOf(pipeline::Verdict verdict);
 
+// Decimals with which `value` and its half are written exactly: the labels of an axis. At most 4.
+int TickDecimals(double value);
+
 }  // namespace bendloop::host

@@ -40,17 +40,36 @@ std::string Legend(bool unknown) {
   return unknown ? "<p><small>" + Escape(kUnknownLegend) + "</small></p>" : "";
 }
 
+// The deviation within its limits, as a setter's dial: the band is the tolerance, the line is 1
+// sigma to both sides. What lies beyond twice the limit stands at the end.
+std::string ToleranceBar(const Deviation& d) {
+  if (!d.tolerance || !(*d.tolerance > 0) || !std::isfinite(d.deviation)) return "<td></td>";
+  constexpr double kWidth = 80,
+                   kLimit = 20;  // of the drawing; the limit's distance from the middle
+  const auto x = [&](double value) {
+    return Fixed(std::clamp(kWidth / 2 + value / *d.tolerance * kLimit, 2.0, kWidth - 2), 1);
+  };
+  const double sigma = std::isfinite(d.sigma) ? d.sigma : 0;
+  return "<td class=\"dial\"><svg viewBox=\"0 0 80 14\" aria-hidden=\"true\">"
+         "<path class=\"axis\" d=\"M0 7h80\"/><rect class=\"band\" x=\"20\" y=\"1\" "
+         "width=\"40\" height=\"12\"/><path class=\"axis\" d=\"M40 1v12\"/><path "
+         "class=\"sigma\" d=\"M" +
+         x(d.deviation - sigma) + " 7H" + x(d.deviation + sigma) + "\"/><circle cx=\"" +
+         x(d.deviation) + "\" cy=\"7\" r=\"3.5\"/></svg></td>";
+}
+
 std::string AxisRow(const std::string& head, RowValueKind kind, const Deviation& d, bool corrected,
                     const AxisCorrection* correction, bool& unknown) {
   static constexpr const char* kNames[] = {"length", "rotation", "angle", "CLR"};
   static constexpr const char* kUnits[] = {"mm", "deg", "deg", "mm"};
   const auto axis = static_cast<std::size_t>(kind);
-  std::string html =
-      "<tr class=\"" + std::string(MarkOf(d.state).css) + "\">" + head + "<th scope=\"row\">" +
-      kNames[axis] + " <small>" + kUnits[axis] + "</small></th>" + Number(d.nominal) +
-      WithSigma(kind, d.measured, d.sigma, unknown) +
-      Change(d.deviation, SigmaDecimals(d.sigma, 3)) + "<td class=\"n\">" +
-      (d.tolerance ? "&#177;" + Fixed(*d.tolerance, 2) : "") + "</td>" + StateCell(d.state);
+  std::string html = "<tr class=\"" + std::string(MarkOf(d.state).css) + "\" data-unit=\"" +
+                     kUnits[axis] + "\">" + head + "<th scope=\"row\">" + kNames[axis] +
+                     " <small>" + kUnits[axis] + "</small></th>" + Number(d.nominal) +
+                     WithSigma(kind, d.measured, d.sigma, unknown) +
+                     Change(d.deviation, SigmaDecimals(d.sigma, 3)) + "<td class=\"n\">" +
+                     (d.tolerance ? "&#177;" + Fixed(*d.tolerance, 2) : "") + "</td>" +
+                     ToleranceBar(d) + StateCell(d.state);
   if (corrected && correction) {
     html += Number(correction->commanded) + Number(correction->corrected) +
             Change(correction->applied) + "<td class=\"flag\">" + FlagText(correction->flags) +
@@ -207,7 +226,27 @@ std::string TimingBody(const RunResult& run) {
   return html + "</tbody></table>";
 }
 
+std::string Developers(const RunResult& run) {
+  const std::string timing = TimingBody(run);
+  if (timing.empty()) return "";
+  return "<details class=\"developers\"><summary>For developers: how long each step "
+         "took</summary>" +
+         timing + "</details>\n";
+}
+
 }  // namespace
+
+std::string PartNumber(const RunResult& run, std::size_t index) {
+  const std::string& name = run.session;
+  const std::size_t last = name.find_last_not_of("0123456789");
+  const std::size_t from = name.find_first_not_of('0', last == std::string::npos ? 0 : last + 1);
+  const bool numbered = last != std::string::npos && last > 0 && name[last] == '-';
+  constexpr std::size_t kLongest = 9;  // a date and time is no number of a part
+  if (!numbered || from == std::string::npos || name.size() - from > kLongest) {
+    return std::to_string(index + 1);
+  }
+  return name.substr(from);
+}
 
 std::string OutcomeText(const RunResult& run) {
   if (run.bender && run.bender->outcome == CommitOutcome::kCommitted) {
@@ -233,13 +272,14 @@ std::string RowsHtml(const RunResult& run) {
   const auto& rows = run.inspection->rows;
   const bool corrected = run.correction && run.correction->rows.size() == rows.size();
   std::string html =
-      "<table class=\"rows\"><thead><tr><th>row</th><th></th><th class=\"n\">nominal</th>"
-      "<th class=\"n\">measured</th><th class=\"n\">&#177;1&#963;</th>"
-      "<th class=\"n\">deviation</th><th class=\"n\">limit</th><th></th>";
+      "<table class=\"rows\"><thead><tr><th>row</th><th></th><th class=\"n spare\">nominal</th>"
+      "<th class=\"n\">measured</th><th class=\"n spare\">&#177;1&#963;</th>"
+      "<th class=\"n\">deviation</th><th class=\"n spare\">limit</th><th class=\"dial\"></th>"
+      "<th></th>";
   if (corrected) {
     html +=
-        "<th class=\"n\">commanded</th><th class=\"n\">corrected</th>"
-        "<th class=\"n\">change</th><th></th>";
+        "<th class=\"n spare\">commanded</th><th class=\"n spare\">corrected</th>"
+        "<th class=\"n spare\">change</th><th class=\"spare\"></th>";
   }
   html += "</tr></thead>\n";
   bool unknown = false;
@@ -270,8 +310,7 @@ std::string RowsHtml(const RunResult& run) {
 
 std::string CardsHtml(const RunResult& run) {
   return Card("Inspection", InspectionBody(run)) + Card("Correction", CorrectionBody(run)) +
-         Card("Interlocks", InterlocksBody(run)) + Card("Fit", FitBody(run)) +
-         Card("Timing", TimingBody(run));
+         Card("Interlocks", InterlocksBody(run)) + Card("Fit", FitBody(run)) + Developers(run);
 }
 
 }  // namespace bendloop::host

@@ -67,29 +67,33 @@ std::string Worst(const RunResult& run, pipeline::Deviation pipeline::RowInspect
 std::string SelectorHtml(std::span<const RunResult> runs) {
   std::string html =
       "<section class=\"parts\"><h2>Parts</h2><div class=\"scroll\"><table><thead><tr>"
-      "<th>part</th><th>scan</th><th>verdict</th><th class=\"n\">worst angle</th>"
-      "<th class=\"n\">worst length</th><th class=\"n\">worst rotation</th>"
-      "<th class=\"n\">surface, 99 %</th><th>correction</th></tr></thead><tbody>\n";
+      "<th>part</th><th>verdict</th><th class=\"n\">worst angle</th>"
+      "<th class=\"n wide\">worst length</th><th class=\"n wide\">worst rotation</th>"
+      "<th class=\"n wide\">surface, 99 %</th><th class=\"wide\">scan</th>"
+      "<th class=\"wide\">correction</th></tr></thead><tbody>\n";
   for (std::size_t i = 0; i < runs.size(); ++i) {
     const RunResult& run = runs[i];
-    const std::string number = std::to_string(i + 1);
+    const std::string number = PartNumber(run, i);
     const bool compared = run.inspection && !run.inspection->rows.empty();
-    html += "<tr data-part=\"" + std::to_string(i) +
+    html += "<tr data-part=\"" + std::to_string(i) + "\" data-number=\"" + number +
             "\"><th scope=\"row\"><button type=\"button\">" + number + "</button></th><td>" +
-            Escape(run.time.empty() ? run.session : ReadableTime(run.time)) + "</td><td>" +
             Badge(run) + "</td><td class=\"n\">" +
-            Worst(run, &pipeline::RowInspection::angle_deg, "&#176;") + "</td><td class=\"n\">" +
-            Worst(run, &pipeline::RowInspection::length_mm, "mm") + "</td><td class=\"n\">" +
-            Worst(run, &pipeline::RowInspection::rotation_deg, "&#176;") + "</td><td class=\"n\">" +
-            (compared ? Fixed(run.inspection->surface.p99_abs_mm, 3) + " mm" : "-") + "</td><td>" +
-            Escape(OutcomeText(run)) + "</td></tr>\n";
+            Worst(run, &pipeline::RowInspection::angle_deg, "&#176;") +
+            "</td><td class=\"n wide\">" + Worst(run, &pipeline::RowInspection::length_mm, "mm") +
+            "</td><td class=\"n wide\">" +
+            Worst(run, &pipeline::RowInspection::rotation_deg, "&#176;") +
+            "</td><td class=\"n wide\">" +
+            (compared ? Fixed(run.inspection->surface.p99_abs_mm, 3) + " mm" : "-") +
+            "</td><td class=\"wide\">" +
+            Escape(run.time.empty() ? run.session : ReadableTime(run.time)) +
+            "</td><td class=\"wide\">" + Escape(OutcomeText(run)) + "</td></tr>\n";
   }
   return html + "</tbody></table></div></section>\n";
 }
 
 std::string PartHtml(const RunResult& run, const Scene& scene, std::size_t index, bool shown,
                      double scale_mm) {
-  const std::string number = std::to_string(index + 1);
+  const std::string number = PartNumber(run, index);
   return "<article class=\"part\" data-part=\"" + std::to_string(index) + "\"" +
          (shown ? "" : " hidden") + "><h2>Part " + number + " <small>" + Escape(run.session) +
          "</small></h2>\n<div class=\"views\">" + ViewsSvg(scene, scale_mm) +
@@ -104,7 +108,9 @@ std::string ViewerHtml(const std::string& bars, bool compared) {
          "<option value=\"both\">both</option></select></label>"
          "<label>Deviation drawn <select id=\"factor\"><option value=\"1\">as it is</option>"
          "<option value=\"5\">5 times</option><option value=\"20\">20 times</option></select>"
-         "</label><label>Colours <select id=\"scale\"><option value=\"shared\">for all "
+         "</label><label>Lengths <select id=\"unit\"><option value=\"mm\">mm</option>"
+         "<option value=\"in\">inch</option></select></label>"
+         "<label>Colours <select id=\"scale\"><option value=\"shared\">for all "
          "parts</option>"
          "<option value=\"own\">for this part</option></select></label>"
          "<label><input type=\"checkbox\" id=\"ghost\" checked> nominal</label>"
@@ -112,11 +118,15 @@ std::string ViewerHtml(const std::string& bars, bool compared) {
          "<button type=\"button\" data-view=\"y\">front</button>"
          "<button type=\"button\" data-view=\"z\">top</button>"
          "<button type=\"button\" id=\"reset\">Reset view</button></div>"
-         "<div class=\"stage\"><div id=\"canvas\"></div><div id=\"labels\" aria-hidden=\"true\">"
-         "</div><div class=\"legend\"><b>" +
+         "<p class=\"fallback\">This browser shows no three-dimensional picture here (it has no "
+         "WebGL, "
+         "or runs no scripts). The three views below show the same tube in the same colours.</p>"
+         "<div class=\"picture\"><div class=\"stage\"><div id=\"canvas\"></div><div id=\"labels\" "
+         "aria-hidden=\"true\"></div><div id=\"readout\" role=\"status\"></div></div>"
+         "<div class=\"legend\"><div><b>" +
          std::string(compared ? "Deviation from nominal" : "Distance from the fit") +
-         "</b><small>+ outside, - inside the surface</small>" + bars +
-         "</div><div id=\"readout\" role=\"status\"></div></div>"
+         "</b><small>+ outside, - inside the surface</small></div>" + bars +
+         "</div></div>"
          "<p class=\"hint\">Drag to turn, wheel or pinch to zoom, right button or two fingers to "
          "move. Point at the tube to read a deviation.</p></section>\n";
 }
@@ -129,24 +139,50 @@ std::string HeadHtml(const std::string& title) {
   html += "\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
           title + " - tube report</title>\n<style>\n";
   html += ReportCss();
-  html += "</style>\n</head>\n<body>\n";
+  // Without a picture until the script has made one.
+  html += "</style>\n</head>\n<body class=\"no-webgl\">\n";
   html += kThreeLicence;
   return html;
 }
 
-std::string HeaderHtml(const std::string& title, const RunResult& last, std::size_t parts) {
-  std::string html = "<header><div><h1>" + title + "</h1><p>" + Escape(OutcomeText(last)) +
-                     "</p></div>" + Badge(last) + "<dl>";
+// What the head says of one part; only the chosen one's is shown.
+std::string PartHead(const RunResult& run, std::size_t index, bool shown, std::size_t parts) {
+  std::string html = "<div class=\"head\" data-part=\"" + std::to_string(index) + "\"" +
+                     (shown ? "" : " hidden") + "><p>" + Escape(OutcomeText(run)) + "</p>" +
+                     Badge(run) + "<dl>";
   const auto fact = [&](const char* name, const std::string& value) {
     if (!value.empty()) {
       html += "<div><dt>" + std::string(name) + "</dt><dd>" + Escape(value) + "</dd></div>";
     }
   };
-  fact("Scan", ReadableTime(last.time));
-  fact("Session", last.session);
-  fact("Parts in this report", std::to_string(parts));
-  fact("Software", last.software);
-  return html + "</dl></header>\n";
+  fact("Part", PartNumber(run, index) +
+                   (parts > 1 ? ", one of " + std::to_string(parts) + " in this report" : ""));
+  fact("Scan", ReadableTime(run.time));
+  fact("Session", run.session);
+  if (run.commanded) {
+    fact("Bent with", "program " + std::to_string(run.commanded->part_number) + ", sequence " +
+                          std::to_string(run.commanded->sequence));
+  }
+  fact("Software", run.software);
+  return html + "</dl></div>";
+}
+
+// Nobody tells the daemon these: they are written into the page, or by hand on the paper.
+std::string ByHandHtml() {
+  std::string html = "<div class=\"by-hand\">";
+  for (const char* name : {"Operator", "Lot", "Identity of the tube"}) {
+    html += std::string("<label>") + name +
+            " <input type=\"text\" autocomplete=\"off\" maxlength=\"60\"></label>";
+  }
+  return html + "</div>";
+}
+
+std::string HeaderHtml(const std::string& title, std::span<const RunResult> runs) {
+  std::string html = "<header><h1>" + title + "</h1>";
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    html += PartHead(runs[i], i, i + 1 == runs.size(), runs.size());
+  }
+  return html + ByHandHtml() + "</header>\n";
 }
 
 // The colour bar that all parts share, and each part's own.
@@ -190,7 +226,7 @@ std::string ReportHtml(std::span<const RunResult> runs, const ReportOptions& opt
                                    : last.part.empty()    ? "Tube"
                                                           : last.part);
 
-  std::string html = HeadHtml(title) + HeaderHtml(title, last, runs.size()) + "<main>\n";
+  std::string html = HeadHtml(title) + HeaderHtml(title, runs) + "<main>\n";
   if (runs.size() > 1) html += SelectorHtml(runs);
   html += ViewerHtml(BarsHtml(scenes, scale_mm, tolerance_mm), compared);
   for (std::size_t i = 0; i < runs.size(); ++i) {

@@ -25,14 +25,17 @@
   }
 
   // ---- which part is shown -------------------------------------------------------------------
-  // The last one, or report.html#part-2.
+  // The last one, or report.html#part-6, by its number.
   var chosen = data.parts.length - 1, show = function () {};
   var asked = /^#part-(\d+)$/.exec(location.hash);
-  if (asked && asked[1] >= 1 && asked[1] <= data.parts.length) chosen = asked[1] - 1;
+  document.querySelectorAll('.parts tr[data-number]').forEach(function (row) {
+    if (asked && row.dataset.number === asked[1]) chosen = Number(row.dataset.part);
+  });
   function choose(index) {
     chosen = index;
-    document.querySelectorAll('article.part').forEach(function (article) {
-      article.hidden = Number(article.dataset.part) !== index;
+    // Head, rows and views: what is shown and printed is of one part.
+    document.querySelectorAll('article.part, .head').forEach(function (piece) {
+      piece.hidden = Number(piece.dataset.part) !== index;
     });
     document.querySelectorAll('.parts tr[data-part]').forEach(function (row) {
       var on = Number(row.dataset.part) === index;
@@ -45,6 +48,35 @@
     row.addEventListener('click', function () { choose(Number(row.dataset.part)); });
   });
 
+  // ---- lengths in inches ---------------------------------------------------------------------
+  // Two decimals more than in mm say as much.
+  function inInches(number) {
+    return number.replace(/\d+(\.\d+)?/, function (digits) {
+      var decimals = (digits.split('.')[1] || '').length + 2;
+      return (Number(digits) / 25.4).toFixed(decimals > 2 ? decimals - 1 : decimals);
+    });
+  }
+  var lengths = [];
+  function keep(element, converted) {
+    lengths.push({element: element, mm: element.textContent, inch: converted});
+  }
+  document.querySelectorAll('tr[data-unit="mm"]').forEach(function (row) {
+    row.querySelectorAll('td.n').forEach(function (cell) {
+      keep(cell, inInches(cell.textContent));
+    });
+    var unit = row.querySelector('small');
+    if (unit) keep(unit, 'in');
+  });
+  document.querySelectorAll('.parts td.n, .part dd').forEach(function (element) {
+    if (element.children.length === 0 && / mm$/.test(element.textContent)) {
+      keep(element, inInches(element.textContent).replace(/ mm$/, ' in'));
+    }
+  });
+  byId('unit').addEventListener('change', function () {
+    var inch = byId('unit').value === 'in';
+    lengths.forEach(function (each) { each.element.textContent = inch ? each.inch : each.mm; });
+  });
+
   // ---- the picture ---------------------------------------------------------------------------
   var renderer = null;
   try {
@@ -53,10 +85,13 @@
     renderer = null;
   }
   if (!renderer || !data.parts.some(function (part) { return part.measured; })) {
-    document.body.classList.add('no-webgl');
     choose(chosen);
     return;
   }
+  document.body.classList.remove('no-webgl');
+  renderer.domElement.addEventListener('webglcontextlost', function () {
+    document.body.classList.add('no-webgl');
+  });
 
   var holder = byId('canvas'), labels = byId('labels'), readout = byId('readout');
   holder.appendChild(renderer.domElement);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "firmware-host/report/html.h"
+#include "firmware-host/report/part_html.h"
 #include "firmware-host/text/table.h"
 
 namespace bendloop::host {
@@ -55,7 +56,7 @@ std::string Marker(std::size_t series, double x, double y, const std::string& ti
 
 double NiceCeil(double value) {
   for (double decade = 1e-3; decade < 1e9; decade *= 10) {
-    for (const double step : {1.0, 1.5, 2.0, 3.0, 5.0, 8.0}) {
+    for (const double step : {1.0, 2.0, 4.0, 6.0, 8.0}) {
       if (value <= step * decade) return step * decade;
     }
   }
@@ -112,7 +113,7 @@ class Chart {
         svg += "<line class=\"limit\" x1=\"58\" x2=\"428\" y1=\"" + y + "\" y2=\"" + y + "\"/>";
       }
     }
-    const int decimals = range_ < 0.1 ? 3 : range_ < 1 ? 2 : 1;
+    const int decimals = TickDecimals(range_);
     for (const double part : {1.0, 0.5, 0.0, -0.5, -1.0}) {
       const std::string y = Fixed(Y(part * range_), 1);
       svg += "<line class=\"" + std::string(part == 0 ? "zero" : "grid") +
@@ -128,7 +129,7 @@ class Chart {
     const std::size_t every = 1 + (runs_.size() - 1) / 15;
     for (std::size_t i = 0; i < runs_.size(); i += every) {
       svg += "<text x=\"" + Fixed(kLeft + Slot() * (static_cast<double>(i) + 0.5), 1) +
-             "\" y=\"214\" text-anchor=\"middle\">" + std::to_string(i + 1) + "</text>";
+             "\" y=\"214\" text-anchor=\"middle\">" + PartNumber(*runs_[i], i) + "</text>";
     }
     return svg + "<text x=\"243\" y=\"232\" text-anchor=\"middle\">part</text>";
   }
@@ -148,7 +149,7 @@ class Chart {
                  "\"/>";
       }
       marks += Marker(series, x, y,
-                      "part " + std::to_string(i + 1) + ", " + axis_.series + " " +
+                      "part " + PartNumber(*runs_[i], i) + ", " + axis_.series + " " +
                           std::to_string(row + 1) + ": " + Signed(d.deviation, 3) + " +- " +
                           Fixed(d.sigma, 3) + " " + axis_.unit);
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "firmware-host/report/html.h"
 #include "firmware-host/text/table.h"
 
 namespace bendloop::host {
@@ -121,7 +122,7 @@ std::string ViewsSvg(const Scene& scene, double scale_mm) {
 
 std::string ColourBarSvg(double scale_mm, double tolerance_mm) {
   constexpr int kTop = 16, kHeight = 240;
-  const int decimals = scale_mm < 0.2 ? 3 : scale_mm < 2 ? 2 : 1;
+  const int decimals = TickDecimals(scale_mm);
   // Every bar of a page defines the same gradient under the same name.
   std::string svg =
       "<svg class=\"bar\" role=\"img\" aria-label=\"colour bar, mm\" viewBox=\"0 0 106 272\"><defs>"

@@ -6,6 +6,7 @@
 #include <regex>
 
 #include "firmware-host/report/html.h"
+#include "firmware-host/report/part_html.h"
 #include "firmware-host/report/scene.h"
 #include "firmware-host/result/json.h"
 #include "tests/unit/result/sample_run.h"
@@ -89,6 +90,83 @@ TEST(ReportHtml, ShowsTheNumbersAndMarksThemNotByColourAlone) {
   EXPECT_GT(Count(html, "bend 2 was 1.500&#176; over its nominal"), 0u);
   EXPECT_GT(Count(html, "the clamp hides 14 mm of row 3"), 0u);
   EXPECT_GT(Count(html, "<title>part 1, bend 2: +1.500 +- 0.015 deg</title>"), 0u);
+}
+
+// Between `from` and the next `to`.
+std::string Piece(const std::string& html, const std::string& from, const std::string& to) {
+  const std::size_t at = html.find(from);
+  return at == std::string::npos ? "" : html.substr(at, html.find(to, at) - at);
+}
+
+TEST(ReportHtml, TheHeadIsThatOfThePartThatIsShown) {
+  std::vector<RunResult> runs = {SampleRun(1, 1.5), SampleRun(2, 0.1)};
+  runs[0].session = "cell-a-part-0006";
+  runs[1].session = "cell-a-part-0007";
+  const std::string html = Markup(ReportHtml(runs));
+  const std::string first = Piece(html, "<div class=\"head\" data-part=\"0\" hidden>", "</dl>");
+  EXPECT_EQ(Count(first, "</span> Fail</span>"), 1u);
+  EXPECT_EQ(Count(first, "<dd>6, one of 2 in this report</dd>"), 1u);
+  const std::string second = Piece(html, "<div class=\"head\" data-part=\"1\">", "</dl>");
+  EXPECT_EQ(Count(second, "</span> Pass</span>"), 1u);
+  EXPECT_EQ(Count(second, "cell-a-part-0007"), 1u);
+  // Nothing else says how a part ended: it would be another part's.
+  EXPECT_EQ(Count(Piece(html, "<header>", "<main>"), "class=\"badge"), 2u);
+  EXPECT_EQ(Count(html, "data-number=\"6\""), 1u);
+  EXPECT_EQ(Count(html, "<article class=\"part\" data-part=\"0\" hidden><h2>Part 6 "), 1u);
+  EXPECT_GT(Count(html, "<title>part 7, bend 2"), 0u);
+}
+
+TEST(PartNumber, IsTheSessionsOrThePlaceOnThePage) {
+  RunResult run;
+  for (const auto& [session, number] :
+       std::vector<std::pair<std::string, std::string>>{{"part-0025", "25"},
+                                                        {"part-0000", "4"},
+                                                        {"0006", "4"},
+                                                        {"scan.ply", "4"},
+                                                        {"", "4"},
+                                                        {"2024-05-06_part-1", "1"},
+                                                        {"scan-20240506071059", "4"}}) {
+    run.session = session;
+    EXPECT_EQ(PartNumber(run, 3), number) << session;
+  }
+}
+
+TEST(ReportHtml, SaysInWordsWhereThereIsNoPicture) {
+  const RunResult run = SampleRun();
+  const std::string html = Markup(ReportHtml(std::span(&run, 1)));
+  EXPECT_EQ(Count(html, "<body class=\"no-webgl\">"), 1u);
+  EXPECT_EQ(Count(html, "<p class=\"fallback\">This browser shows no three-dimensional picture"),
+            1u);
+  EXPECT_EQ(Count(Piece(html, "<div class=\"views\">", "</div>"), "<figure>"), 3u);
+}
+
+TEST(ReportHtml, EachJudgedNumberStandsInItsLimits) {
+  RunResult run = SampleRun(1, 1.5);
+  const std::string html = Markup(ReportHtml(std::span(&run, 1)));
+  std::size_t judged = 0;
+  for (const auto& row : run.inspection->rows) {
+    for (const auto* d : {&row.length_mm, &row.rotation_deg, &row.angle_deg}) {
+      judged += d->state != pipeline::ToleranceState::kNotJudged ? 1 : 0;
+    }
+    judged += row.bend_radius_mm ? 1 : 0;
+  }
+  EXPECT_EQ(Count(html, "<td class=\"dial\">"), judged);
+  // 1.5 of a limit of 0.5: at the end.
+  EXPECT_EQ(Count(html, "<circle cx=\"78.0\""), 1u);
+}
+
+TEST(ReportHtml, TimesAreFoldedAwayForDevelopers) {
+  const RunResult run = SampleRun();
+  const std::string html = Markup(ReportHtml(std::span(&run, 1)));
+  EXPECT_EQ(Count(html, "<h3>Timing"), 0u);
+  EXPECT_EQ(Count(html, "<details class=\"developers\"><summary>For developers"), 1u);
+}
+
+TEST(TickDecimals, WriteATickAndItsHalfAsTheyAre) {
+  for (const auto& [value, decimals] : std::vector<std::pair<double, int>>{
+           {1.5, 2}, {1, 1}, {2, 0}, {3, 1}, {0.8, 1}, {0.1, 2}, {0.06, 2}, {40, 0}, {1e-5, 4}}) {
+    EXPECT_EQ(TickDecimals(value), decimals) << value;
+  }
 }
 
 // Digits and "~" as on the terminal.
