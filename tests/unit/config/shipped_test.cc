@@ -2,8 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <numbers>
 #include <set>
+#include <string>
 
 #include "config/digest.h"
 #include "config/fields.h"
@@ -114,6 +116,21 @@ TEST(Shipped, ReadmeListsEveryKeyWithItsDefault) {
   check(part_text);
 }
 
+// A device may call itself "../../sda": only udev's own copy of its serial number, without slashes,
+// may become a part of a path.
+TEST(UdevRule, TakesNoDevicesWordIntoAPath) {
+  std::ifstream file(ShippedConfig() / "70-bendloop-scanner.rules");
+  std::size_t links = 0;
+  for (std::string line; std::getline(file, line);) {
+    const std::size_t link = line.find("SYMLINK+=");
+    if (line.starts_with('#') || link == std::string::npos) continue;
+    ++links;
+    const std::string value = line.substr(link);
+    EXPECT_EQ(value, "SYMLINK+=\"bendloop/scanner-$env{ID_SERIAL_SHORT}\"");
+  }
+  EXPECT_EQ(links, 1u);
+}
+
 TEST(Digest, IsTheSameForTheSameSettingsAndChangesWithThem) {
   const auto cell = LoadCell(ShippedConfig() / "cells/demo.toml");
   ASSERT_TRUE(cell) << cell.error().message;
@@ -130,6 +147,8 @@ TEST(Digest, IsTheSameForTheSameSettingsAndChangesWithThem) {
   EXPECT_TRUE(changed([](CellConfig& c) { c.part.tolerance.surface_mm = 0.9; }));
   EXPECT_TRUE(changed([](CellConfig& c) { c.bender.register_map.rotation_cumulative = true; }));
   EXPECT_TRUE(changed([](CellConfig& c) { c.interlocks.max_gap_mm += 1; }));
+  EXPECT_TRUE(changed([](CellConfig& c) { c.bender.link = BenderKind::kCanIsotp; }));
+  EXPECT_FALSE(changed([](CellConfig& c) { c.bender.host = "elsewhere"; }));
   EXPECT_FALSE(changed([](CellConfig& c) { c.scanner.port += 1; }));
   EXPECT_FALSE(changed([](CellConfig& c) { c.state_dir = "/elsewhere"; }));
   EXPECT_FALSE(changed([](CellConfig& c) { c.record.directory = "/elsewhere"; }));
