@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMostAnswerBytes = 16 << 20;
 
-std::string Text(int error_number) { return std::generic_category().message(error_number); }
+std::string Reason(int error_number) { return std::generic_category().message(error_number); }
 
 // Asks over a socket that is connected by `connect`, and closes it.
 template <class Connect>
@@ -33,11 +33,11 @@ hal::Result<std::string> Fetch(int socket, const Connect& connect, const std::st
   const timeval timeout{timeout_s, 0};
   ::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
   ::setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &timeout, sizeof timeout);
-  if (socket < 0 || connect(socket) != 0) return fail(Text(errno));
+  if (socket < 0 || connect(socket) != 0) return fail(Reason(errno));
   const std::string request = "GET " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n";
   if (::send(socket, request.data(), request.size(), MSG_NOSIGNAL) !=
       static_cast<ssize_t>(request.size())) {
-    return fail(Text(errno));
+    return fail(Reason(errno));
   }
   std::string answer;
   std::array<char, 16384> block{};
@@ -46,7 +46,7 @@ hal::Result<std::string> Fetch(int socket, const Connect& connect, const std::st
     answer.append(block.data(), static_cast<std::size_t>(size));
     if (answer.size() > kMostAnswerBytes) return fail("it does not end");
   }
-  if (size < 0) return fail(Text(errno));
+  if (size < 0) return fail(Reason(errno));
   const std::size_t head = answer.find("\r\n\r\n");
   if (head == std::string::npos) return fail("no HTTP");
   if (answer.compare(0, 13, "HTTP/1.1 200 ") != 0) {

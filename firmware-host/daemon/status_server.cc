@@ -34,7 +34,7 @@ constexpr std::size_t kMostConnections = 64;
 constexpr auto kPatience = std::chrono::seconds(2);  // of a connection, from its first moment
 constexpr int kBacklog = 64;
 
-std::string Text(int error_number) { return std::generic_category().message(error_number); }
+std::string ErrorText(int error_number) { return std::generic_category().message(error_number); }
 
 class Descriptor {
  public:
@@ -56,7 +56,7 @@ class Descriptor {
 hal::Result<Descriptor> ListenOnPort(std::uint16_t& port) {
   const auto fail = [port](int why) {
     return hal::Fail(hal::ErrorKind::kDevice, "status server: 127.0.0.1:" + std::to_string(port) +
-                                                  ": " + Text(why) + "; give it another port");
+                                                  ": " + ErrorText(why) + "; give it another port");
   };
   Descriptor listener(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (listener.number() < 0) return fail(errno);
@@ -96,11 +96,11 @@ hal::Result<Descriptor> ListenOnSocket(const fs::path& path) {
       ::bind(listener.number(), reinterpret_cast<sockaddr*>(&address), sizeof address) != 0 ||
       ::stat(path.parent_path().c_str(), &directory) != 0 || ::chmod(path.c_str(), 0660) != 0 ||
       ::listen(listener.number(), kBacklog) != 0) {
-    return fail(Text(errno));
+    return fail(ErrorText(errno));
   }
   // Not ours to give away to that group: then our own is asked for.
   if (::chown(path.c_str(), static_cast<uid_t>(-1), directory.st_gid) != 0 && errno != EPERM) {
-    return fail(Text(errno));
+    return fail(ErrorText(errno));
   }
   return listener;
 }
