@@ -25,9 +25,10 @@ Examples:
   bendloop check /etc/bendloop/cell.toml
   bendloop check cells/*.toml parts/*.toml sessions/*.session
 
-Cell files are checked with the part and the register map that they name, sessions
-to their last profile and against their checksums. All files are checked; each
-problem is told with file, line, key and the mend. Exit code 3 when there is any.)";
+Cell files are checked with the part and the register map that they name,
+sessions to their last profile and against their checksums. All files are
+checked; each problem is told with file, line, key and the mend. Exit code 3
+when there is any.)";
 
 hal::Result<std::string> CheckSessionFile(const std::string& file) {
   const auto summary = drivers::CheckSession(file);

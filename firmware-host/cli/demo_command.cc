@@ -25,9 +25,9 @@ Three processes beside this one: a simulated bender (Modbus TCP, CANopen or
 ISO-TP) whose steel springs back more than the part file says, a simulated
 scanner, and the daemon. Each part is bent, scanned while it is measured,
 inspected and corrected; the next one is bent with the corrected program. The
-folder --out gets cell.toml, part.toml, results/, sessions/ and report.html; what
-an earlier demo left there is removed. Exit code 1 when the second part is not
-better than the first.)";
+folder --out gets cell.toml, part.toml, results/, sessions/ and report.html;
+what an earlier demo left there is removed. Exit code 1 when the second part is
+not better than the first.)";
 
 struct Words {
   std::string link = "tcp";

@@ -50,8 +50,8 @@ Examples:
 Models:
   tube      lines and arcs, one pipe radius: rows of lengths, rotations, angles
   canal     the pipe radius varies along the spine (tapered, end-formed): spine
-            with local radius; the rows are the lines and arcs nearest to it, the
-            pipe radius is the mean
+            with local radius; the rows are the lines and arcs nearest to it,
+            the pipe radius is the mean
   freeform  a spine without lines and arcs: spine with local radius, no rows
   auto      tube, unless the points contradict it clearly; a warning says why
 Spine methods:

@@ -29,8 +29,9 @@ struct ReplayArguments {
 
 constexpr const char* kReplayFooter = R"(
 Examples:
-  bendloop replay demo-out/sessions/part-0002.session --config demo-out/cell.toml
-  bendloop replay part.session --config cell.toml --pace recorded --json out.json
+  bendloop replay demo-out/sessions/part-0002.session \
+    --config demo-out/cell.toml
+  bendloop replay part.session --config cell.toml --pace recorded --json -
 
 The session takes the daemon's own way, the bender included. With [bender]
 link = "simulated" it starts a simulated bender that holds the program that bent
@@ -42,8 +43,8 @@ same session and cell file give the same result, timing_ms aside.
 
 Exit code 1 when the part is refused or out of tolerance; the reasons are
 printed. A part that is undecided (too near a tolerance for what the samples
-tell) is told so, with exit code 0: who takes parts for good by a script asks for
-inspection.verdict == "pass" in the JSON.)";
+tell) is told so, with exit code 0: who takes parts for good by a script asks
+for inspection.verdict == "pass" in the JSON.)";
 
 int ReplayOne(const ReplayArguments& arguments) {
   const auto cell = config::LoadCell(arguments.config);

@@ -147,14 +147,14 @@ constexpr const char* kFooter = R"(The kinds of table
   xyz   points: both ends, and where neighbouring straights would meet
   lra   length, rotation, angle: straight between bends, rotation about the feed
         (right-handed, -180 to 180), bend angle; n bends are n + 1 rows
-  ybc   the same as a machine counts it: see --length, --rotation, --rotation-sign
+  ybc   the same as a machine counts it: --length, --rotation, --rotation-sign
   pose  start point, orientation (quaternion w x y z) and lra
 
 A line with column names says what a table is (x y z; length rotation angle;
 y b c; with a bend radius as bend_radius, radius or clr); JSON says it in its
 keys, results of bendloop too. Without names say --from. Each row has as many
-cells as the names or the first row; numbers with decimal commas need semicolons,
-tabs or blanks between them. Output is in mm and degrees.
+cells as the names or the first row; numbers with decimal commas need
+semicolons, tabs or blanks between them. Output is in mm and degrees.
 
 A result is read in the nominal's order where it knows one, otherwise as it was
 scanned; standard error says which. --order scan takes the scan's all the same.
@@ -167,7 +167,7 @@ Examples
   bendloop convert --to lra --from xyz --bend-radius 35 points.txt
   bendloop convert --to xyz --format csv result.json > points.csv
   bendloop convert --to lra result.json
-  bendloop convert --to ybc --rotation cumulative --length cumulative program.csv
+  bendloop convert --to ybc --rotation cumulative --length cumulative lra.csv
   bendloop convert --from ybc --rotation-sign -1 --to lra --reverse machine.txt)";
 
 }  // namespace
