@@ -83,7 +83,13 @@ std::string ProgressLine(const pipeline::LiveView& view, double nominal_length_m
     line = "no bend seen; ";
   }
   const double missing_mm = std::max(0.0, nominal_length_mm - view.covered_mm);
-  std::snprintf(text, sizeof text, "%.0f mm of %.0f still missing", missing_mm, nominal_length_mm);
+  // The ends are seen to a pipe radius or so: less is not missing.
+  if (missing_mm < 2 * view.pipe_radius_mm) {
+    std::snprintf(text, sizeof text, "%.0f mm of %.0f seen", nominal_length_mm, nominal_length_mm);
+  } else {
+    std::snprintf(text, sizeof text, "%.0f mm of %.0f still missing", missing_mm,
+                  nominal_length_mm);
+  }
   return line + text;
 }
 

@@ -4,11 +4,14 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <sstream>
+#include <string>
 
 #include "config/load.h"
 #include "firmware-host/cell/cell_status.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/daemon/status_server.h"
+#include "firmware-host/text/style.h"
 
 namespace bendloop::host {
 namespace {
@@ -38,7 +41,13 @@ int Status(const StatusArguments& arguments) {
   const auto status =
       arguments.port ? FetchStatus(*arguments.port) : FetchStatus(directory / "status.json");
   if (!status) return Report(status.error());
-  std::cout << (arguments.json ? Dump(*status, 2) + "\n" : StatusText(*status)) << std::flush;
+  if (arguments.json) {
+    std::cout << Dump(*status, 2) << "\n";
+    return 0;
+  }
+  // Names of devices and files stand in it, which must not move the cursor.
+  std::istringstream lines(StatusText(*status));
+  for (std::string line; std::getline(lines, line);) std::cout << Printable(line) << "\n";
   return 0;
 }
 
