@@ -64,10 +64,17 @@ SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
   // how far it is. One that hardly is begins anew, with all its slight bends.
   const SurfaceFit start = coarse.Start();
   SurfaceFit fit = start;
-  coarse.Refine(fit);
-  coarse.LearnForm(fit);
-  const bool is_true = coarse.form().across < kStructure.true_form * FormDeviation{}.across;
-  fit = coarse.Fit(is_true ? start.tube : fit.tube);
+  const auto is_true = [&] {
+    coarse.LearnForm(fit);
+    return coarse.form().across < kStructure.true_form * FormDeviation{}.across;
+  };
+  // Most often the start shows it already.
+  if (!is_true()) {
+    coarse.AssumeUsualForm();
+    coarse.Refine(fit);
+    if (is_true()) fit = start;
+  }
+  fit = coarse.Fit(fit.tube);
   coarse.Split(fit);
   coarse.Refine(fit);
   form = coarse.form();

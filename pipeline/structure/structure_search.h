@@ -36,6 +36,7 @@ class StructureSearch {
 
   // From here on what the samples of this fit show of the tube's form, at most what is usual.
   void LearnForm(const SurfaceFit& fit);
+  void AssumeUsualForm() { options_.form = {}; }
   const FormDeviation& form() const { return options_.form; }
   const StructureCriterion& criterion() const { return criterion_; }
 
