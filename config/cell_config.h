@@ -108,18 +108,19 @@ struct CorrectionLimits {
   double angle_deg = 0;
 };
 
-// corrected = commanded + gain * (nominal - measured), within limits.
+// What a correction may do; what it goes by the lot teaches (pipeline/correction/README.md).
 struct CorrectionConfig {
   bool enabled = true;
   bool correct_lengths = true;
   bool correct_rotations = true;
   bool correct_angles = true;
-  double gain_length = 0.8;
-  double gain_rotation = 0.8;
-  double gain_angle = 0.8;
+  // Part of each change that is wanted and made, 0..1. The filter damps by itself.
+  double gain_length = 1.0;
+  double gain_rotation = 1.0;
+  double gain_angle = 1.0;
   CorrectionLimits max_step{2.0, 3.0, 5.0};    // from one part to the next
   CorrectionLimits max_total{5.0, 8.0, 12.0};  // from the nominal
-  double deadband_sigmas = 2;  // deviations below this many 1-sigma uncertainties are left alone
+  double deadband_sigmas = 1;  // changes below so many 1-sigma of what is known are not made
 };
 
 // A part that misses one of these is not measured well enough to be acted on: the run is refused.
@@ -129,6 +130,15 @@ struct InterlockConfig {
   double max_fit_rms_mm = 0.3;                // of the samples from the fitted surface
   CorrectionLimits max_sigma{0.3, 0.3, 0.2};  // 1 sigma of any corrected row
   double max_session_age_s = 600;             // from the end of the scan to the commit
+};
+
+// How a measured value is judged against its tolerance (ISO 14253-1). kSimple: in or out as it was
+// measured. kGuarded: in, or out, when it is by `guard_factor` times its standard uncertainty, and
+// undecided between.
+enum class VerdictRule : std::uint8_t { kSimple, kGuarded };
+struct VerdictConfig {
+  VerdictRule rule = VerdictRule::kGuarded;
+  double guard_factor = 2;  // 1.65: at most 5 % of the tubes that pass are out; 2: 2.3 %
 };
 
 struct RecordConfig {
@@ -158,6 +168,7 @@ struct CellConfig {
   BenderConfig bender;
   CorrectionConfig correction;
   InterlockConfig interlocks;
+  VerdictConfig verdict;
   RecordConfig record;
   LogLevel log_level = LogLevel::kInfo;
   RealtimeConfig realtime;

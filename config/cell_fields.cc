@@ -26,6 +26,8 @@ constexpr Choice<BenderKind> kBenderKinds[] = {{"none", BenderKind::kNone},
                                                {"simulated", BenderKind::kSimulated}};
 constexpr Choice<SerialParity> kParities[] = {
     {"none", SerialParity::kNone}, {"even", SerialParity::kEven}, {"odd", SerialParity::kOdd}};
+constexpr Choice<VerdictRule> kVerdictRules[] = {{"simple", VerdictRule::kSimple},
+                                                 {"guarded", VerdictRule::kGuarded}};
 constexpr Choice<LogLevel> kLogLevels[] = {{"debug", LogLevel::kDebug},
                                            {"info", LogLevel::kInfo},
                                            {"warning", LogLevel::kWarning},
@@ -127,6 +129,10 @@ void VisitCell(FieldVisitor& v, CellConfig& cell) {
           [&](FieldVisitor& t) { VisitCorrection(t, cell.correction); });
   v.Table("interlocks", Need::kOptional,
           [&](FieldVisitor& t) { VisitInterlocks(t, cell.interlocks); });
+  v.Table("verdict", Need::kOptional, [&](FieldVisitor& t) {
+    t.Enum("rule", cell.verdict.rule, kVerdictRules);
+    t.Number("guard_factor", cell.verdict.guard_factor, {0, 10});
+  });
   v.Table("record", Need::kOptional, [&](FieldVisitor& t) {
     std::string directory = cell.record.directory.string();
     t.Text("directory", directory);  // below state_dir, which the loader sees to

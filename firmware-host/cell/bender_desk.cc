@@ -308,6 +308,13 @@ std::uint32_t BenderDesk::LastSequence() const {
   return journal_.LastSequence().value_or(0);
 }
 
+std::optional<CommitAttempt> BenderDesk::LastAttempt() const {
+  const std::lock_guard lock(mutex_);
+  const auto last = journal_.Last();
+  if (!last || !*last || (*last)->step != CommitStep::kCommitted) return std::nullopt;
+  return **last;
+}
+
 unsigned BenderDesk::LargestPartNumber() const {
   const std::lock_guard lock(mutex_);
   return journal_.LargestPartNumber().value_or(0);

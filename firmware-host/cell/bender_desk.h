@@ -90,6 +90,8 @@ class BenderDesk {
   // False when the journal cannot tell; then the commit itself will fail with the reason.
   bool SessionCommitted(const std::string& session) const;
   std::uint32_t LastSequence() const;
+  // The last program that was sent and became active, with the one before it.
+  std::optional<CommitAttempt> LastAttempt() const;
   // 7 when "part-0007" is the last scan that the journal knows.
   unsigned LargestPartNumber() const;
   // Takes over the number of a recorded run.

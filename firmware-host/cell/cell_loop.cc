@@ -25,6 +25,8 @@ constexpr auto kSilence = 2s;
 // The longest that a step may take before it is taken for hung. The final fit is bounded by
 // kMostPoints (part_plan.cc) and takes less than a second on an idle machine.
 constexpr auto kFitBound = 60s;
+// People wait for no less.
+constexpr auto kServePeriod = 200ms;
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
 
@@ -63,6 +65,7 @@ CellLoop::~CellLoop() {
 void CellLoop::Tend() {
   if (ports_.alive && life_.InTime()) ports_.alive();
   TakeBenderNews();
+  ServePeople();
 }
 
 void CellLoop::Watched(const std::function<void()>& work) {
@@ -90,6 +93,7 @@ CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::So
     Update();
     Write();
     TakeBenderNews();
+    ServePeople();
     PublishCounters(acquisition, ring);
     ring.Release();
     if (options_.max_parts > 0 && parts_ >= options_.max_parts && !waiting_) {
@@ -220,6 +224,17 @@ void CellLoop::TakeBenderNews() {
   if (const auto told = waiting_.Tend(is_idle)) TellPart(*told, true);
 }
 
+void CellLoop::ServePeople() {
+  if (!ports_.between_parts || waiting_ || scan_.phase() == ScanPhase::kScanning) return;
+  const auto now = ports_.clock->Now();
+  if (now - served_ < kServePeriod) return;
+  served_ = now;
+  Watched([&] {
+    life_.Expect(2 * ports_.desk->exchange_bound() + kDiskBound);
+    ports_.between_parts();
+  });
+}
+
 void CellLoop::GiveUpWaiting(const std::string& why) {
   if (!waiting_) return;
   std::optional<PartOutcome> told;
@@ -347,9 +362,13 @@ PartOutcome CellLoop::Decide(MeasuredPart part) {
 // `again`: it was told before that the part waits.
 void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
   const PartEnd what = outcome.end;
-  const LastPart last{outcome.result.session, Name(what),
-                      std::string(pipeline::Name(outcome.result.inspection->verdict)),
-                      outcome.reasons.empty() ? "" : outcome.reasons.front()};
+  LastPart last{outcome.result.session, Name(what),
+                std::string(pipeline::Name(outcome.result.inspection->verdict)),
+                outcome.reasons.empty() ? "" : outcome.reasons.front()};
+  if (const auto& correction = outcome.result.correction) {
+    last.notices = correction->notices;
+    if (!correction->forecast.rows.empty()) last.forecast = correction->forecast.part;
+  }
   Watched([&] {
     life_.Expect(kDiskBound);
     ports_.part_done(outcome);

@@ -53,6 +53,9 @@ struct CellPorts {
   std::function<void(const pipeline::LiveView&)> viewed;
   // A few times a second, in scans too.
   std::function<void(const BenderReading&)> bender_heard;
+  // A few times a second between two parts, while nothing is scanned, decided or waited for: what
+  // people ask for. May block for the bender's timeouts.
+  std::function<void()> between_parts;
   // Again and again while all goes on, from the loop's own thread (watchdog).
   std::function<void()> alive;
 };
@@ -98,6 +101,7 @@ class CellLoop {
   // Does `work` beside the loop and waits for it, telling that it lives.
   void Watched(const std::function<void()>& work);
   void TakeBenderNews();
+  void ServePeople();
   void GiveUpWaiting(const std::string& why);
   void BeginScan();
   void GrowScan();
@@ -124,6 +128,7 @@ class CellLoop {
   std::string scanner_;
   std::uint64_t parts_ = 0;
   std::chrono::nanoseconds published_{0};
+  std::chrono::nanoseconds served_{0};
   LifeSigns life_;
   WaitingPart waiting_;
   std::optional<BenderFollower> follower_;  // live, with a bender

@@ -143,6 +143,10 @@ Json StatusJson(const CellSnapshot& s) {
                  {"disk_used_mb", s.disk_used_mb},
                  {"disk_free_mb", s.disk_free_mb}}}};
   if (!s.problem.empty()) json["problem"] = s.problem;
+  json["lot"] = {{"number", s.lot.number},
+                 {"parts", s.lot.parts},
+                 {"held", s.lot.held},
+                 {"temperament", s.lot.temperament}};
   if (!s.session.empty()) {
     json["scan"] = {{"session", s.session},
                     {"profiles", s.live.profiles},
@@ -158,7 +162,9 @@ Json StatusJson(const CellSnapshot& s) {
     json["last_part"] = {{"session", s.last->session},
                          {"end", s.last->end},
                          {"verdict", s.last->verdict},
-                         {"reason", s.last->reason}};
+                         {"reason", s.last->reason},
+                         {"notices", s.last->notices},
+                         {"forecast", s.last->forecast ? Number(*s.last->forecast, 4) : Json()}};
   }
   return json;
 }

@@ -5,6 +5,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "firmware-host/acquisition/acquisition.h"
 #include "firmware-host/recorder/recorder.h"
@@ -30,8 +31,18 @@ struct LastPart {
   std::string session;
   // "corrected", "unchanged", "refused", "link down", "waiting", "repeat", "not measured"
   std::string end;
-  std::string verdict;  // "pass", "fail", "undecided", "" when not measured
-  std::string reason;   // the first one, or ""
+  std::string verdict;                    // "pass", "fail", "undecided", "" when not measured
+  std::string reason;                     // the first one, or ""
+  std::vector<std::string> notices = {};  // of the correction
+  std::optional<double> forecast = {};    // that the next tube is in tolerance, 0..1
+};
+
+// What the correction goes by, in short.
+struct ShownLot {
+  std::uint32_t number = 0;  // 0: there is none yet
+  std::uint32_t parts = 0;   // learnt from
+  bool held = false;         // by somebody: no program is changed
+  std::string temperament;   // "steady", "drifting", ...
 };
 
 // What the cell is doing, for people and monitors.
@@ -61,6 +72,7 @@ struct CellSnapshot {
   double peak_decision_ms = 0;
   std::optional<LastPart> last;
   std::string problem;  // what of the last part could not be kept, and why; "": all of it was
+  ShownLot lot;
 
   // Of the acquisition and the recorder.
   std::uint64_t profiles = 0;

@@ -36,6 +36,9 @@ pipeline::CorrectionOptions CorrectionOf(const config::CellConfig& cell) {
                   from.correct_rotations ? from.gain_rotation : 0.0,
                   from.correct_angles ? from.gain_angle : 0.0};
   options.deadband_sigmas = from.deadband_sigmas;
+  options.hold_sigma = AxesOf(cell.interlocks.max_sigma);
+  const config::Tolerances& tolerance = cell.part.tolerance;
+  options.tolerance = {tolerance.length_mm, tolerance.rotation_deg, tolerance.angle_deg};
   options.step_limit = AxesOf(from.max_step);
   options.total_limit = AxesOf(from.max_total);
   return options;
@@ -83,6 +86,7 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.pipe_radius_mm = cell.part.pipe_radius_mm;
   plan.nominal_length_mm = hal::SpineLength(plan.nominal);
   plan.corrects = cell.correction.enabled;
+  plan.tubes_between = static_cast<unsigned>(cell.scan.parts_between.value_or(0));
   plan.config_digest = config::Digest(cell);
 
   plan.reconstruction.pipe_radius_mm = plan.pipe_radius_mm;
@@ -95,6 +99,8 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.inspection.tolerances.angle_deg = tolerance.angle_deg;
   plan.inspection.tolerances.envelope_mm = tolerance.envelope_mm;
   plan.inspection.tolerances.surface_mm = tolerance.surface_mm;
+  plan.inspection.decision_sigmas =
+      cell.verdict.rule == config::VerdictRule::kGuarded ? cell.verdict.guard_factor : 0.0;
   plan.inspection.direction.choice = ChoiceOf(cell.scan.direction);
 
   plan.correction = CorrectionOf(cell);

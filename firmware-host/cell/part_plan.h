@@ -23,6 +23,7 @@ struct PartPlan {
   double pipe_radius_mm = 0;
   double nominal_length_mm = 0;  // of the whole spine
   bool corrects = true;          // false: measure and judge only
+  unsigned tubes_between = 0;    // that wait between bender and scanner
   pipeline::ReconstructionOptions reconstruction;
   pipeline::InspectionOptions inspection;
   pipeline::CorrectionOptions correction;

@@ -6,6 +6,7 @@
 
 #include "firmware-host/console/version.h"
 #include "firmware-host/ledger/tube_ledger.h"
+#include "pipeline/correction/measured_covariance.h"
 
 namespace bendloop::host {
 namespace {
@@ -13,14 +14,21 @@ namespace {
 // The correction of a part whose direction is settled; a program of another shape than the nominal
 // gives a correction that only refuses.
 pipeline::Correction CorrectPart(const PartPlan& plan, const RunContext& base,
-                                 const pipeline::Inspection& inspection) {
+                                 const pipeline::Inspection& inspection,
+                                 const pipeline::JointUncertainty& joint) {
   const hal::BendProgram& commanded = base.bent_with->program;
   const pipeline::LotState lot =
       base.lot ? *base.lot : pipeline::StartLot(plan.nominal, commanded, plan.correction);
   const hal::BendProgram& active = base.expected ? base.expected->program : commanded;
-  auto correction = pipeline::Correct(
-      {plan.nominal, commanded, inspection.measured.program, inspection.sigma, active}, lot,
-      plan.correction);
+  pipeline::CorrectionInput input{plan.nominal, commanded, inspection.measured.program,
+                                  inspection.sigma, active};
+  input.correlations = joint.correlations;
+  if (inspection.direction.state == pipeline::DirectionState::kReverse) {
+    input.correlations =
+        pipeline::ReversedCorrelations(joint.correlations, plan.nominal.bend_count());
+  }
+  input.ahead = 1 + plan.tubes_between;
+  auto correction = pipeline::Correct(input, lot, plan.correction);
   if (correction) return std::move(*correction);
   pipeline::Correction refused;
   refused.corrected = active;
@@ -174,7 +182,8 @@ class Decision {
     if (plan_.corrects && base.bent_with) {
       result_.commanded = base.bent_with;
       if (result_.inspection->direction.settled()) {
-        result_.correction = CorrectPart(plan_, base, *result_.inspection);
+        result_.correction =
+            CorrectPart(plan_, base, *result_.inspection, result_.measurement.joint);
         outcome_.next = result_.correction->next;
       }
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cell/run_context.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "firmware-host/result/json.h"
@@ -11,7 +12,9 @@ namespace bendloop::host {
 namespace {
 
 constexpr const char* kContextSchema = "bendloop.context/1";
-constexpr const char* kLotSchema = "bendloop.lot/1";
+constexpr const char* kLotSchema = "bendloop.lot/2";
+// Until 2026-11: one estimate for each value, which says nothing of drift; a new lot begins.
+constexpr const char* kOldLotSchema = "bendloop.lot/1";
 constexpr std::size_t kMostRows = 10'000;
 
 // Unlike the result's numbers these are not rounded: a replay computes with the same bits.
@@ -36,39 +39,96 @@ hal::BendProgram ReadExactRows(const JsonReader& json) {
   return program;
 }
 
-// A replay needs every member: whoever adds one adds it here, to both functions below.
-static_assert(sizeof(pipeline::OffsetEstimate) == 3 * sizeof(double));
-
-Json EstimateJson(const pipeline::OffsetEstimate& estimate) {
-  return {{"offset", estimate.offset},
-          {"variance", estimate.variance},
-          {"noise_variance", estimate.noise_variance}};
+// A replay needs every member: whoever adds one adds it here, to both functions of its kind.
+Json AxesJson(const pipeline::PerAxis& axes) {
+  return {{"length_mm", axes.length_mm},
+          {"rotation_deg", axes.rotation_deg},
+          {"angle_deg", axes.angle_deg}};
 }
 
-pipeline::OffsetEstimate ReadEstimate(const JsonReader& json) {
-  return {json.At("offset").Number(), json.At("variance").Number(),
-          json.At("noise_variance").Number()};
+pipeline::PerAxis ReadAxes(const JsonReader& json) {
+  return {json.At("length_mm").Number(), json.At("rotation_deg").Number(),
+          json.At("angle_deg").Number()};
+}
+
+std::vector<double> ReadNumbers(const JsonReader& json) {
+  // Of the belief in a tube of 200 bends.
+  constexpr std::size_t kMostNumbers = 1'000'000;
+  std::vector<double> numbers;
+  for (std::size_t i = 0, n = json.Size(kMostNumbers); i < n; ++i) {
+    numbers.push_back(json.Item(i).Number());
+  }
+  return numbers;
+}
+
+Json HypothesisJson(const pipeline::LotHypothesis& hypothesis) {
+  return {{"temperament", static_cast<unsigned>(hypothesis.temperament)},
+          {"log_weight", hypothesis.log_weight},
+          {"behind", hypothesis.behind},
+          {"event", static_cast<unsigned>(hypothesis.event)},
+          {"parts_since", hypothesis.parts_since},
+          {"values", hypothesis.values},
+          {"scatter", AxesJson(hypothesis.scatter)},
+          {"scatter_weight", AxesJson(hypothesis.scatter_weight)},
+          {"mean", hypothesis.mean},
+          {"covariance", hypothesis.covariance}};
+}
+
+pipeline::LotHypothesis ReadHypothesis(const JsonReader& json, std::size_t values) {
+  pipeline::LotHypothesis hypothesis;
+  const auto temperament = json.At("temperament").Count();
+  if (temperament >= pipeline::kTemperaments) json.At("temperament").Wrong("a number from 0 to 4");
+  hypothesis.temperament =
+      static_cast<pipeline::Temperament>(std::min<std::uint64_t>(temperament, 4));
+  hypothesis.log_weight = json.At("log_weight").Number();
+  hypothesis.behind = json.At("behind").Number();
+  const auto event = json.At("event").Count();
+  if (event > 3) json.At("event").Wrong("a number from 0 to 3");
+  hypothesis.event = static_cast<pipeline::LotEvent>(std::min<std::uint64_t>(event, 3));
+  hypothesis.parts_since = static_cast<std::uint32_t>(json.At("parts_since").Count());
+  const JsonReader touched = json.At("values");
+  for (std::size_t i = 0, n = touched.Size(kMostRows); i < n; ++i) {
+    const auto value = touched.Item(i).Count();
+    if (value >= values) touched.Item(i).Wrong("the number of a value of the tube");
+    hypothesis.values.push_back(static_cast<std::uint32_t>(value));
+  }
+  hypothesis.scatter = ReadAxes(json.At("scatter"));
+  hypothesis.scatter_weight = ReadAxes(json.At("scatter_weight"));
+  hypothesis.mean = ReadNumbers(json.At("mean"));
+  hypothesis.covariance = ReadNumbers(json.At("covariance"));
+  return hypothesis;
 }
 
 Json LotJson(const pipeline::LotState& lot) {
-  Json rows = Json::array();
-  for (const pipeline::LotRow& row : lot.rows) {
-    rows.push_back({{"length_mm", EstimateJson(row.length_mm)},
-                    {"rotation_deg", EstimateJson(row.rotation_deg)},
-                    {"angle_deg", EstimateJson(row.angle_deg)}});
+  Json hypotheses = Json::array();
+  for (const pipeline::LotHypothesis& one : lot.hypotheses) {
+    hypotheses.push_back(HypothesisJson(one));
   }
-  return {{"parts", lot.parts}, {"base", ExactRows(lot.base)}, {"rows", rows}};
+  return {{"number", lot.number},
+          {"parts", lot.parts},
+          {"held", lot.held},
+          {"slips", lot.slips},
+          {"jumps", lot.jumps},
+          {"parts_of_all_lots", lot.parts_of_all_lots},
+          {"base", ExactRows(lot.base)},
+          {"hypotheses", hypotheses}};
 }
 
 pipeline::LotState ReadLotState(const JsonReader& json) {
   pipeline::LotState lot;
-  lot.parts = static_cast<std::uint32_t>(json.At("parts").Count());
+  const auto count = [&](const char* key) {
+    return static_cast<std::uint32_t>(json.At(key).Count());
+  };
+  lot.number = count("number");
+  lot.parts = count("parts");
+  lot.held = json.At("held").Bool();
+  lot.slips = count("slips");
+  lot.jumps = count("jumps");
+  lot.parts_of_all_lots = count("parts_of_all_lots");
   lot.base = ReadExactRows(json.At("base"));
-  const JsonReader rows = json.At("rows");
-  for (std::size_t i = 0, n = rows.Size(kMostRows); i < n; ++i) {
-    const JsonReader row = rows.Item(i);
-    lot.rows.push_back({ReadEstimate(row.At("length_mm")), ReadEstimate(row.At("rotation_deg")),
-                        ReadEstimate(row.At("angle_deg"))});
+  const JsonReader hypotheses = json.At("hypotheses");
+  for (std::size_t i = 0, n = hypotheses.Size(kMostRows); i < n; ++i) {
+    lot.hypotheses.push_back(ReadHypothesis(hypotheses.Item(i), 3 * lot.base.rows.size()));
   }
   return lot;
 }
@@ -147,7 +207,10 @@ hal::Result<RunContext> ReadRunContext(std::string_view text, std::string_view n
   RunContext context;
   ExpectSchema(reader, kContextSchema);
   if (reader.Has("bent_with")) context.bent_with = ReadBlock(reader.At("bent_with"));
-  if (reader.Has("lot")) context.lot = ReadLotState(reader.At("lot"));
+  // Sessions of before 2026-11-22 have an older kind of lot: their part begins one.
+  if (reader.Has("lot") && reader.At("lot").Has("hypotheses")) {
+    context.lot = ReadLotState(reader.At("lot"));
+  }
   context.last_sequence = static_cast<std::uint32_t>(reader.At("last_sequence").Count());
   // Sessions of before 2026-11 say nothing of tubes.
   if (reader.Has("expected")) context.expected = ReadBlock(reader.At("expected"));
@@ -168,6 +231,7 @@ hal::Result<std::optional<pipeline::LotState>> ReadLot(std::string_view text, st
   if (!json) return hal::Fail(json.error());
   std::optional<hal::Error> error;
   const JsonReader reader(*json, name, error);
+  if (reader.At("schema").Text() == kOldLotSchema) return std::optional<pipeline::LotState>();
   ExpectSchema(reader, kLotSchema);
   const bool same_key = reader.At("key").Text() == key;
   std::optional<pipeline::LotState> lot = ReadLotState(reader.At("lot"));

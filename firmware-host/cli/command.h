@@ -18,10 +18,13 @@ using Run = std::function<int()>;
 CLI::App* AddCheckCommand(CLI::App& app, Run& run);
 CLI::App* AddDemoCommand(CLI::App& app, Run& run);
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run);
+CLI::App* AddFirstProgramCommand(CLI::App& app, Run& run);
+CLI::App* AddLotCommand(CLI::App& app, Run& run);
 CLI::App* AddReconstructCommand(CLI::App& app, Run& run);
 CLI::App* AddReplayCommand(CLI::App& app, Run& run);
 CLI::App* AddSimulateCommand(CLI::App& app, Run& run);
 CLI::App* AddStatusCommand(CLI::App& app, Run& run);
+CLI::App* AddUndoCommand(CLI::App& app, Run& run);
 
 // "bendloop: MESSAGE" on stderr; the exit code of the error.
 int Report(const hal::Error& error);

@@ -52,6 +52,9 @@ int Main(int argc, char** argv) {
   AddCheckCommand(app, run);
   AddDoctorCommand(app, run);
   AddStatusCommand(app, run);
+  AddLotCommand(app, run);
+  AddUndoCommand(app, run);
+  AddFirstProgramCommand(app, run);
   try {
     app.parse(WordsOf(argc, argv));
   } catch (const CLI::ParseError& error) {

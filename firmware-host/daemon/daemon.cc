@@ -24,6 +24,7 @@
 #include "firmware-host/console/version.h"
 #include "firmware-host/daemon/part_keeper.h"
 #include "firmware-host/daemon/service_notify.h"
+#include "firmware-host/daemon/setter_box.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/daemon/status_server.h"
 #include "firmware-host/recorder/recorder.h"
@@ -94,6 +95,8 @@ class Daemon::Impl {
   void WaitForRetry(CellLoop& loop);
   void BenderHeard(const BenderReading& heard);
   void Viewed(const pipeline::LiveView& view);
+  void ServePeople();
+  void ShowLot();
 
   const DaemonOptions options_;
   const config::CellConfig cell_;
@@ -146,6 +149,7 @@ hal::Result<void> Daemon::Impl::Prepare() {
     s.part = plan_.part;
     s.bender = desk_->name();
   });
+  ShowLot();
   return ServeStatus();
 }
 
@@ -200,7 +204,9 @@ CellPorts Daemon::Impl::Ports() {
   ports.part_done = [this](PartOutcome outcome) {
     keeper_.Keep(std::move(outcome));
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
+    ShowLot();
   };
+  ports.between_parts = [this] { ServePeople(); };
   ports.scan_failed = [this](const FailedScan& failed) {
     keeper_.KeepFailure(failed);
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
@@ -346,6 +352,32 @@ void Daemon::Impl::BenderHeard(const BenderReading& heard) {
   }
   bender_known_ = bender_known_ || heard.facts.has_value();
   bender_problem_ = heard.problem;
+}
+
+void Daemon::Impl::ServePeople() {
+  SetterDesk desk({&plan_, desk_.get(), [this] { return keeper_.Lot(); },
+                   [this](const pipeline::LotState& lot) { return keeper_.SetLot(lot); },
+                   store_.requests_log()});
+  SetterBox(store_.directory()).Serve([&](const SetterRequest& request) {
+    const SetterAnswer answer = desk.Grant(request);
+    spdlog::warn("{} asked for '{}': {}{}", request.who, Name(request.wish),
+                 answer.error ? "refused, " : "", answer.text);
+    ShowLot();
+    return answer;
+  });
+}
+
+void Daemon::Impl::ShowLot() {
+  const auto lot = keeper_.Lot();
+  board_.Update([&](CellSnapshot& s) {
+    s.lot = {};
+    if (!lot) return;
+    s.lot.number = lot->number;
+    s.lot.parts = lot->parts;
+    s.lot.held = lot->held;
+    if (lot->hypotheses.empty()) return;
+    s.lot.temperament = pipeline::Name(lot->hypotheses.front().temperament);
+  });
 }
 
 void Daemon::Impl::Viewed(const pipeline::LiveView& view) {

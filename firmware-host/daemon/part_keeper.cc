@@ -36,6 +36,20 @@ hal::Result<void> PartKeeper::Load() {
   return {};
 }
 
+std::optional<pipeline::LotState> PartKeeper::Lot() {
+  if (lot_ && !store_.HasLot()) {
+    spdlog::warn("lot.json was removed: a new lot begins, of which nothing is known");
+    lot_.reset();
+  }
+  return lot_;
+}
+
+hal::Result<void> PartKeeper::SetLot(const pipeline::LotState& lot) {
+  if (auto kept = store_.KeepLot(lot, lot_key_); !kept) return kept;
+  lot_ = lot;
+  return {};
+}
+
 ScanIdentity PartKeeper::Identify() {
   last_number_ = std::max(last_number_, store_.LastNumber(sessions_)) + 1;
   return {PartName(last_number_), UtcText(SystemMoment().unix_ms)};
@@ -71,6 +85,11 @@ void PartKeeper::Keep(PartOutcome outcome) {
   spdlog::info("{}: {}", result.session, verdict);
   for (const std::string& reason : outcome.reasons) {
     spdlog::warn("{}: {}", result.session, reason);
+  }
+  if (result.correction) {
+    for (const std::string& notice : result.correction->notices) {
+      spdlog::warn("{}: correction: {}", result.session, notice);
+    }
   }
   if (result.bender && result.bender->outcome == CommitOutcome::kCommitted) {
     spdlog::info("{}: bender confirmed program {}", result.session, result.bender->sequence);

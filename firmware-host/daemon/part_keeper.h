@@ -25,7 +25,9 @@ class PartKeeper {
   // the last one that the journal knows.
   void NameAfter(unsigned number) { last_number_ = std::max(last_number_, number); }
   ScanIdentity Identify();
-  std::optional<pipeline::LotState> Lot() const { return lot_; }
+  // Of the state directory: where somebody has removed lot.json, a new lot begins.
+  std::optional<pipeline::LotState> Lot();
+  hal::Result<void> SetLot(const pipeline::LotState& lot);
   // Takes up the lot and the history where they were left; kBadInput when one is damaged.
   hal::Result<void> Load();
   // A part that waited comes again, and replaces what was kept of it.

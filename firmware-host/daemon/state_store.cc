@@ -66,6 +66,7 @@ hal::Result<std::string> ReadWholeFile(const fs::path& path, std::size_t most_by
 hal::Result<StateStore> StateStore::Open(const fs::path& directory) {
   std::error_code error;
   fs::create_directories(directory / "results", error);
+  if (!error) fs::create_directories(directory / "requests", error);
   if (error) {
     return hal::Fail(hal::ErrorKind::kDevice,
                      directory.string() + ": cannot create the state directory: " +
@@ -104,17 +105,28 @@ std::string PartName(unsigned number) {
   return name;
 }
 
-hal::Result<std::optional<pipeline::LotState>> StateStore::Lot(std::string_view key) const {
+hal::Result<std::optional<pipeline::LotState>> ReadLotOf(const fs::path& directory,
+                                                         std::string_view key) {
+  const fs::path file = directory / "lot.json";
   std::error_code error;
-  if (!fs::exists(LotFile(), error)) return std::optional<pipeline::LotState>();
-  const auto text = ReadWholeFile(LotFile());
+  if (!fs::exists(file, error)) return std::optional<pipeline::LotState>();
+  const auto text = ReadWholeFile(file);
   if (!text) return hal::Fail(text.error());
-  auto lot = ReadLot(*text, LotFile().string(), key);
+  auto lot = ReadLot(*text, file.string(), key);
   if (!lot) {
     return hal::Fail(lot.error().kind,
                      lot.error().message + "; remove the file to begin a new lot");
   }
   return lot;
+}
+
+hal::Result<std::optional<pipeline::LotState>> StateStore::Lot(std::string_view key) const {
+  return ReadLotOf(directory_, key);
+}
+
+bool StateStore::HasLot() const {
+  std::error_code error;
+  return fs::exists(LotFile(), error) || error;
 }
 
 hal::Result<void> StateStore::KeepLot(const pipeline::LotState& lot, std::string_view key) const {

@@ -18,6 +18,8 @@ namespace bendloop::host {
 //   lot.json           what the lot has taught so far
 //   status.json        where the running daemon answers
 //   status.sock        it answers there too, its user and group
+//   requests/          what commands ask the running daemon (setter_box.h)
+//   requests.log       who asked for what, and what became of it
 //   results/NAME.json  one a part
 //   sessions/          recordings, unless the cell file says otherwise
 class StateStore {
@@ -32,6 +34,9 @@ class StateStore {
   std::filesystem::path history() const { return directory_ / "history.db"; }
   std::filesystem::path status() const { return directory_ / "status.json"; }
   std::filesystem::path socket() const { return directory_ / "status.sock"; }
+  // Who asked for what, a JSON line each (setter_desk.h).
+  std::filesystem::path requests_log() const { return directory_ / "requests.log"; }
+  const std::filesystem::path& directory() const { return directory_; }
   std::filesystem::path results() const { return directory_ / "results"; }
   std::filesystem::path report() const { return directory_ / "report.html"; }
 
@@ -41,6 +46,7 @@ class StateStore {
   // `key` names the settings that the lot was learnt with; another key begins a new lot. A damaged
   // file is an error: deciding without what is known would be a jump in the corrections.
   hal::Result<std::optional<pipeline::LotState>> Lot(std::string_view key) const;
+  bool HasLot() const;
   hal::Result<void> KeepLot(const pipeline::LotState& lot, std::string_view key) const;
 
  private:
@@ -51,6 +57,10 @@ class StateStore {
   std::filesystem::path directory_;
   int lock_ = -1;
 };
+
+// The lot of a state directory that another process may hold; as StateStore::Lot.
+hal::Result<std::optional<pipeline::LotState>> ReadLotOf(const std::filesystem::path& directory,
+                                                         std::string_view key);
 
 // "part-0007".
 std::string PartName(unsigned number);

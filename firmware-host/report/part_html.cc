@@ -179,6 +179,9 @@ std::string CorrectionBody(const RunResult& run) {
             "&#176;, from " + Fixed(a.commanded, 3) + "&#176; to " + Fixed(a.corrected, 3) +
             "&#176;.</p>";
   }
+  if (const std::string forecast = ForecastLine(run); !forecast.empty()) {
+    html += "<p>" + Escape(forecast) + ".</p>";
+  }
   return html + List(c.refusals, "bad") + List(c.notices, "notes");
 }
 

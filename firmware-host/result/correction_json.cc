@@ -42,6 +42,28 @@ AxisCorrection ReadAxis(const JsonReader& json) {
   return axis;
 }
 
+Json ForecastJson(const pipeline::Forecast& forecast) {
+  Json rows = Json::array();
+  for (const pipeline::RowForecast& row : forecast.rows) {
+    rows.push_back({{"length", Number(row.length_mm)},
+                    {"rotation", Number(row.rotation_deg)},
+                    {"angle", Number(row.angle_deg)}});
+  }
+  return {{"part", Number(forecast.part)}, {"rows", rows}};
+}
+
+pipeline::Forecast ReadForecast(const JsonReader& json) {
+  pipeline::Forecast forecast;
+  forecast.part = json.At("part").Number();
+  const JsonReader rows = json.At("rows");
+  for (std::size_t i = 0, n = rows.Size(kMaxRows); i < n; ++i) {
+    const JsonReader row = rows.Item(i);
+    forecast.rows.push_back(
+        {row.At("length").Number(), row.At("rotation").Number(), row.At("angle").Number()});
+  }
+  return forecast;
+}
+
 }  // namespace
 
 Json CorrectionJson(const pipeline::Correction& correction) {
@@ -51,12 +73,14 @@ Json CorrectionJson(const pipeline::Correction& correction) {
                     {"rotation_deg", AxisJson(row.rotation_deg)},
                     {"angle_deg", AxisJson(row.angle_deg)}});
   }
-  return {{"refused", correction.refused()},
-          {"changes_anything", correction.changes_anything},
-          {"corrected", {{"rows", RowsJson(correction.corrected)}}},
-          {"rows", rows},
-          {"notices", correction.notices},
-          {"refusals", correction.refusals}};
+  return {
+      {"refused", correction.refused()},
+      {"changes_anything", correction.changes_anything},
+      {"corrected", {{"rows", RowsJson(correction.corrected)}}},
+      {"rows", rows},
+      {"forecast", correction.forecast.rows.empty() ? Json() : ForecastJson(correction.forecast)},
+      {"notices", correction.notices},
+      {"refusals", correction.refusals}};
 }
 
 pipeline::Correction ReadCorrection(const JsonReader& json) {
@@ -69,6 +93,8 @@ pipeline::Correction ReadCorrection(const JsonReader& json) {
     correction.rows.push_back({ReadAxis(row.At("length_mm")), ReadAxis(row.At("rotation_deg")),
                                ReadAxis(row.At("angle_deg"))});
   }
+  // Results of before 2026-11-22 forecast nothing.
+  if (json.Has("forecast")) correction.forecast = ReadForecast(json.At("forecast"));
   correction.notices = json.At("notices").Texts();
   correction.refusals = json.At("refusals").Texts();
   return correction;

@@ -79,6 +79,7 @@ void ReadSurface(const JsonReader& json, pipeline::SurfaceDistances& surface) {
 
 Json InspectionJson(const pipeline::Inspection& in) {
   return {{"verdict", Word(in.verdict)},
+          {"probability", Number(in.probability)},
           {"reasons", in.reasons},
           {"direction",
            {{"state", Word(in.direction.state)},
@@ -103,6 +104,8 @@ Json InspectionJson(const pipeline::Inspection& in) {
 pipeline::Inspection ReadInspection(const JsonReader& json) {
   pipeline::Inspection in;
   in.verdict = ReadWord<pipeline::Verdict>(json.At("verdict"));
+  // Results of before 2026-11-22 say none.
+  if (json.Has("probability")) in.probability = json.At("probability").Number();
   in.reasons = json.At("reasons").Texts();
   const JsonReader direction = json.At("direction");
   in.direction.state = ReadWord<pipeline::DirectionState>(direction.At("state"));

@@ -67,7 +67,8 @@ struct Words<pipeline::CorrectionFlag> {
       {E::kFlagDeadband, "deadband"},      {E::kFlagStepLimit, "step_limit"},
       {E::kFlagTotalLimit, "total_limit"}, {E::kFlagNotCorrected, "not_corrected"},
       {E::kFlagNoMeaning, "no_meaning"},   {E::kFlagImpossible, "impossible"},
-      {E::kFlagAtZero, "at_zero"},         {E::kFlagUnexpected, "unexpected"}};
+      {E::kFlagAtZero, "at_zero"},         {E::kFlagUnexpected, "unexpected"},
+      {E::kFlagUncertain, "uncertain"},    {E::kFlagLotHeld, "lot_held"}};
 };
 
 template <>

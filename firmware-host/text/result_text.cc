@@ -8,6 +8,8 @@
 #include "firmware-host/console/wrap.h"
 #include "firmware-host/result/words.h"
 #include "firmware-host/text/table.h"
+#include "pipeline/math/text.h"
+#include "pipeline/tube/row_names.h"
 
 namespace bendloop::host {
 namespace {
@@ -224,6 +226,31 @@ std::vector<std::string> TogetherLines(const RunResult& result) {
   return TogetherLines(reverse ? Reversed(joint, bends) : joint, bends);
 }
 
+std::string ForecastLine(const RunResult& result) {
+  if (!result.correction || result.correction->forecast.rows.empty()) return "";
+  const pipeline::Forecast& forecast = result.correction->forecast;
+  const std::size_t bends = forecast.rows.size() - 1;
+  double least = 1;
+  std::string name;
+  const auto take = [&](double probability, const std::string& of) {
+    if (probability >= least) return;
+    least = probability;
+    name = of;
+  };
+  for (std::size_t i = 0; i <= bends; ++i) {
+    take(forecast.rows[i].length_mm, pipeline::LengthName(i, bends));
+    take(forecast.rows[i].rotation_deg, pipeline::RotationName(i));
+    take(forecast.rows[i].angle_deg, pipeline::AngleName(i));
+  }
+  const auto percent = [](double probability) {
+    // Nothing that is not bent yet is certain.
+    return pipeline::Fixed(std::min(100 * probability, 99.9), 1) + " %";
+  };
+  std::string line = "the next tube is in tolerance with " + percent(forecast.part);
+  if (!name.empty()) line += ", least sure: " + name + ", " + percent(least);
+  return line;
+}
+
 std::string FlagText(std::uint32_t flags) {
   std::string text;
   for (const auto& [flag, word] : Words<pipeline::CorrectionFlag>::kTable) {
@@ -374,6 +401,9 @@ std::string RunText(const RunResult& result, bool colour, std::size_t columns) {
     }
   }
   if (result.correction) {
+    if (const std::string forecast = ForecastLine(result); !forecast.empty()) {
+      notes += Line(forecast, Style::kPlain, colour, columns);
+    }
     for (const auto& notice : result.correction->notices) {
       notes += Line("note: " + notice, Style::kPlain, colour, columns);
     }

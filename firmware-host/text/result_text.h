@@ -36,6 +36,10 @@ std::string MeasurementText(const pipeline::Measurement& measurement, bool colou
 // line for each number of each row. Without an inspection it is MeasurementText.
 std::string ComparisonText(const RunResult& result, bool colour);
 
+// "the next tube is in tolerance with 97.1 %, least sure: bend 2 angle, 98.0 %"; empty where
+// nothing is forecast.
+std::string ForecastLine(const RunResult& result);
+
 // One line: the part, the verdict, what became of the correction.
 std::string VerdictLine(const RunResult& result, bool colour);
 

@@ -94,33 +94,41 @@ void CheckScan(const InterlockInput& in, const InterlockOptions& options, Checks
 // From here on [mm, degrees] a number says no more than that nothing is known.
 constexpr double kUnknownSigma = 1000.0;
 
-// The row whose sigma is largest in one axis.
+// Of one axis: the row whose sigma is largest, and whether any is known well enough.
+struct WorstSigma {
+  double sigma = -1;
+  std::string name;
+  bool any_known = false;
+
+  void Take(double value, double limit, const std::string& of) {
+    any_known = any_known || value <= limit;
+    // NaN is the worst of all.
+    if (std::isnan(sigma) || (!std::isnan(value) && value <= sigma)) return;
+    sigma = value;
+    name = of;
+  }
+};
+
+// A row that is not known well enough is held by itself (limits.h) and weighs little in what is
+// learnt; a tube of which nothing is known is refused.
 void CheckSigma(const InterlockInput& in, const InterlockOptions& options, Checks& checks) {
-  struct Worst {
-    double sigma = -1;
-    std::string name;
-    void Take(double value, const std::string& of) {
-      // NaN is the worst of all.
-      if (std::isnan(sigma) || (!std::isnan(value) && value <= sigma)) return;
-      sigma = value;
-      name = of;
-    }
-  };
-  Worst length;
-  Worst rotation;
-  Worst angle;
+  WorstSigma length;
+  WorstSigma rotation;
+  WorstSigma angle;
+  const PerAxis& limits = options.most_sigma;
   const auto& rows = in.measured.rows;
   const std::size_t bends = in.measured.bend_count();
   const bool known = in.sigma.rows.size() == rows.size() && !rows.empty();
   for (std::size_t i = 0; known && i < rows.size(); ++i) {
-    length.Take(in.sigma.rows[i].length_mm, LengthName(i, bends));
+    length.Take(in.sigma.rows[i].length_mm, limits.length_mm, LengthName(i, bends));
     if (i == bends) break;
-    angle.Take(in.sigma.rows[i].angle_deg, AngleName(i));
+    angle.Take(in.sigma.rows[i].angle_deg, limits.angle_deg, AngleName(i));
     if (i > 0 && std::min(rows[i - 1].angle_deg, rows[i].angle_deg) >= options.least_angle_deg) {
-      rotation.Take(in.sigma.rows[i].rotation_deg, RotationName(i));
+      rotation.Take(in.sigma.rows[i].rotation_deg, limits.rotation_deg, RotationName(i));
     }
   }
-  const auto add = [&](InterlockKind kind, const Worst& worst, double limit, const char* axis,
+  const bool any_known = length.any_known || rotation.any_known || angle.any_known;
+  const auto add = [&](InterlockKind kind, const WorstSigma& worst, double limit, const char* axis,
                        const char* unit) {
     if (!known) {
       checks.Add(kind, false, kNoNumber, limit,
@@ -129,18 +137,21 @@ void CheckSigma(const InterlockInput& in, const InterlockOptions& options, Check
       return;
     }
     if (worst.name.empty()) return;  // the tube has no such number
-    checks.Add(kind, worst.sigma <= limit, worst.sigma, limit,
-               worst.name +
-                   (worst.sigma < kUnknownSigma ? " is known to " + Fixed(worst.sigma, 3) + " " +
-                                                      unit + " (1 sigma, the worst " + axis + ")"
-                                                : std::string(" is not known at all")) +
-                   ", limit " + Fixed(limit, 3) + " " + unit,
-               "scan this part of the tube again, slower or from more sides");
+    const bool is_held = !(worst.sigma <= limit);
+    std::string found =
+        worst.name +
+        (worst.sigma < kUnknownSigma ? " is known to " + Fixed(worst.sigma, 3) + " " + unit +
+                                           " (1 sigma, the worst " + axis + ")"
+                                     : std::string(" is not known at all")) +
+        ", limit " + Fixed(limit, 3) + " " + unit;
+    if (is_held && any_known) found += "; held by itself until the lot knows it";
+    checks.Add(kind, any_known, worst.sigma, limit, found,
+               "nothing of this tube is known well enough: scan it again, slower or from more "
+               "sides");
   };
-  add(InterlockKind::kUncertaintyLength, length, options.most_sigma.length_mm, "length", "mm");
-  add(InterlockKind::kUncertaintyRotation, rotation, options.most_sigma.rotation_deg, "rotation",
-      "degrees");
-  add(InterlockKind::kUncertaintyAngle, angle, options.most_sigma.angle_deg, "angle", "degrees");
+  add(InterlockKind::kUncertaintyLength, length, limits.length_mm, "length", "mm");
+  add(InterlockKind::kUncertaintyRotation, rotation, limits.rotation_deg, "rotation", "degrees");
+  add(InterlockKind::kUncertaintyAngle, angle, limits.angle_deg, "angle", "degrees");
 }
 
 void CheckCorrection(const InterlockInput& in, Checks& checks) {

@@ -22,7 +22,7 @@ struct InterlockOptions {
   double most_rms_mm = 0.3;                 // of the samples from the fitted tube
   double most_lost_profiles = 0.02;         // part of all profiles, 0..1
   double most_pipe_radius_deviation = 0.1;  // part of the nominal pipe radius
-  PerAxis most_sigma{0.3, 0.3, 0.2};        // 1 sigma of any row
+  PerAxis most_sigma{0.3, 0.3, 0.2};        // 1 sigma: worse rows are held by themselves
   double least_angle_deg = 2.0;             // rotations beside smaller bends are not checked
   double oldest_session_s = 600.0;          // since the end of the scan
 };

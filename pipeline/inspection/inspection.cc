@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "pipeline/math/probability.h"
 #include "pipeline/math/text.h"
 #include "pipeline/tube/representations.h"
 #include "pipeline/tube/row_names.h"
@@ -55,43 +56,70 @@ std::vector<RowInspection> CompareRows(const hal::BendProgram& nominal,
 // Collects the states of all numbers into the verdict and its reasons.
 class Jury {
  public:
+  explicit Jury(double decision_sigmas) : decision_sigmas_(decision_sigmas) {}
+
   void Hear(const std::string& name, const Deviation& number, const char* unit) {
+    Weigh(number.deviation, number.sigma, number.tolerance, number.state);
     if (number.state == ToleranceState::kNotJudged || number.state == ToleranceState::kIn) return;
     Say(number.state,
         name + " " + Fixed(std::abs(number.deviation), 2) + " " + unit +
             (number.deviation < 0 ? " below nominal" : " above nominal"),
-        number.tolerance.value_or(0.0), number.sigma, unit);
+        number.deviation, number.tolerance.value_or(0.0), number.sigma, unit);
   }
   void Hear(const std::string& what, double value_mm, double sigma_mm, double tolerance_mm,
             ToleranceState state) {
+    Weigh(value_mm, sigma_mm, tolerance_mm, state);
     if (state == ToleranceState::kNotJudged || state == ToleranceState::kIn) return;
-    Say(state, what + " " + Fixed(value_mm, 2) + " mm off the nominal", tolerance_mm, sigma_mm,
-        "mm");
+    Say(state, what + " " + Fixed(value_mm, 2) + " mm off the nominal", value_mm, tolerance_mm,
+        sigma_mm, "mm");
   }
   Verdict verdict() const {
     return out_ ? Verdict::kFail : undecided_ ? Verdict::kUndecided : Verdict::kPass;
   }
+  double probability() const { return probability_; }
   std::vector<std::string> TakeReasons() { return std::move(reasons_); }
 
  private:
-  void Say(ToleranceState state, std::string what, double tolerance, double sigma,
+  void Weigh(double value, double sigma, std::optional<double> tolerance, ToleranceState state) {
+    if (state == ToleranceState::kNotJudged || !tolerance) return;
+    probability_ *= ProbabilityWithin(value, sigma, *tolerance);
+  }
+
+  // What would decide a number that lies this far from its limit.
+  std::string Mend(double value, double tolerance, const char* unit) const {
+    constexpr double kLeast = 1e-3;  // [mm, degrees] no scan is better
+    const double needed = std::abs(std::abs(value) - tolerance) / decision_sigmas_;
+    if (needed >= kLeast) {
+      return "; a scan that knows it to " + Fixed(needed, 3) + " " + unit +
+             " (1 sigma) would: slower, or from more sides";
+    }
+    return "; it lies on the limit, and no scan will: [verdict] rule = \"simple\" takes it as it "
+           "is "
+           "measured";
+  }
+
+  void Say(ToleranceState state, std::string what, double value, double tolerance, double sigma,
            const char* unit) {
     const bool out = state == ToleranceState::kOut;
     out_ |= out;
     undecided_ |= !out;
     const int decimals = sigma < 0.01 ? 3 : 2;
-    reasons_.push_back(std::move(what) + " (tolerance " + Fixed(tolerance, 2) + " " + unit +
-                       ", 1 sigma " + Fixed(sigma, decimals) + ")" +
-                       (out ? "" : ": too close to the tolerance to decide"));
+    reasons_.push_back(
+        std::move(what) + " (tolerance " + Fixed(tolerance, 2) + " " + unit + ", 1 sigma " +
+        Fixed(sigma, decimals) + ")" +
+        (out ? std::string()
+             : ": too close to the tolerance to decide" + Mend(value, tolerance, unit)));
   }
 
+  double decision_sigmas_;
+  double probability_ = 1;
   bool out_ = false;
   bool undecided_ = false;
   std::vector<std::string> reasons_;
 };
 
 void Decide(const InspectionOptions& options, double noise_mm, Inspection& inspection) {
-  Jury jury;
+  Jury jury(options.decision_sigmas);
   const std::size_t bends = inspection.rows.size() - 1;
   for (std::size_t i = 0; i < inspection.rows.size(); ++i) {
     const RowInspection& row = inspection.rows[i];
@@ -110,6 +138,7 @@ void Decide(const InspectionOptions& options, double noise_mm, Inspection& inspe
   jury.Hear("surface", inspection.surface.p99_abs_mm, noise_mm,
             inspection.surface.tolerance_mm.value_or(0.0), inspection.surface.state);
   inspection.verdict = jury.verdict();
+  inspection.probability = jury.probability();
   inspection.reasons = jury.TakeReasons();
 }
 

@@ -31,7 +31,7 @@ struct Tolerances {
 
 struct InspectionOptions {
   Tolerances tolerances;
-  // A deviation within so many sigma of its limit is undecided.
+  // A deviation within so many sigma of its limit is undecided; 0: each is in or out as measured.
   double decision_sigmas = 2.0;
   // Between bends one of which is smaller than this, the rotation has no meaning and is not judged.
   double least_angle_deg = 2.0;
@@ -62,6 +62,9 @@ struct Inspection {
   double envelope_max_mm = 0;
   SurfaceDistances surface;
   Verdict verdict = Verdict::kUndecided;
+  // That every judged number truly is in tolerance, by what the measurement leaves open; the same
+  // whatever the rule. 0 where rows could not be compared.
+  double probability = 0;
   std::vector<std::string> reasons;  // one sentence for each number that is out or undecided
 };
 

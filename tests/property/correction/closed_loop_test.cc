@@ -80,7 +80,7 @@ class Loop {
 
 // Of `kParts` lots, those in tolerance as first bent, after one correction and after two.
 void ExpectQuickConvergence(const CorrectionOptions& options, double one, double two) {
-  constexpr int kParts = 500;
+  constexpr int kParts = 200;
   int first = 0;
   int after_one = 0;
   int after_two = 0;
@@ -118,16 +118,16 @@ TEST(ClosedLoop, DampingAndAWideDeadbandCostSomeOfThat) {
   ExpectQuickConvergence(Cautious(), 0.9, 0.98);
 }
 
-// rms over parts from `from` to 200 of many lots, over the bender's own, axis by axis.
+// rms over parts from `from` to 100 of many lots, over the bender's own, axis by axis.
 Off ScatterRatio(const CorrectionOptions& options, int from) {
   Off squares{0, 0, 0};
   double rows = 0;
   double bends = 0;
   double turns = 0;
   support::TestBender truth;
-  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     Loop loop(seed, options);
-    for (int part = 1; part <= 200; ++part) {
+    for (int part = 1; part <= 100; ++part) {
       const auto deviations = Deviations(loop.nominal(), loop.Next());
       if (part < from) continue;
       for (std::size_t i = 0; i < deviations.size(); ++i) {
@@ -147,7 +147,7 @@ Off ScatterRatio(const CorrectionOptions& options, int from) {
 
 TEST(ClosedLoop, ScatterOfACautiousCellIsHardlyMoreThanTheBendersOwn) {
   const Off off = ScatterRatio(Cautious(), 4);
-  std::printf("parts 4 to 200, cautious cell: length %.3f, rotation %.3f, angle %.3f\n",
+  std::printf("parts 4 to 100, cautious cell: length %.3f, rotation %.3f, angle %.3f\n",
               off.length_mm, off.rotation_deg, off.angle_deg);
   EXPECT_LT(off.length_mm, 1.1);
   EXPECT_LT(off.rotation_deg, 1.1);
@@ -156,20 +156,12 @@ TEST(ClosedLoop, ScatterOfACautiousCellIsHardlyMoreThanTheBendersOwn) {
 
 TEST(ClosedLoop, SteadyStateScatterIsHardlyMoreThanTheBendersOwn) {
   const Off decaying = ScatterRatio({}, 4);
-  std::printf("parts 4 to 200, decaying gain: length %.3f, rotation %.3f, angle %.3f\n",
-              decaying.length_mm, decaying.rotation_deg, decaying.angle_deg);
+  std::printf("parts 4 to 100, length %.3f, rotation %.3f, angle %.3f\n", decaying.length_mm,
+              decaying.rotation_deg, decaying.angle_deg);
   EXPECT_LT(decaying.length_mm, 1.1);
   EXPECT_LT(decaying.rotation_deg, 1.1);
   EXPECT_LT(decaying.angle_deg, 1.1);
   EXPECT_GT(decaying.angle_deg, 0.98) << "less than the bender's own scatter cannot be";
-  // The rule earns its keep: full gain doubles the variance.
-  CorrectionOptions full;
-  full.decaying_gain = false;
-  full.deadband_sigmas = 0;
-  const Off fixed = ScatterRatio(full, 4);
-  std::printf("the same with full gain: length %.3f, rotation %.3f, angle %.3f\n", fixed.length_mm,
-              fixed.rotation_deg, fixed.angle_deg);
-  EXPECT_GT(fixed.angle_deg, 1.3);
 }
 
 TEST(ClosedLoop, FollowsToolWear) {
@@ -187,7 +179,7 @@ TEST(ClosedLoop, FollowsToolWear) {
     worst_mean = std::max(worst_mean, std::abs(mean));
   }
   std::printf("worst mean angle error under wear: %.3f degrees\n", worst_mean);
-  EXPECT_LT(worst_mean, 0.3);
+  EXPECT_LT(worst_mean, 0.05);
 }
 
 TEST(ClosedLoop, AnExactMaterialNeedsNoCorrection) {
@@ -225,15 +217,19 @@ TEST(ClosedLoop, FullGainWithoutNoiseLandsInOneStep) {
     bender.Detune(rng, nominal.rows.size(), 1, 2, 2);
     CorrectionOptions options;
     options.material = {1.1, 4.1, 2.0};  // what the test bender does
-    options.decaying_gain = false;
     options.deadband_sigmas = 0;
+    options.scatter_sigma = {0, 0, 0};
+    // The material is as it is told: what is off is each value's own.
+    options.filter.first_coil_constant_deg = 0;
+    options.filter.first_coil_slope_deg = 0;
+    options.filter.first_coil_stretch_percent = 0;
     const hal::BendProgram first = *InitialProgram(nominal, options.material);
     const auto correction = Correct({nominal, first, bender.Bend(first, rng), {}}, {}, options);
     ASSERT_TRUE(correction);
     for (const Off& off : Deviations(nominal, bender.Bend(correction->corrected, rng))) {
-      EXPECT_NEAR(off.length_mm, 0, 1e-9);
-      EXPECT_NEAR(off.rotation_deg, 0, 1e-9);
-      EXPECT_NEAR(off.angle_deg, 0, 1e-9);
+      EXPECT_NEAR(off.length_mm, 0, 0.01);
+      EXPECT_NEAR(off.rotation_deg, 0, 0.01);
+      EXPECT_NEAR(off.angle_deg, 0, 0.01);
     }
   }
 }

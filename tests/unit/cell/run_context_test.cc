@@ -19,7 +19,20 @@ RunContext Sample() {
   pipeline::LotState lot;
   lot.parts = 3;
   lot.base = context.bent_with->program;
-  lot.rows.push_back({{1.0 / 3, 2e-300, 0.7}, {-0.5, 1e300, 1.0 / 7}, {3, 4, 5}});
+  lot.held = true;
+  lot.slips = 2;
+  lot.parts_of_all_lots = 41;
+  pipeline::LotHypothesis& one = lot.hypotheses.emplace_back();
+  one.temperament = pipeline::Temperament::kDrifting;
+  one.log_weight = -1.0 / 3;
+  one.behind = 0.1;
+  one.event = pipeline::LotEvent::kCoilJump;
+  one.parts_since = 2;
+  one.values = {0, 3};
+  one.scatter = {1.0 / 3, 2e-300, 0.7};
+  one.scatter_weight = {1e300, 1.0 / 7, 3};
+  one.mean = {0.1 + 0.2, -1e-17};
+  one.covariance = {1, 1.0 / 9, 2};
   context.lot = lot;
   return context;
 }
@@ -61,6 +74,10 @@ TEST(Lot, BelongsToTheSettingsItWasLearntWith) {
   ASSERT_TRUE(other);
   EXPECT_FALSE(*other);
   EXPECT_FALSE(ReadLot("{}", "lot.json", "abc"));
+  // What the lot was until 2026-11 says nothing of drift.
+  const auto old = ReadLot(R"({"schema":"bendloop.lot/1","key":"abc"})", "lot.json", "abc");
+  ASSERT_TRUE(old) << old.error().message;
+  EXPECT_FALSE(*old);
 }
 
 }  // namespace

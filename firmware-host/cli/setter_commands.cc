@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <optional>
+
+#include "config/load.h"
+#include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/tube_rules.h"
+#include "firmware-host/cli/command.h"
+#include "firmware-host/daemon/setter_box.h"
+#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/ledger/moment.h"
+#include "firmware-host/result/program_json.h"
+#include "firmware-host/text/table.h"
+#include "hal/clock.h"
+#include "pipeline/correction/tube_values.h"
+
+namespace bendloop::host {
+namespace {
+
+struct SetterArguments {
+  std::string config;
+  std::string part;
+  double patience_s = 30;
+  bool json = false;
+  bool send = false;
+};
+
+constexpr const char* kLotFooter = R"(
+Examples:
+  bendloop lot show --config cell.toml      what the correction has learnt, and of how many parts
+  bendloop lot new --config cell.toml       another coil: springback and stretch are open again
+  bendloop lot hold --config cell.toml      measure and learn, but change no program
+  bendloop lot release --config cell.toml
+
+With a daemon the request reaches it through requests/ in its state directory and is granted between
+two parts; without one it is done at once. Who asked, when and what became of it stand in requests.log.
+Exit codes: 1 refused; 3 a bad file; 4 no answer from daemon or bender.)";
+
+constexpr const char* kUndoFooter = R"(
+Examples:
+  bendloop undo --config cell.toml
+
+The program before the last one that was sent becomes the bender's again, by the same commit protocol:
+the bender must be idle and hold what was sent last. The lot is held afterwards, because it would make
+the same correction again; 'bendloop lot release' ends that. A second undo takes back the first.
+Exit codes: 1 refused, nothing was sent; 4 no answer from daemon or bender.)";
+
+constexpr const char* kFirstFooter = R"(
+Examples:
+  bendloop first-program --part part.toml                    print it
+  bendloop first-program --part part.toml --json             the same for programs
+  bendloop first-program --config cell.toml --send           send it to the cell's bender
+
+The nominal with springback and stretch made up for, as the part file's [material] tells them: angles
+that open to the nominal, straights shorter by what their bends will add. Sending goes by the commit
+protocol, to an idle bender that holds a program of this part; a new lot begins.
+Exit codes: 1 refused, nothing was sent; 3 a bad file; 4 no answer from daemon or bender.)";
+
+int Tell(const SetterAnswer& answer, bool json) {
+  if (answer.error && !json) return Report({*answer.error, answer.text});
+  const int code = answer.error ? hal::ExitCode(*answer.error) : 0;
+  if (json) {
+    std::cout << Dump({{"schema", "bendloop.answer/1"}, {"exit_code", code}, {"text", answer.text}},
+                      2)
+              << std::endl;
+  } else {
+    std::cout << answer.text << std::endl;
+  }
+  return code;
+}
+
+// Without a daemon: by itself, with the state directory held.
+hal::Result<SetterAnswer> DoAlone(SetterWish wish, const config::CellConfig& cell,
+                                  const PartPlan& plan, StateStore& store, hal::Clock& clock) {
+  BenderDesk::Options options;
+  options.journal = store.journal();
+  options.pipe_radius_mm = plan.pipe_radius_mm;
+  options.commit = plan.commit;
+  options.ledger = LedgerRulesOf(cell);
+  // A simulated bender lives in the daemon's process: without it there is none.
+  config::BenderConfig bender = cell.bender;
+  if (!config::IsReal(bender.link)) bender.link = config::BenderKind::kNone;
+  auto desk = BenderDesk::Open(bender, options, clock);
+  if (!desk) return hal::Fail(desk.error());
+  SetterDesk setter(
+      {&plan, desk->get(),
+       [&] {
+         auto lot = store.Lot(plan.config_digest);
+         return lot ? *lot : std::nullopt;
+       },
+       [&](const pipeline::LotState& lot) { return store.KeepLot(lot, plan.config_digest); },
+       store.requests_log()});
+  return setter.Grant({wish, OwnUser(), UtcText(SystemMoment().unix_ms)});
+}
+
+int Ask(SetterWish wish, const SetterArguments& arguments) {
+  const auto cell = config::LoadCell(arguments.config);
+  if (!cell) return Report(cell.error());
+  const auto plan = MakePartPlan(*cell);
+  if (!plan) return Report(plan.error());
+  hal::SteadyClock clock;
+  auto store = StateStore::Open(cell->state_dir);
+  hal::Result<SetterAnswer> answer;
+  if (store) {
+    if (auto lot = store->Lot(plan->config_digest); !lot) return Report(lot.error());
+    answer = DoAlone(wish, *cell, *plan, *store, clock);
+  } else {
+    answer =
+        SetterBox(cell->state_dir)
+            .Ask(wish, std::chrono::nanoseconds(std::llround(arguments.patience_s * 1e9)), clock);
+  }
+  if (!answer) return Report(answer.error());
+  return Tell(*answer, arguments.json);
+}
+
+Json LotSummary(const pipeline::LotState& lot) {
+  Json json = {{"schema", "bendloop.lot-summary/1"},
+               {"number", lot.number},
+               {"parts", lot.parts},
+               {"held", lot.held},
+               {"parts_of_all_lots", lot.parts_of_all_lots},
+               {"slips", lot.slips},
+               {"jumps", lot.jumps}};
+  if (lot.hypotheses.empty()) return json;
+  using Layout = pipeline::LotLayout;
+  const pipeline::LotHypothesis& best = lot.hypotheses.front();
+  json["temperament"] = pipeline::Name(best.temperament);
+  json["latest_event"] = {{"kind", pipeline::Name(best.event)}, {"parts_since", best.parts_since}};
+  json["scatter"] = {{"length_mm", Number(best.scatter.length_mm)},
+                     {"rotation_deg", Number(best.scatter.rotation_deg)},
+                     {"angle_deg", Number(best.scatter.angle_deg)}};
+  json["coil"] = {{"angle_off_at_70_deg", Number(best.mean[Layout::kConstant])},
+                  {"more_at_120_deg", Number(best.mean[Layout::kSlope])},
+                  {"stretch_off_percent", Number(best.mean[Layout::kStretch])},
+                  {"drift_deg_per_part", Number(best.mean[Layout::kDrift])}};
+  Json values = Json::array();
+  const pipeline::TubeValues layout(lot.base.bend_count());
+  for (std::size_t j = 0; j < layout.size(); ++j) {
+    values.push_back({{"name", pipeline::NameOf(layout[j], layout.bends())},
+                      {"off", Number(best.mean[std::size_t(Layout::Level(j))])},
+                      {"drift_per_part", Number(best.mean[std::size_t(Layout::Drift(j))])}});
+  }
+  json["values"] = values;
+  return json;
+}
+
+int ShowLot(const SetterArguments& arguments) {
+  const auto cell = config::LoadCell(arguments.config);
+  if (!cell) return Report(cell.error());
+  const auto plan = MakePartPlan(*cell);
+  if (!plan) return Report(plan.error());
+  // Written whole or not at all: it may be read beside the daemon.
+  const auto lot = ReadLotOf(cell->state_dir, plan->config_digest);
+  if (!lot) return Report(lot.error());
+  const pipeline::LotState none;
+  const Json json = LotSummary(*lot ? **lot : none);
+  if (arguments.json) {
+    std::cout << Dump(json, 2) << std::endl;
+    return 0;
+  }
+  if (!*lot) {
+    std::cout << "no lot yet: the next part begins one" << std::endl;
+    return 0;
+  }
+  std::cout << "lot " << (*lot)->number << ", " << (*lot)->parts << " parts"
+            << ((*lot)->held ? ", HELD: no program is changed" : "") << "; of all lots "
+            << (*lot)->parts_of_all_lots << " parts, " << (*lot)->slips << " slips, "
+            << (*lot)->jumps << " jumps\n";
+  if (json.contains("temperament")) {
+    const Json& coil = json["coil"];
+    std::cout << "the bender is " << json["temperament"].get<std::string>() << "; scatter "
+              << json["scatter"]["length_mm"] << " mm, " << json["scatter"]["rotation_deg"]
+              << " and " << json["scatter"]["angle_deg"] << " degrees\n"
+              << "off the material's springback: " << coil["angle_off_at_70_deg"]
+              << " degrees at 70, " << coil["more_at_120_deg"] << " more at 120, drifting by "
+              << coil["drift_deg_per_part"] << " a part; stretch " << coil["stretch_off_percent"]
+              << " % more\n";
+    for (const Json& value : json["values"]) {
+      std::cout << "  " << value["name"].get<std::string>() << ": " << value["off"]
+                << ", drifting by " << value["drift_per_part"] << " a part\n";
+    }
+  }
+  std::cout << std::flush;
+  return 0;
+}
+
+int FirstProgram(const SetterArguments& arguments) {
+  if (arguments.send && arguments.config.empty()) {
+    return Report({hal::ErrorKind::kUsage,
+                   "--send needs --config, the cell file of the bender; try bendloop "
+                   "first-program --help"});
+  }
+  if (arguments.part.empty() == arguments.config.empty()) {
+    return Report({hal::ErrorKind::kUsage,
+                   "expected either --part or --config; try bendloop first-program --help"});
+  }
+  if (arguments.send) return Ask(SetterWish::kFirstProgram, arguments);
+  config::PartConfig part;
+  if (arguments.config.empty()) {
+    auto loaded = config::LoadPart(arguments.part);
+    if (!loaded) return Report(loaded.error());
+    part = std::move(*loaded);
+  } else {
+    auto cell = config::LoadCell(arguments.config);
+    if (!cell) return Report(cell.error());
+    part = std::move(cell->part);
+  }
+  const auto nominal = NominalProgram(part);
+  if (!nominal) return Report(nominal.error());
+  const auto first = pipeline::InitialProgram(*nominal, MaterialOf(part));
+  if (!first) return Report(first.error());
+  if (arguments.json) {
+    std::cout << Dump({{"schema", "bendloop.first-program/1"},
+                       {"part", part.name},
+                       {"rows", RowsJson(*first)}},
+                      2)
+              << std::endl;
+    return 0;
+  }
+  Table table({{"row", Align::kRight},
+               {"length mm", Align::kDecimal},
+               {"rotation deg", Align::kDecimal},
+               {"angle deg", Align::kDecimal},
+               {"CLR mm", Align::kDecimal}});
+  for (std::size_t i = 0; i < first->rows.size(); ++i) {
+    const hal::BendRow& row = first->rows[i];
+    table.Add({std::to_string(i + 1), Fixed(row.length_mm, 3), Fixed(row.rotation_deg, 3),
+               Fixed(row.angle_deg, 3), row.bend_radius_mm ? Fixed(*row.bend_radius_mm, 3) : ""});
+  }
+  std::cout << table.Render(false) << std::flush;
+  return 0;
+}
+
+void AddConfig(CLI::App* command, const std::shared_ptr<SetterArguments>& arguments) {
+  command->add_option("--config", arguments->config, "The cell file")
+      ->type_name("CELL.toml")
+      ->required();
+  command->add_flag("--json", arguments->json, "JSON instead of text");
+}
+
+void AddPatience(CLI::App* command, const std::shared_ptr<SetterArguments>& arguments) {
+  command->add_option("--wait", arguments->patience_s, "Seconds to wait for a running daemon")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+CLI::App* AddLotCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<SetterArguments>();
+  CLI::App* lot =
+      app.add_subcommand("lot", "What the correction has learnt of a lot; its setter's say");
+  lot->footer(kLotFooter);
+  lot->require_subcommand(1);
+  CLI::App* show = lot->add_subcommand("show", "What is known of the lot");
+  show->footer(kLotFooter);
+  AddConfig(show, arguments);
+  show->callback([arguments, &run] { run = [arguments] { return ShowLot(*arguments); }; });
+  const auto add = [&](const char* name, const char* what, SetterWish wish) {
+    CLI::App* command = lot->add_subcommand(name, what);
+    command->footer(kLotFooter);
+    AddConfig(command, arguments);
+    AddPatience(command, arguments);
+    command->callback(
+        [arguments, wish, &run] { run = [arguments, wish] { return Ask(wish, *arguments); }; });
+  };
+  add("new", "Another coil or tool: a new lot begins", SetterWish::kNewLot);
+  add("hold", "Change no program until 'release'", SetterWish::kHoldLot);
+  add("release", "Correct programs again", SetterWish::kReleaseLot);
+  return lot;
+}
+
+CLI::App* AddUndoCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<SetterArguments>();
+  CLI::App* command = app.add_subcommand("undo", "The bender's program before the last one sent");
+  command->footer(kUndoFooter);
+  AddConfig(command, arguments);
+  AddPatience(command, arguments);
+  command->callback(
+      [arguments, &run] { run = [arguments] { return Ask(SetterWish::kUndo, *arguments); }; });
+  return command;
+}
+
+CLI::App* AddFirstProgramCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<SetterArguments>();
+  CLI::App* command = app.add_subcommand(
+      "first-program", "A part's first program: springback and stretch made up for");
+  command->footer(kFirstFooter);
+  command->add_option("--part", arguments->part, "The part file")->type_name("PART.toml");
+  command->add_option("--config", arguments->config, "The cell file; its part")
+      ->type_name("CELL.toml");
+  command->add_flag("--send", arguments->send, "Send it to the cell's bender");
+  command->add_flag("--json", arguments->json, "JSON instead of text");
+  AddPatience(command, arguments);
+  command->callback([arguments, &run] { run = [arguments] { return FirstProgram(*arguments); }; });
+  return command;
+}
+
+}  // namespace bendloop::host

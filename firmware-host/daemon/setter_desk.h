@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "firmware-host/cell/bender_desk.h"
+#include "firmware-host/cell/part_plan.h"
+#include "hal/result.h"
+
+namespace bendloop::host {
+
+// What a setter asks of the correction.
+enum class SetterWish : std::uint8_t { kNewLot, kHoldLot, kReleaseLot, kUndo, kFirstProgram };
+const char* Name(SetterWish wish);  // "lot new", "lot hold", "lot release", "undo", "first-program"
+std::optional<SetterWish> WishNamed(const std::string& name);
+
+struct SetterRequest {
+  SetterWish wish = SetterWish::kNewLot;
+  std::string who;   // the user, as the machine knows him
+  std::string time;  // ISO 8601
+};
+
+// What became of it: done, or the error's kind with its reason.
+struct SetterAnswer {
+  std::optional<hal::ErrorKind> error;
+  std::string text;  // one line for the setter
+};
+
+// What the desk needs of its cell, whoever runs it; all outlive it.
+struct SetterPorts {
+  const PartPlan* plan = nullptr;
+  BenderDesk* desk = nullptr;
+  std::function<std::optional<pipeline::LotState>()> lot;
+  std::function<hal::Result<void>(const pipeline::LotState&)> keep_lot;
+  std::filesystem::path log;  // a JSON line for each request, flushed
+};
+
+// Where setters' wishes are granted: between two parts, by whoever holds the state directory.
+class SetterDesk {
+ public:
+  explicit SetterDesk(SetterPorts ports) : ports_(std::move(ports)) {}
+  // Journalled before anything is done and when it is done.
+  SetterAnswer Grant(const SetterRequest& request);
+
+ private:
+  SetterAnswer Do(const SetterRequest& request);
+  SetterAnswer NewLot();
+  SetterAnswer HoldLot(bool held);
+  SetterAnswer Undo(const SetterRequest& request);
+  SetterAnswer SendFirstProgram(const SetterRequest& request);
+  SetterAnswer Send(const SetterRequest& request, const hal::ProgramBlock& base,
+                    const hal::BendProgram& program);
+  hal::Result<hal::ProgramBlock> ActiveOfThisPart();
+  SetterAnswer Keep(const pipeline::LotState& lot, const std::string& said);
+  hal::Result<void> Log(const SetterRequest& request, const std::string& end) const;
+
+  SetterPorts ports_;
+};
+
+}  // namespace bendloop::host
