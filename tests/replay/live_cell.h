@@ -66,6 +66,8 @@ class WordlessSource final : public hal::ProfileSource {
 class LiveCell {
  public:
   static constexpr std::chrono::seconds kPatience{120};
+  // Coarser scans are quicker ones, and see less of the ends.
+  double profile_spacing_mm = 1;
 
   explicit LiveCell(const std::string& more = "", const std::string& bender_keys = "") {
     auto part = config::LoadPart(BENDLOOP_SOURCE_DIR "/config/parts/demo.toml");
@@ -147,7 +149,7 @@ class LiveCell {
   std::shared_ptr<const drivers::VirtualScan> ScanOf(const hal::BendProgram& tube) {
     drivers::VirtualScanOptions options;
     options.seed = ++scans_;
-    options.path.profile_spacing_mm = 1;
+    options.path.profile_spacing_mm = profile_spacing_mm;
     options.path.views_deg = drivers::SpreadViewsDeg(2);
     options.rays = kRays;
     options.profiles_per_second = 4000;
