@@ -56,6 +56,9 @@ struct ScanConfig {
   TubeSource tubes = TubeSource::kAuto;
   // Tubes that were bent after the one that is scanned; empty: as many as at the first scan.
   std::optional<std::int64_t> parts_between = 0;
+  // 1 sigma of how far a pass of the scan may lie beside the others, by an arm that drifts.
+  double pass_drift_mm = 0.05;
+  double pass_drift_deg = 0.02;
 };
 
 enum class BenderKind : std::uint8_t {

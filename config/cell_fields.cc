@@ -62,6 +62,8 @@ void VisitScan(FieldVisitor& v, ScanConfig& scan) {
   v.Integer("min_profiles", scan.min_profiles, 1, 1000000);
   v.Enum("tubes", scan.tubes, kTubeSources);
   v.IntegerOrWord("parts_between", scan.parts_between, 0, kMostPartsBetween, "auto");
+  v.Number("pass_drift_mm", scan.pass_drift_mm, {0.0001, 10});
+  v.Number("pass_drift_deg", scan.pass_drift_deg, {0.0001, 10});
 }
 
 void VisitBender(FieldVisitor& v, BenderConfig& bender) {

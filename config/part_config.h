@@ -17,8 +17,10 @@ struct Tolerances {
   double length_mm = 0.5;
   double rotation_deg = 0.5;
   double angle_deg = 0.5;
-  double envelope_mm = 1.0;  // tangent points, after best-fit alignment
-  double surface_mm = 1.0;   // whole surface, after best-fit alignment
+  double envelope_mm = 1.0;               // tangent points, after best-fit alignment
+  double surface_mm = 1.0;                // whole surface, after best-fit alignment
+  std::optional<double> straightness_mm;  // height of any straight's bow; none: not judged
+  std::optional<double> dent_depth_mm;    // of any dent; none: not judged
 };
 
 // How the material answers to bending, as the trade enters it. Springback is linear in the bend

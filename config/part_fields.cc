@@ -35,6 +35,8 @@ void VisitPart(FieldVisitor& v, PartConfig& part) {
     t.Number("angle_deg", part.tolerance.angle_deg, {0.001, 90});
     t.Number("envelope_mm", part.tolerance.envelope_mm, {0.001, 100});
     t.Number("surface_mm", part.tolerance.surface_mm, {0.001, 100});
+    t.OptionalNumber("straightness_mm", part.tolerance.straightness_mm, {0.001, 100});
+    t.OptionalNumber("dent_depth_mm", part.tolerance.dent_depth_mm, {0.001, 100});
   });
   v.Table("material", Need::kOptional, [&](FieldVisitor& m) {
     m.Number("springback_at_20_deg", part.material.springback_at_20_deg, {-5, 15});

@@ -10,10 +10,13 @@
 
 #include "pipeline/fit/correlations.h"
 #include "pipeline/fit/coverage.h"
+#include "pipeline/fit/easing_fit.h"
+#include "pipeline/fit/end_forms.h"
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/fit/self_check.h"
 #include "pipeline/fit/surface_fit.h"
+#include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/spine/oriented_samples.h"
@@ -39,6 +42,8 @@ struct StageSettings {
   std::size_t shrink_samples = 30'000;
   // Times that a neighbour is taken off. Each takes one joint at least; more were never seen.
   int most_parted = 3;
+  // [of r_P] What is further from the spine may be another part of the tube, not yet found.
+  double beside_tube = 1.3;
   // [degrees] 1 sigma of an angle from which on the live view shows the bend.
   double settled_deg = 2.0;
 };
@@ -50,6 +55,7 @@ struct ApproximatedTube {
   std::vector<PointBlock> blocks;  // all points near it
   SurfaceFit structure;
   std::vector<double> left_out_mm;  // lengths of the other pieces
+  Registration registration;        // of the scan's passes; the blocks look at its points
 };
 
 // Least squares on all points.
@@ -60,9 +66,12 @@ struct FinalFit {
   double noise_mm = 0;  // 1 sigma of the points
 };
 
-FinalFit FitAllPoints(ApproximatedTube& tube, Workers* workers) {
+FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& drift,
+                      Workers* workers) {
   const SurfaceFit& structure = tube.structure;
   FinalFit final;
+  tube.registration = RegisterPasses(
+      structure, passes, drift, kStage.final_reach * structure.tube.pipe_radius_mm, tube.blocks);
   final.options = {.reach_mm = kStage.final_reach * structure.tube.pipe_radius_mm,
                    .max_length_mm = 2.0 * LengthOf(tube.polygon),
                    .flattened = !structure.flattening.empty(),
@@ -70,7 +79,11 @@ FinalFit FitAllPoints(ApproximatedTube& tube, Workers* workers) {
                    .workers = workers};
   final.weights = WeighByIncidence(structure.tube, structure.flattening, structure.sigma_mm,
                                    final.options.reach_mm, tube.blocks, workers);
+  final.options.easing = FindEasing(structure, tube.blocks, final.options);
   final.fit = FitSurface(structure.tube, tube.blocks, final.options);
+  if (!tube.registration.passes.empty()) {
+    Widen(tube.registration.covariance, final.options.free_pipe_radius, final.fit);
+  }
   final.noise_mm = final.weights.certainties.empty() ? final.fit.sigma_mm : final.weights.noise_mm;
   return final;
 }
@@ -91,8 +104,11 @@ class Reconstruction::Impl {
   hal::Result<ApproximatedTube> Connect(std::span<const SpineNode> nodes) const;
   hal::Result<void> Approximate(ApproximatedTube& tube) const;
   void LookAround(ApproximatedTube& tube) const;
+  // What sits on the ends, and what goes on beyond them.
+  void LookBeyondEnds(const TubeEnds& ends, double noise_mm, Measurement& measurement) const;
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
+  PointBlock BlockAt(std::int32_t index, bool all_points) const;
   std::optional<std::size_t> NominalBends() const {
     if (!options_.nominal) return std::nullopt;
     return options_.nominal->bend_count();
@@ -120,7 +136,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   if (const auto done = Approximate(*tube); !done) return hal::Fail(done.error());
   SayLeftOut(tube->left_out_mm, measurement.warnings);
   timer.Done("structure");
-  const FinalFit final = FitAllPoints(*tube, workers);
+  const FinalFit final = FitAllPoints(*tube, intake_.passes(), options_.pass_drift, workers);
+  ReportPasses(tube->registration, options_.pass_drift, measurement);
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");
   if (const auto shown = CheckShowsTube(fit); !shown) return hal::Fail(shown.error());
@@ -130,8 +147,11 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   const TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, tube->blocks, workers);
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
-  measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
+  ReportForm(FindForm(fit, measurement.tube, final.noise_mm, tube->blocks, final.options.reach_mm),
+             measurement);
+  LookBeyondEnds(ends, final.noise_mm, measurement);
+  measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.noise_mm = final.noise_mm;
   timer.Done("ends");
   DescribeSamples(tube->blocks, intake_.grid().kept_count(), final.noise_mm, measurement, workers);
@@ -210,14 +230,51 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
   std::vector<PointBlock> result;
   for (const std::int32_t index : intake_.grid().BlocksNear(places, 1.5 * r_mm)) {
     if (intake_.IsPlanar(index)) continue;
-    const SampleGrid::Block& block = intake_.grid().blocks()[static_cast<std::size_t>(index)];
-    PointBlock& out = result.emplace_back();
-    out.center_mm = intake_.grid().CenterOf(block);
-    out.half_diagonal_mm = 0.5 * std::sqrt(3.0) * intake_.grid().block_mm();
-    out.points = all_points ? std::span(block.points) : block.samples();
-    if (all_points) out.to_sensor = block.to_sensor;
+    result.push_back(BlockAt(index, all_points));
   }
   return result;
+}
+
+PointBlock Reconstruction::Impl::BlockAt(std::int32_t index, bool all_points) const {
+  const SampleGrid::Block& block = intake_.grid().blocks()[static_cast<std::size_t>(index)];
+  PointBlock out;
+  out.center_mm = intake_.grid().CenterOf(block);
+  out.half_diagonal_mm = 0.5 * std::sqrt(3.0) * intake_.grid().block_mm();
+  out.points = all_points ? std::span(block.points) : block.samples();
+  if (all_points) out.to_sensor = block.to_sensor;
+  return out;
+}
+
+void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
+                                          Measurement& measurement) const {
+  const hal::Tube plain = measurement.tube;
+  const double r_mm = plain.pipe_radius_mm;
+  const EasedSpine spine = SpineOf(plain.program, plain.X_WT, measurement.easing);
+  // Where no part of the tube is near; what lies beyond its ends is not.
+  const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
+  std::vector<PointBlock> others;
+  std::vector<std::int32_t> candidates;
+  for (std::size_t i = 0; i < intake_.grid().blocks().size(); ++i) {
+    const auto index = static_cast<std::int32_t>(i);
+    const PointBlock block = BlockAt(index, true);
+    CandidateSegments(block, frames, kStage.beside_tube * r_mm, candidates);
+    if (candidates.empty() && !intake_.IsPlanar(index)) others.push_back(block);
+  }
+  for (const bool at_start : {true, false}) {
+    if (!(at_start ? ends.first_seen : ends.last_seen)) continue;
+    const hal::SpineSegment& straight = at_start ? spine.segments.front() : spine.segments.back();
+    const PlainEnd end{at_start ? straight.start_mm : straight.PointAt(straight.length_mm),
+                       at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent};
+    std::vector<Eigen::Vector3d> places;
+    for (double at = -3.0; at <= kEndFormReach; at += 0.5) {
+      places.push_back(end.position_mm + at * r_mm * end.outward);
+    }
+    std::vector<PointBlock> near;
+    for (const std::int32_t index : intake_.grid().BlocksNear(places, 3.0 * r_mm)) {
+      if (!intake_.IsPlanar(index)) near.push_back(BlockAt(index, true));
+    }
+    ReportEndForm(at_start, FindEndForm(end, r_mm, noise_mm, near, others), measurement);
+  }
 }
 
 LiveView Reconstruction::Impl::View() const {

@@ -10,6 +10,7 @@
 #include "hal/clock.h"
 #include "hal/laser_profile.h"
 #include "hal/result.h"
+#include "pipeline/fit/registration.h"
 #include "pipeline/math/workers.h"
 #include "pipeline/spine/spine_method.h"
 #include "pipeline/tube/measurement.h"
@@ -25,6 +26,8 @@ struct ReconstructionOptions {
   // Of the points that come to a place again and again so many are kept for the final fit, evenly
   // over the scan: memory and the final fit are bounded by this and by the tube.
   std::size_t max_points = 4'000'000;
+  // By how much the passes of a scan may lie beside each other. Of clouds nothing is known.
+  PassDrift pass_drift = {};
   // For the final result; the live view always projects with moving least squares.
   SpineMethod spine_method = SpineMethod::kMls;
 };

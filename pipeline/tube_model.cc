@@ -132,9 +132,9 @@ struct Comparison {
 // ones too.
 Comparison Compare(const Measurement& measured, const CanalScan& scan) {
   const hal::Tube& tube = measured.tube;
-  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const std::vector<SegmentFrame> frames =
-      SegmentFrames(segments, std::numeric_limits<double>::infinity(), measured.flattening);
+      SegmentFrames(SpineOf(tube.program, tube.X_WT, measured.easing),
+                    std::numeric_limits<double>::infinity(), measured.flattening);
   std::vector<std::int32_t> all(frames.size());
   std::iota(all.begin(), all.end(), 0);
   const double reach_mm = kLeave.reach * tube.pipe_radius_mm;

@@ -92,6 +92,7 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.reconstruction.pipe_radius_mm = plan.pipe_radius_mm;
   plan.reconstruction.nominal = plan.nominal;
   plan.reconstruction.max_points = kMostPoints;
+  plan.reconstruction.pass_drift = {cell.scan.pass_drift_mm, cell.scan.pass_drift_deg};
 
   const config::Tolerances& tolerance = cell.part.tolerance;
   plan.inspection.tolerances.length_mm = tolerance.length_mm;
@@ -99,6 +100,8 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.inspection.tolerances.angle_deg = tolerance.angle_deg;
   plan.inspection.tolerances.envelope_mm = tolerance.envelope_mm;
   plan.inspection.tolerances.surface_mm = tolerance.surface_mm;
+  plan.inspection.tolerances.straightness_mm = tolerance.straightness_mm;
+  plan.inspection.tolerances.dent_depth_mm = tolerance.dent_depth_mm;
   plan.inspection.decision_sigmas =
       cell.verdict.rule == config::VerdictRule::kGuarded ? cell.verdict.guard_factor : 0.0;
   plan.inspection.direction.choice = ChoiceOf(cell.scan.direction);

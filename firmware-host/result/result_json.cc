@@ -107,7 +107,9 @@ Json ResultJson(const RunResult& result, const ResultJsonOptions& options) {
   json["tube"] = TubeJson(m.tube);
   json["uncertainty_1sigma"] = UncertaintyJson(m);
   json["fit"] = FitJson(m);
+  if (!m.passes.empty()) json["fit"]["passes"] = PassesJson(m.passes);
   if (!m.bend_shapes.empty()) json["bend_shapes"] = BendShapesJson(m.bend_shapes);
+  if (Json form = FormJson(m); !form.empty()) json["form"] = std::move(form);
   json["warnings"] = m.warnings;
   if (result.nominal) json["nominal"] = {{"rows", RowsJson(*result.nominal)}};
   if (result.inspection) json["inspection"] = InspectionJson(*result.inspection);

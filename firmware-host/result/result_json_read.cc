@@ -22,6 +22,7 @@ void ReadFit(const JsonReader& json, pipeline::Measurement& m) {
   m.longest_gap_mm = json.NumberOr("longest_gap_mm", 0);
   m.structure_margin = json.NumberOr("structure_margin", std::nan(""));
   m.halves_differ_sigma = json.NumberOr("halves_differ_sigma", std::nan(""));
+  if (json.Has("passes")) m.passes = ReadPasses(json.At("passes"));
 }
 
 // Rows and bends are checked against the program, since a text names them.
@@ -90,6 +91,7 @@ void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
            shape.NumberOr("outer_wall_mm", 0), shape.NumberOr("outer_wall_sigma_mm", 0)});
     }
   }
+  if (json.Has("form")) ReadForm(json.At("form"), m);
 
   if (json.Has("warnings")) m.warnings = json.At("warnings").Texts();
   if (json.Has("spine")) {

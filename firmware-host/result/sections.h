@@ -41,4 +41,11 @@ pipeline::InterlockReport ReadInterlocks(const JsonReader& json);
 Json BenderJson(const CommitReport& report);
 CommitReport ReadBender(const JsonReader& json);
 
+// What is left of the tube beside lines, arcs and one section; empty: nothing is known of it.
+Json FormJson(const pipeline::Measurement& m);
+void ReadForm(const JsonReader& json, pipeline::Measurement& m);
+
+Json PassesJson(const std::vector<pipeline::PassOffset>& passes);
+std::vector<pipeline::PassOffset> ReadPasses(const JsonReader& json);
+
 }  // namespace bendloop::host

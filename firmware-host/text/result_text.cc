@@ -177,6 +177,41 @@ std::string BendShapesText(const std::vector<pipeline::BendShape>& shapes) {
   return out;
 }
 
+// What a person at the machine should know of the tube's form: what is beyond its own sigma.
+std::string FormText(const pipeline::Measurement& m) {
+  std::string out;
+  const pipeline::StraightForm* worst = nullptr;
+  for (const pipeline::StraightForm& straight : m.straights) {
+    if (straight.length_mm > 0 && (!worst || straight.height_mm > worst->height_mm)) {
+      worst = &straight;
+    }
+  }
+  if (worst && worst->height_mm > 3 * worst->sigma_mm) {
+    out += "  straightness: " + Fixed(worst->height_mm, kDecimals) + " +- " +
+           Fixed(worst->sigma_mm, kDecimals) + " mm on " + Fixed(worst->length_mm, 0) + " mm (L/" +
+           Fixed(worst->length_mm / worst->height_mm, 0) + "), the worst, row " +
+           std::to_string(worst - m.straights.data() + 1) + "\n";
+  }
+  if (!m.bend_easings.empty()) {
+    out += "  bends ease in and out over";
+    for (std::size_t i = 0; i < m.bend_easings.size(); ++i) {
+      out += (i == 0 ? " " : ", ") + Fixed(m.bend_easings[i].length_mm, 1);
+    }
+    out += " mm\n";
+  }
+  for (const pipeline::DentFound& dent : m.dents) {
+    out += "  dent: " + Fixed(dent.depth_mm, 2) + " +- " + Fixed(dent.sigma_mm, 2) + " mm deep, " +
+           Fixed(dent.size_mm, 1) + " mm wide, at " + Fixed(dent.along_mm, 1) +
+           " mm along the spine, " + Fixed(dent.around_deg, 0) + " degrees around\n";
+  }
+  for (std::size_t i = 0; i < m.passes.size(); ++i) {
+    out += "  pass " + std::to_string(i + 1) + ": moved by " +
+           Fixed(m.passes[i].move_mm.norm(), kDecimals) + " mm and " +
+           Fixed(m.passes[i].turn_deg.norm(), kDecimals) + " degrees to meet the others\n";
+  }
+  return out;
+}
+
 }  // namespace
 
 ShownValue ShowValue(RowValueKind kind, double value, double sigma) {
@@ -301,7 +336,7 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
   std::string out = rows.empty() ? "  no rows: see the spine\n" : table.Render(colour);
   if (unknown) out += std::string("  ") + kUnknownLegend + "\n";
   return out + TogetherText(TogetherLines(m.joint, m.tube.program.bend_count())) + "\n" +
-         FitText(m) + BendShapesText(m.bend_shapes);
+         FitText(m) + BendShapesText(m.bend_shapes) + FormText(m);
 }
 
 std::string ComparisonText(const RunResult& result, bool colour) {

@@ -260,9 +260,9 @@ bool SaysNothing(const KnownTogether& run) {
 JointUncertainty FindCorrelations(const SurfaceFit& fit, const hal::BendProgram& measured,
                                   const hal::BendProgram& sigma) {
   const std::size_t bends = fit.tube.program.bend_count();
-  const TubeParameters fixed_radius(fit.tube, false, fit.flattening);
+  const TubeParameters fixed_radius(fit.tube, false, fit.flattening, fit.easing);
   const TubeParameters parameters(fit.tube, fit.covariance.rows() > fixed_radius.size(),
-                                  fit.flattening);
+                                  fit.flattening, fit.easing);
   if (bends == 0 || parameters.size() != fit.covariance.rows() ||
       measured.rows.size() != bends + 1 || sigma.rows.size() != bends + 1) {
     return {};

@@ -34,10 +34,9 @@ constexpr DescriptionSettings kDescription;
 
 // Places along the spine, one behind the other.
 struct Bins {
-  explicit Bins(const hal::Tube& tube)
-      : length_mm(hal::SpineLength(tube.program)),
-        bin_mm(
-            std::max(kDescription.bin * tube.pipe_radius_mm, length_mm / kDescription.most_bins)),
+  Bins(const EasedSpine& spine, double pipe_radius_mm)
+      : length_mm(spine.length_mm()),
+        bin_mm(std::max(kDescription.bin * pipe_radius_mm, length_mm / kDescription.most_bins)),
         count(static_cast<std::size_t>(std::ceil(length_mm / bin_mm)) + 1) {}
 
   double length_mm;  // of the tube
@@ -69,11 +68,11 @@ struct Description {
 class Describer {
  public:
   // Every `sparse`-th point is kept for the surface.
-  Describer(const hal::Tube& tube, double sigma_mm, const Bins& bins, std::size_t sparse,
-            Description& description)
-      : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
-        frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
-        pipe_radius_mm_(tube.pipe_radius_mm),
+  Describer(const EasedSpine& spine, double pipe_radius_mm, double sigma_mm, const Bins& bins,
+            std::size_t sparse, Description& description)
+      : segments_(spine.segments),
+        frames_(SegmentFrames(spine, kBeyond * pipe_radius_mm, {})),
+        pipe_radius_mm_(pipe_radius_mm),
         length_mm_(bins.length_mm),
         reach_mm_(kDescription.outlier * sigma_mm),
         inverse_bin_(1.0 / bins.bin_mm),
@@ -126,7 +125,7 @@ class Describer {
     out_.sum_mm[bin] += d;
   }
 
-  std::vector<hal::SpineSegment> segments_;
+  const std::vector<hal::SpineSegment>& segments_;
   std::vector<SegmentFrame> frames_;
   double pipe_radius_mm_, length_mm_, reach_mm_, inverse_bin_;
   std::size_t sparse_;
@@ -137,8 +136,8 @@ class Describer {
 };
 
 // A walk over all points.
-Description Describe(std::span<const PointBlock> blocks, const hal::Tube& tube, double sigma_mm,
-                     const Bins& bins, Workers* workers) {
+Description Describe(std::span<const PointBlock> blocks, const EasedSpine& spine,
+                     double pipe_radius_mm, double sigma_mm, const Bins& bins, Workers* workers) {
   const std::size_t sparse = CountPoints(blocks) / kDescription.most_kept + 1;
   std::vector<std::size_t> first_index;
   std::size_t index = 0;
@@ -150,7 +149,7 @@ Description Describe(std::span<const PointBlock> blocks, const hal::Tube& tube, 
       EvenRounds(blocks, kDescription.points_of_round, kDescription.most_rounds);
   std::vector<Description> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
-    Describer describer(tube, sigma_mm, bins, sparse, parts[round]);
+    Describer describer(spine, pipe_radius_mm, sigma_mm, bins, sparse, parts[round]);
     for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
       describer.Add(blocks[i], first_index[i]);
     }
@@ -179,6 +178,13 @@ void SetCoverage(const Bins& bins, std::span<const std::uint32_t> count, Measure
   double uncovered_mm = 0, gap_mm = 0;
   measurement.longest_gap_mm = 0;
   for (std::size_t bin = 0; bin + 1 < bins.count; ++bin) {
+    // What sits on an end hides the tube and is no gap.
+    const double from_mm = static_cast<double>(bin) * bins.bin_mm;
+    if (from_mm < measurement.first_end.length_mm ||
+        from_mm + bins.bin_mm > bins.length_mm - measurement.last_end.length_mm) {
+      gap_mm = 0;
+      continue;
+    }
     if (covered(bin)) {
       gap_mm = 0;
       continue;
@@ -192,9 +198,8 @@ void SetCoverage(const Bins& bins, std::span<const std::uint32_t> count, Measure
 }
 
 // The spine with the radius that the points have there.
-void SetSpine(const Bins& bins, const Description& points, Measurement& measurement) {
-  const hal::Tube& tube = measurement.tube;
-  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+void SetSpine(const Bins& bins, const std::vector<hal::SpineSegment>& segments,
+              const Description& points, Measurement& measurement) {
   measurement.spine.clear();
   std::size_t segment = 0;
   for (std::size_t bin = 0; bin < bins.count; ++bin) {
@@ -205,7 +210,7 @@ void SetSpine(const Bins& bins, const Description& points, Measurement& measurem
     }
     const double mean_mm = points.count[bin] > 0 ? points.sum_mm[bin] / points.count[bin] : 0.0;
     measurement.spine.push_back({segments[segment].PointAt(s - segments[segment].from_start_mm),
-                                 tube.pipe_radius_mm + mean_mm});
+                                 measurement.tube.pipe_radius_mm + mean_mm});
   }
 }
 
@@ -213,11 +218,13 @@ void SetSpine(const Bins& bins, const Description& points, Measurement& measurem
 
 void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples, double sigma_mm,
                      Measurement& measurement, Workers* workers) {
-  const Bins bins(measurement.tube);
-  Description points = Describe(blocks, measurement.tube, sigma_mm, bins, workers);
+  const hal::Tube& tube = measurement.tube;
+  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, measurement.easing);
+  const Bins bins(spine, tube.pipe_radius_mm);
+  Description points = Describe(blocks, spine, tube.pipe_radius_mm, sigma_mm, bins, workers);
   SetDistances(points, all_samples, measurement.fit);
   SetCoverage(bins, points.count, measurement);
-  SetSpine(bins, points, measurement);
+  SetSpine(bins, spine.segments, points, measurement);
   measurement.surface = std::move(points.surface);
 }
 

@@ -2,6 +2,7 @@
 #include "pipeline/fit/fit_priors.h"
 
 #include <Eigen/Dense>
+#include <cmath>
 #include <limits>
 
 #include "pipeline/fit/surface_sums.h"
@@ -20,6 +21,13 @@ struct ExpectedRanges {
 };
 constexpr ExpectedRanges kRange;
 
+struct EasingPrior {
+  // [of their mean] 1 sigma of the easings' variances: clamp and dies are the same for all bends of
+  // a tube. By trial; a tenth of the easing length.
+  double alike = 0.2;
+};
+constexpr EasingPrior kEasingPrior;
+
 }  // namespace
 
 Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radius_mm) {
@@ -33,10 +41,8 @@ Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radi
     range[parameters.angle(bend)] = kRange.angle_rad;
     range[parameters.bend_radius(bend)] = kRange.bend_radius * r;
   }
-  if (parameters.flattened()) {
-    range.tail(parameters.size() - parameters.flattening(0))
-        .setConstant(std::numeric_limits<double>::infinity());
-  }
+  const int own = parameters.flattening(0);  // from there on
+  range.tail(parameters.size() - own).setConstant(std::numeric_limits<double>::infinity());
   return range;
 }
 
@@ -47,10 +53,23 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
     matrix(i, i) += certainty;
     right[i] -= certainty * deviation;
   };
-  if (parameters.flattened()) {
-    for (Eigen::Index i = parameters.flattening(0); i < parameters.size(); ++i) {
-      add(i, at[i], kUsualFlattening, 1.0);
+  for (std::size_t bend = 0; parameters.flattened() && bend < parameters.bends(); ++bend) {
+    for (int k = 0; k < kFlatteningParameters; ++k) {
+      add(parameters.flattening(bend) + k, at[parameters.flattening(bend) + k], kUsualFlattening,
+          1.0);
     }
+  }
+  if (parameters.eased()) {
+    const auto bends = static_cast<Eigen::Index>(parameters.bends());
+    const Eigen::Index first = parameters.easing(0);
+    const Eigen::VectorXd easing = at.segment(first, bends);
+    const double mean = easing.mean();
+    const double certainty = std::pow(sigma_mm / (kEasingPrior.alike * mean), 2);
+    Eigen::MatrixXd alike = Eigen::MatrixXd::Identity(bends, bends);
+    alike.array() -= 1.0 / static_cast<double>(bends);
+    matrix.block(first, first, bends, bends) += certainty * alike;
+    right.segment(first, bends) -= certainty * (alike * easing);
+    add(parameters.easing_reach(), at[parameters.easing_reach()] - kUsualReach, kReachSigma, 1.0);
   }
   if (!bend_radius) return;
   for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
@@ -72,10 +91,14 @@ double FitPriors::OccamPenalty(const TubeParameters& parameters, const hal::Tube
     range[i] = bend_radius->sigma_mm;
     counted[i] = 1;
   }
-  if (parameters.flattened()) {
-    const Eigen::Index count = parameters.size() - parameters.flattening(0);
-    range.tail(count).setConstant(kUsualFlattening);
-    counted.tail(count).setOnes();
+  const Eigen::Index own = parameters.size() - parameters.flattening(0);
+  range.tail(own).setConstant(kUsualFlattening);
+  counted.tail(own).setOnes();
+  if (parameters.eased()) {
+    const auto bends = static_cast<Eigen::Index>(parameters.bends());
+    range.segment(parameters.easing(0), bends)
+        .setConstant(tube.pipe_radius_mm * tube.pipe_radius_mm);
+    range[parameters.easing_reach()] = kReachSigma;
   }
   Eigen::MatrixXd ratio = range.asDiagonal() * (matrix / variance_mm2) * range.asDiagonal();
   ratio.diagonal() += Eigen::VectorXd::Ones(parameters.size()) - counted;
@@ -83,9 +106,16 @@ double FitPriors::OccamPenalty(const TubeParameters& parameters, const hal::Tube
   return pivots.cwiseMax(1.0).array().log().sum();
 }
 
-double FitPriors::ChiSquare(const hal::BendProgram& program,
-                            std::span<const Flattening> flattening) const {
+double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Flattening> flattening,
+                            const Easing& easing) const {
   double sum = 0;
+  double mean_mm2 = 0;
+  const auto bends = static_cast<double>(easing.variance_mm2.size());
+  for (const double variance : easing.variance_mm2) mean_mm2 += variance / bends;
+  for (const double variance : easing.variance_mm2) {
+    sum += std::pow((variance - mean_mm2) / (kEasingPrior.alike * mean_mm2), 2);
+  }
+  if (!easing.empty()) sum += std::pow((easing.reach - kUsualReach) / kReachSigma, 2);
   for (const Flattening& f : flattening) {
     sum += (f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse) /
            (kUsualFlattening * kUsualFlattening);

@@ -15,8 +15,8 @@ struct UsualBendRadius {
   double sigma_mm = 0;
 };
 
-// What one expects of any tube: 1 sigma of every parameter (mm, rad); infinite for flattening,
-// which has a prior of its own.
+// What one expects of any tube: 1 sigma of every parameter (mm, rad); infinite for flattening and
+// easing, which have priors of their own.
 Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radius_mm);
 
 // What is known of a tube before its points are looked at. In a fit each item counts like one more
@@ -28,7 +28,8 @@ struct FitPriors {
   void Add(const TubeParameters& parameters, const Eigen::VectorXd& at, double sigma_mm,
            Eigen::MatrixXd& matrix, Eigen::VectorXd& right) const;
   // What they cost at a tube, in variances.
-  double ChiSquare(const hal::BendProgram& program, std::span<const Flattening> flattening) const;
+  double ChiSquare(const hal::BendProgram& program, std::span<const Flattening> flattening,
+                   const Easing& easing = {}) const;
 
   // How much more the points know than was expected of any tube before: twice the logarithm of the
   // ratio of the two volumes of parameters. `matrix`: of least squares, with Add(); `variance_mm2`

@@ -22,20 +22,22 @@ struct BoundSettings {
   double thinnest_pipe = 0.5, thickest_pipe = 2.0;
   // [of r_P] A term of Flattening, either way: eight times what is usual (kUsualFlattening).
   double flattening = 0.4;
+  // [of r_P] Of the easing: so little moves no surface, and a bender's clamp and die are no longer
+  // than a few pipe diameters.
+  double least_easing = 0.05, most_easing = 3.0;
 };
 constexpr BoundSettings kBounds;
 
 }  // namespace
 
-NormalEquations::NormalEquations(const TubeParameters& parameters,
-                                 const std::vector<hal::SpineSegment>& segments,
+NormalEquations::NormalEquations(const TubeParameters& parameters, const EasedSpine& spine,
                                  std::span<const CondensedSum> sums, const FitPriors& priors,
                                  double sigma_mm)
     : at(parameters.Initial()),
       matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
       right(Eigen::VectorXd::Zero(parameters.size())) {
-  const auto derivatives = parameters.FrameDerivatives(segments);
-  for (std::size_t k = 0; k < segments.size(); ++k) {
+  const auto derivatives = parameters.FrameDerivatives(spine);
+  for (std::size_t k = 0; k < derivatives.size(); ++k) {
     const Eigen::Matrix<double, kLocalState, Eigen::Dynamic> weighted =
         sums[k].topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
     matrix.noalias() += derivatives[k].transpose() * weighted;
@@ -99,9 +101,15 @@ FitBounds::FitBounds(const TubeParameters& parameters, double pipe_radius_mm, do
     bound(parameters.pipe_radius(), kBounds.thinnest_pipe * pipe_radius_mm,
           kBounds.thickest_pipe * pipe_radius_mm);
   }
-  for (int i = parameters.flattened() ? parameters.flattening(0) : parameters.size();
-       i < parameters.size(); ++i) {
-    bound(i, -kBounds.flattening, kBounds.flattening);
+  for (std::size_t i = 0; i < parameters.bends(); ++i) {
+    for (int k = 0; parameters.flattened() && k < kFlatteningParameters; ++k) {
+      bound(parameters.flattening(i) + k, -kBounds.flattening, kBounds.flattening);
+    }
+    if (parameters.eased()) {
+      bound(parameters.easing(i), std::pow(kBounds.least_easing * pipe_radius_mm, 2),
+            std::pow(kBounds.most_easing * pipe_radius_mm, 2));
+      bound(parameters.easing_reach(), kLeastReach, kMostReach);
+    }
   }
 }
 

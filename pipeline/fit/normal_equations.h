@@ -17,8 +17,8 @@ namespace bendloop::pipeline {
 // The least squares around a tube. The rows of one segment depend on the parameters through the
 // segment's local state only, so their sum of outer products says all that is needed of its points.
 struct NormalEquations {
-  // `sums`: by segment.
-  NormalEquations(const TubeParameters& parameters, const std::vector<hal::SpineSegment>& segments,
+  // `sums`: by segment of `spine`.
+  NormalEquations(const TubeParameters& parameters, const EasedSpine& spine,
                   std::span<const CondensedSum> sums, const FitPriors& priors, double sigma_mm);
 
   double Variance() const;  // of a point [mm^2]

@@ -3,11 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
+#include <span>
 #include <string>
+#include <vector>
 
+#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/math/text.h"
 #include "pipeline/points/input_checks.h"
+#include "pipeline/tube/easing.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -22,10 +27,31 @@ struct Doubts {
   double halves_differ = 5.0;
   // [of r_P] 1 sigma of the pipe radius; tubes, noisy wires included, stay below 0.005.
   double vague_radius = 0.02;
+  // [times their prior's sigma] Offsets of a pass beyond which it is no drift.
+  double moved = 6.0;
   // [of r_P] 1 sigma of the distances; beyond it only noisy wires are tubes.
   double rough = 0.04;
 };
 constexpr Doubts kDoubts;
+
+// What bows do to the lines that are fitted, from random tubes with bows of L/2000 to L/300
+// (tests/bench, real kinds).
+struct BowSettings {
+  // [sigma] A bow of less may be noise.
+  double noise_sigmas = 3.0;
+  // Of the bow's height over the straight's length, or of its height: 1 sigma.
+  double turn = 1.0, across = 0.5;
+  // Slighter bends have hardly a corner; what is left of it is bounded by the fit's own sigma.
+  double least_sine = 0.05;
+};
+constexpr BowSettings kBows;
+
+// The same of easings, from tubes eased by 0.4 to 1.5 pipe radii: sigmas grow by `more` where the
+// easing's standard deviation is `usual` pipe radii, and by its fourth power.
+struct EasedSettings {
+  double usual = 0.7, more = 0.5;
+};
+constexpr EasedSettings kEased;
 
 // The place on the straight nearest to the node, from the straight's start [mm].
 double AlongStraight(const hal::SpineSegment& straight, const Eigen::Vector3d& node_mm) {
@@ -53,6 +79,83 @@ void DoubtBend(std::size_t bend, const std::string& which_straight, Measurement&
   measurement.warnings.push_back("no samples on the " + which_straight +
                                  " straight: the bend beside it may be longer than seen; scan "
                                  "that end again");
+}
+
+// What the bow of each straight leaves of its line: of the angle, and of the place across.
+struct LineDoubt {
+  double turn_rad = 0, across_mm = 0;
+};
+std::vector<LineDoubt> LineDoubts(std::span<const StraightForm> straights) {
+  std::vector<LineDoubt> doubts;
+  for (const StraightForm& straight : straights) {
+    LineDoubt& doubt = doubts.emplace_back();
+    const double noise_mm = kBows.noise_sigmas * straight.sigma_mm;
+    if (!(straight.length_mm > 0) || straight.height_mm < noise_mm) continue;
+    const double height_mm =
+        std::sqrt(straight.height_mm * straight.height_mm - noise_mm * noise_mm);
+    doubt = {kBows.turn * height_mm / straight.length_mm, kBows.across * height_mm};
+  }
+  return doubts;
+}
+
+// The kernel of an easing has two numbers here, and a shape that nobody knows: the further it
+// reaches, the more that moves what is beside it.
+void WidenByEasing(Measurement& measurement) {
+  auto& rows = measurement.sigma.rows;
+  const auto& variance_mm2 = measurement.easing.variance_mm2;
+  const double r_mm = measurement.tube.pipe_radius_mm;
+  std::vector<double> times(rows.size(), 1.0);
+  for (std::size_t i = 0; i < variance_mm2.size() && i + 1 < rows.size(); ++i) {
+    const double eased = variance_mm2[i] / (kEased.usual * kEased.usual * r_mm * r_mm);
+    const double of_bend = 1.0 + kEased.more * eased * eased;
+    rows[i].angle_deg *= of_bend;
+    if (rows[i].bend_radius_mm) *rows[i].bend_radius_mm *= of_bend;
+    for (const std::size_t beside : {i, i + 1}) times[beside] = std::max(times[beside], of_bend);
+  }
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    rows[i].length_mm *= times[i];
+    rows[i].rotation_deg *= times[i];
+  }
+}
+
+// Lines and arcs that follow each other cannot follow bowed straights: where a straight's spine
+// leaves its best-fit line, the fit leaves the line by a part of it.
+void WidenByBows(Measurement& measurement) {
+  const auto& rows = measurement.tube.program.rows;
+  const std::vector<LineDoubt> doubts = LineDoubts(measurement.straights);
+  if (doubts.size() != rows.size()) return;
+  const auto widen = [](double& sigma, std::initializer_list<double> by) {
+    for (const double one : by) sigma = std::hypot(sigma, one);
+  };
+  const auto sine = [&rows](std::size_t bend) {
+    return std::max(kBows.least_sine,
+                    std::abs(std::sin(rows[bend].angle_deg / hal::kDegreesPerRadian)));
+  };
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    hal::BendRow& sigma = measurement.sigma.rows[i];
+    const LineDoubt &before = doubts[i], &after = doubts[i + 1];
+    widen(sigma.angle_deg,
+          {before.turn_rad * hal::kDegreesPerRadian, after.turn_rad * hal::kDegreesPerRadian});
+    const double half_cosine =
+        std::cos(0.5 * std::min(rows[i].angle_deg / hal::kDegreesPerRadian, 3.0));
+    const double lever = std::max(kBows.least_sine, 1.0 / half_cosine - 1.0);
+    // The corner moves by it, and the arc that is to fit in has another radius: its tangent points
+    // lie nearer to the corner, or further from it.
+    const double across_mm = std::hypot(before.across_mm, after.across_mm);
+    const double radius_mm = across_mm / lever;
+    const double tangent_mm = radius_mm * std::sqrt(1.0 / (half_cosine * half_cosine) - 1.0);
+    if (sigma.bend_radius_mm) widen(*sigma.bend_radius_mm, {radius_mm});
+    for (double* length : {&sigma.length_mm, &measurement.sigma.rows[i + 1].length_mm}) {
+      widen(*length, {across_mm / sine(i), tangent_mm});
+    }
+    if (i == 0) continue;
+    const double of_first = doubts[i - 1].turn_rad / sine(i - 1),
+                 of_last = after.turn_rad / sine(i);
+    const double of_middle = before.turn_rad * (1.0 / sine(i - 1) + 1.0 / sine(i));
+    widen(sigma.rotation_deg,
+          {of_first * hal::kDegreesPerRadian, of_middle * hal::kDegreesPerRadian,
+           of_last * hal::kDegreesPerRadian});
+  }
 }
 
 }  // namespace
@@ -85,6 +188,12 @@ void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const Hal
                                        r_mm * f.OuterWallPart(), r_mm * sigma.outer_wall_part});
   }
   measurement.flattening = fit.flattening;
+  measurement.easing = EasingWithin(fit.tube.program, fit.easing);
+  for (std::size_t i = 0; i < fit.easing.variance_mm2.size(); ++i) {
+    const double length_mm = std::sqrt(12.0 * measurement.easing.variance_mm2[i]);
+    measurement.bend_easings.push_back(
+        {length_mm, 6.0 * fit.easing_sigma_mm2[i] / std::max(1e-9, length_mm)});
+  }
   measurement.structure_margin = std::clamp(structure.margin, 0.0, kDoubts.most_margin);
   if (measurement.structure_margin < kDoubts.close_call) {
     measurement.warnings.push_back(
@@ -115,6 +224,60 @@ void ReportEnds(const SurfaceFit& fit, const TubeEnds& ends, const Eigen::Vector
   const std::size_t bends = measurement.tube.program.bend_count();
   if (bends > 0 && !ends.first_seen) DoubtBend(0, "first", measurement);
   if (bends > 0 && !ends.last_seen) DoubtBend(bends - 1, "last", measurement);
+}
+
+void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measurement) {
+  const EndForm& form = found.form;
+  (at_start ? measurement.first_end : measurement.last_end) = form;
+  const std::string which = at_start ? "first" : "last";
+  auto& rows = measurement.tube.program.rows;
+  const std::size_t row = at_start ? 0 : rows.size() - 1;
+  double& sigma_mm = measurement.sigma.rows[row].length_mm;
+  if (form.length_mm > 0) {
+    if (at_start) {
+      hal::Pose& X_WT = measurement.tube.X_WT;
+      X_WT.position_mm -= form.length_mm * (X_WT.orientation * Eigen::Vector3d::UnitX());
+    }
+    rows[row].length_mm += form.length_mm;
+    sigma_mm = std::hypot(sigma_mm, found.sigma_mm);
+    measurement.warnings.push_back(
+        "something thicker than the tube sits on its " + which + " end: " + Mm(form.length_mm) +
+        " long, " + Mm(form.outside_mm) +
+        " proud; the length is up to its end, the plain tube ends that much before");
+  }
+  if (form.continues_mm > 0) {
+    sigma_mm = std::hypot(sigma_mm, form.continues_mm);
+    measurement.warnings.push_back("samples go on for " + Mm(form.continues_mm) + " beyond the " +
+                                   which +
+                                   " end found, too thin to follow: scan that end again, or take "
+                                   "away what is there");
+  }
+}
+
+void ReportForm(const SurfaceForm& form, Measurement& measurement) {
+  measurement.straights = form.straights;
+  WidenByEasing(measurement);
+  WidenByBows(measurement);
+  measurement.dents = form.dents;
+  measurement.pipe_radius_sigma_mm =
+      std::hypot(measurement.pipe_radius_sigma_mm, std::sqrt(form.sides_mm2));
+}
+
+void ReportPasses(const Registration& registration, const PassDrift& drift,
+                  Measurement& measurement) {
+  measurement.passes = registration.passes;
+  for (std::size_t i = 0; i < measurement.passes.size(); ++i) {
+    const PassOffset& pass = measurement.passes[i];
+    const double moved_mm = pass.move_mm.norm(), turned_deg = pass.turn_deg.norm();
+    if (moved_mm < kDoubts.moved * drift.move_mm && turned_deg < kDoubts.moved * drift.turn_deg) {
+      continue;
+    }
+    measurement.warnings.push_back(
+        "pass " + std::to_string(i + 1) + " of the scan lies " + Mm(moved_mm) + " and " +
+        Fixed(turned_deg, 3) +
+        " degrees beside the others: the tube was moved while it was scanned, or the arm lost its "
+        "place; scan the tube again");
+  }
 }
 
 }  // namespace bendloop::pipeline

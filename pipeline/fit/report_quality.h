@@ -6,8 +6,11 @@
 #include <optional>
 
 #include "hal/result.h"
+#include "pipeline/fit/end_forms.h"
+#include "pipeline/fit/registration.h"
 #include "pipeline/fit/self_check.h"
 #include "pipeline/fit/surface_fit.h"
+#include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
 #include "pipeline/tube/measurement.h"
 
@@ -28,5 +31,16 @@ void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const Hal
 // it unsure.
 void ReportEnds(const SurfaceFit& fit, const TubeEnds& ends, const Eigen::Vector3d& first_node_mm,
                 const Eigen::Vector3d& last_node_mm, Measurement& measurement);
+
+// Where something sits on an end (`at_start`: the first), the tube is as long as all of it, and the
+// length is no more certain than that; where samples go on, it may be as much longer.
+void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measurement);
+
+// Straightness and dents, and what sides that do not agree leave of the pipe radius.
+void ReportForm(const SurfaceForm& form, Measurement& measurement);
+
+// By how much the passes of the scan had to be moved, and whether the tube itself was.
+void ReportPasses(const Registration& registration, const PassDrift& drift,
+                  Measurement& measurement);
 
 }  // namespace bendloop::pipeline

@@ -24,6 +24,7 @@ constexpr HalvesSettings kHalves;
 HalvesDiffer CompareHalves(const SurfaceFit& fit, std::span<const PointBlock> blocks,
                            SurfaceFitOptions options) {
   options.flattened = !fit.flattening.empty();
+  options.easing = fit.easing;
   options.max_steps = kHalves.steps;
   std::array<SurfaceFit, 2> halves;
   ParallelFor(options.workers, halves.size(), [&](std::size_t i) {

@@ -57,21 +57,23 @@ constexpr SurfaceFitSettings kFit;
 struct State {
   hal::Tube tube;
   std::vector<Flattening> flattening;
-  std::vector<hal::SpineSegment> segments;
+  Easing easing;
+  EasedSpine spine;
   SurfaceAssignment assignment;
   double sigma_mm = 0;
 
   TubeParameters Parameters(const SurfaceFitOptions& options) const {
-    return {tube, options.free_pipe_radius, flattening};
+    return {tube, options.free_pipe_radius, flattening, easing};
   }
   std::vector<SegmentFrame> Frames() const {
-    return SegmentFrames(segments, kBeyond * tube.pipe_radius_mm, flattening);
+    return SegmentFrames(spine, kBeyond * tube.pipe_radius_mm, flattening);
   }
   void MoveTo(const TubeParameters& parameters, const Eigen::VectorXd& to,
               std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
     tube = parameters.TubeAt(to);
     flattening = parameters.FlatteningAt(to);
-    segments = hal::SpineSegments(tube.program, tube.X_WT);
+    easing = parameters.EasingAt(to);
+    spine = SpineOf(tube.program, tube.X_WT, easing);
     AssignPoints(Frames(), tube.pipe_radius_mm, blocks, options.reach_mm, assignment);
     MagnitudeHistogram magnitudes;
     for (const double d : assignment.distances_mm) magnitudes.Add(d);
@@ -91,7 +93,7 @@ struct State {
         static_cast<double>(assignment.total - assignment.distances_mm.size());
     return RobustSum(assignment.distances_mm, sigma) +
            out_of_reach * RobustSum(options.reach_mm, sigma) +
-           options.priors.ChiSquare(tube.program, flattening);
+           options.priors.ChiSquare(tube.program, flattening, easing);
   }
 };
 
@@ -107,14 +109,7 @@ double LeastVarianceMm2(const FormDeviation& form, const SurfaceFit& fit) {
                             fit.tube.pipe_radius_mm);
 }
 
-void Report(const TubeParameters& parameters, const NormalEquations& equations,
-            const FormDeviation& form, SurfaceFit& fit) {
-  fit.used = static_cast<std::size_t>(equations.weight + 0.5);
-  SetForm(form, fit);
-  fit.occam_penalty = fit.priors.OccamPenalty(
-      parameters, fit.tube, equations.matrix,
-      std::max(equations.Variance() * fit.design_effect, LeastVarianceMm2(form, fit)));
-  fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);
+void SetSigmas(const TubeParameters& parameters, SurfaceFit& fit) {
   const Eigen::MatrixXd& covariance = fit.covariance;
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];
@@ -137,10 +132,25 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations,
     };
     fit.flattening_sigma.push_back({sigma_of({1, 1, 0.5}), sigma_of({0.5, 0.5, 1})});
   }
+  fit.easing_sigma_mm2.clear();
+  for (std::size_t i = 0; i < fit.easing.variance_mm2.size(); ++i) {
+    fit.easing_sigma_mm2.push_back(sigma[parameters.easing(i)]);
+  }
   // The last length is from its border to where the last bend ends, which the fit knows so well.
-  fit.last_start = equations.last_start;
   fit.sigma.rows.back().length_mm =
       std::sqrt(std::max(0.0, fit.last_start.dot(covariance * fit.last_start)));
+}
+
+void Report(const TubeParameters& parameters, const NormalEquations& equations,
+            const FormDeviation& form, SurfaceFit& fit) {
+  fit.used = static_cast<std::size_t>(equations.weight + 0.5);
+  SetForm(form, fit);
+  fit.occam_penalty = fit.priors.OccamPenalty(
+      parameters, fit.tube, equations.matrix,
+      std::max(equations.Variance() * fit.design_effect, LeastVarianceMm2(form, fit)));
+  fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);
+  fit.last_start = equations.last_start;
+  SetSigmas(parameters, fit);
 }
 
 void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> count,
@@ -161,7 +171,7 @@ class FitOfFew {
            std::span<const PointBlock> blocks, const SurfaceFitOptions& options)
       : options_(options),
         blocks_(blocks),
-        first_(start, options.free_pipe_radius, flattening),
+        first_(start, options.free_pipe_radius, flattening, options.easing),
         bounds_(first_, start.pipe_radius_mm, options.max_length_mm) {
     fit_.tube = start;
     fit_.priors = options.priors;
@@ -173,6 +183,7 @@ class FitOfFew {
       Linearize();
       fit_.tube = state_.tube;
       fit_.flattening = state_.flattening;
+      fit_.easing = state_.easing;
       if (i >= options_.max_steps || damping_ > kFit.most_damping) break;
       const double chi_square = state_.ChiSquare(state_.sigma_mm, options_);
       const double hardly_mm2 = std::max(kFit.hardly, options_.tolerance * chi_square) *
@@ -187,6 +198,7 @@ class FitOfFew {
       if (fit_.converged && better) {
         fit_.tube = next_.tube;
         fit_.flattening = next_.flattening;
+        fit_.easing = next_.easing;
       }
       if (fit_.converged) break;
       GoOn(better);
@@ -198,7 +210,7 @@ class FitOfFew {
  private:
   void Linearize() {
     if (equations_) return;
-    equations_.emplace(state_.Parameters(options_), state_.segments, state_.Sums(), options_.priors,
+    equations_.emplace(state_.Parameters(options_), state_.spine, state_.Sums(), options_.priors,
                        state_.sigma_mm);
   }
 
@@ -289,7 +301,9 @@ SurfaceFit FitSome(const hal::Tube& start, std::span<const PointBlock> blocks,
   to_lead.goal_mm2 = std::numeric_limits<double>::infinity();
   to_lead.tolerance = std::max(options.tolerance, kFit.leading_tolerance);
   SurfaceFit fit = FitFew(start, std::move(round), Gathered(blocks, stride), to_lead);
-  return FitFew(fit.tube, std::move(fit.flattening), blocks, options);
+  SurfaceFitOptions from_there = options;
+  from_there.easing = fit.easing;
+  return FitFew(fit.tube, std::move(fit.flattening), blocks, from_there);
 }
 
 // From a solution of a part of the points to that of all, by steps over all of them. `coarse`: the
@@ -297,47 +311,52 @@ SurfaceFit FitSome(const hal::Tube& start, std::span<const PointBlock> blocks,
 void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coarse,
              const SurfaceFitOptions& options, SurfaceFit& fit) {
   fit.converged = false;
-  const FitBounds bounds(TubeParameters(fit.tube, options.free_pipe_radius, fit.flattening),
-                         fit.tube.pipe_radius_mm, options.max_length_mm);
+  const FitBounds bounds(
+      TubeParameters(fit.tube, options.free_pipe_radius, fit.flattening, fit.easing),
+      fit.tube.pipe_radius_mm, options.max_length_mm);
   hal::Tube tube = fit.tube;
   std::vector<Flattening> flattening = fit.flattening;
+  Easing easing = fit.easing;
   std::optional<NormalEquations> equations;  // at the best tube so far
   double chi_square = 0;
   double sigma_mm = fit.sigma_mm;
   double damping = kFit.no_damping;
   for (int i = 0; i < kFit.full_passes && !fit.converged; ++i) {
-    const TubeParameters parameters(tube, options.free_pipe_radius, flattening);
-    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+    const TubeParameters parameters(tube, options.free_pipe_radius, flattening, easing);
+    const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
     const SurfacePass pass =
-        PassOverSurface(SegmentFrames(segments, kBeyond * tube.pipe_radius_mm, flattening),
+        PassOverSurface(SegmentFrames(spine, kBeyond * tube.pipe_radius_mm, flattening),
                         tube.pipe_radius_mm, blocks, options.reach_mm, sigma_mm, options.workers);
-    const double here =
-        ChiSquareOf(pass, sigma_mm, options) + options.priors.ChiSquare(tube.program, flattening);
+    const double here = ChiSquareOf(pass, sigma_mm, options) +
+                        options.priors.ChiSquare(tube.program, flattening, easing);
     if (!equations || here < chi_square) {
       fit.tube = tube;
       fit.flattening = flattening;
-      equations.emplace(parameters, segments, pass.sums, options.priors, sigma_mm);
+      fit.easing = easing;
+      equations.emplace(parameters, spine, pass.sums, options.priors, sigma_mm);
       fit.points = pass.total;
       fit.design_effect = pass.design_effect.Value();
       SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
       Report(parameters, *equations, options.form, fit);
       sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * pass.magnitudes.Quantile(0.5));
       fit.sigma_mm = sigma_mm;
-      chi_square =
-          ChiSquareOf(pass, sigma_mm, options) + options.priors.ChiSquare(tube.program, flattening);
+      chi_square = ChiSquareOf(pass, sigma_mm, options) +
+                   options.priors.ChiSquare(tube.program, flattening, easing);
       damping = std::max(kFit.no_damping, kFit.relief * damping);
     } else {
       damping = 10.0 * std::max(damping, kFit.first_damping);
     }
-    const TubeParameters from(fit.tube, options.free_pipe_radius, fit.flattening);
+    const TubeParameters from(fit.tube, options.free_pipe_radius, fit.flattening, fit.easing);
     const Eigen::VectorXd step = BoundedStep(*equations, bounds, damping);
     const Eigen::VectorXd to = equations->at + step;
     tube = from.TubeAt(to);
     flattening = from.FlatteningAt(to);
+    easing = from.EasingAt(to);
     fit.converged = step.dot(equations->right) < kFit.little * sigma_mm * sigma_mm;
     if (fit.converged && IsNoWorse(from, equations->at, to, coarse, sigma_mm, options)) {
       fit.tube = tube;
       fit.flattening = flattening;
+      fit.easing = easing;
     }
   }
 }
@@ -348,6 +367,13 @@ void SetForm(const FormDeviation& form, SurfaceFit& fit) {
   fit.form_mm = form.AcrossMm(fit.tube.pipe_radius_mm);
   fit.variance_mm2 =
       std::max(fit.sigma_mm * fit.sigma_mm * fit.design_effect, LeastVarianceMm2(form, fit));
+}
+
+void Widen(const Eigen::MatrixXd& covariance, bool free_pipe_radius, SurfaceFit& fit) {
+  const TubeParameters parameters(fit.tube, free_pipe_radius, fit.flattening, fit.easing);
+  const Eigen::Index count = std::min<Eigen::Index>(covariance.rows(), parameters.flattening(0));
+  fit.covariance.topLeftCorner(count, count) += covariance.topLeftCorner(count, count);
+  SetSigmas(parameters, fit);
 }
 
 // A part of many points leads so near to the solution that all of them hardly need more than one

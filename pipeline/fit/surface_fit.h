@@ -25,6 +25,7 @@ struct SurfaceFitOptions {
   bool free_pipe_radius = true;
   double max_length_mm = 1e6;  // of a straight
   bool flattened = false;      // the bends need not be round
+  Easing easing = {};          // to begin with; none: the bends are sharp
   FitPriors priors = {};
   FormDeviation form = {};  // what samples are worth where structures are compared
   int max_steps = 40;       // of Levenberg-Marquardt
@@ -44,7 +45,9 @@ struct SurfaceFit {
   FitPriors priors;                    // as given
   std::vector<Flattening> flattening;  // of every bend; none: they are round
   std::vector<FlatteningSigma> flattening_sigma;
-  double sigma_mm = 0;  // robust standard deviation of the distances
+  Easing easing;                         // none: the bends are sharp
+  std::vector<double> easing_sigma_mm2;  // the same
+  double sigma_mm = 0;                   // robust standard deviation of the distances
   // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
   double design_effect = 1;
   // Of a sample, where structures are compared: that of the distances with the design effect, or
@@ -65,11 +68,14 @@ struct SurfaceFit {
 // What the samples of a fit are worth where the tube's form is this (`variance_mm2`, `form_mm`).
 void SetForm(const FormDeviation& form, SurfaceFit& fit);
 
+// Adds what else is unknown of the parameters of lines and arcs to the fit's covariance and sigmas.
+void Widen(const Eigen::MatrixXd& covariance, bool free_pipe_radius, SurfaceFit& fit);
+
 // Least squares of the orthogonal distance of the tube's surface from the points, in the LRA
 // parameters (start pose across the first tangent, lengths, rotations, angles, bend radii, pipe
-// radius, flattening of the bends) by Levenberg-Marquardt with analytic Jacobians and weights that
-// fade out beyond 3.5 sigma. First and last length are not determined by distances and stay as they
-// are. Source: Bauer & Polthier 2009, section 6; the parametrisation of section 5.3.
+// radius, flattening and easing of the bends) by Levenberg-Marquardt with analytic Jacobians and
+// weights that fade out beyond 3.5 sigma. First and last length are not determined by distances and
+// stay as they are. Source: Bauer & Polthier 2009, section 6; the parametrisation of section 5.3.
 SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,
                       const SurfaceFitOptions& options);
 

@@ -169,6 +169,7 @@ SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, b
       flattening(segment.is_arc() ? of_bend : std::nullopt),
       half_sine(std::sin(0.5 * segment.angle_rad())),
       half_cosine(std::cos(0.5 * segment.angle_rad())),
+      bump_floor(half_cosine),
       bump_scale(segment.is_arc() ? 1.0 / std::max(1e-12, 1.0 - half_cosine) : 0.0) {}
 
 double SegmentFrame::Distance(const Eigen::Vector3d& point) const {
@@ -200,6 +201,37 @@ std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segme
     std::optional<Flattening> of_bend;
     if (k % 2 == 1 && k / 2 < flattening.size()) of_bend = flattening[k / 2];
     frames.emplace_back(segments[k], k == 0, k + 1 == segments.size(), beyond_mm, of_bend);
+  }
+  return frames;
+}
+
+std::vector<SegmentFrame> SegmentFrames(const EasedSpine& spine, double beyond_mm,
+                                        std::span<const Flattening> flattening) {
+  if (spine.pieces == 1) return SegmentFrames(spine.segments, beyond_mm, flattening);
+  std::vector<SegmentFrame> frames;
+  frames.reserve(spine.segments.size());
+  double half_rad = 0, to_middle_rad = 0;  // of the bend; from the piece's start
+  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
+    std::optional<Flattening> of_piece;
+    if (!spine.is_line(k) && !flattening.empty()) {
+      of_piece = flattening[spine.row(k)];
+      of_piece->constant *= spine.share[k];
+    }
+    SegmentFrame& frame = frames.emplace_back(spine.segments[k], k == 0,
+                                              k + 1 == spine.segments.size(), beyond_mm, of_piece);
+    if (spine.is_line(k)) continue;
+    if (spine.is_line(k - 1)) {
+      half_rad = 0;
+      for (std::size_t i = k; i < k + spine.pieces; ++i) {
+        half_rad += 0.5 * spine.segments[i].angle_rad();
+      }
+      to_middle_rad = half_rad;
+    }
+    frame.half_sine = std::sin(to_middle_rad);
+    frame.half_cosine = std::cos(to_middle_rad);
+    frame.bump_floor = std::cos(half_rad);
+    frame.bump_scale = 1.0 / std::max(1e-12, 1.0 - frame.bump_floor);
+    to_middle_rad -= spine.segments[k].angle_rad();
   }
   return frames;
 }

@@ -10,6 +10,7 @@
 
 #include "hal/spine.h"
 #include "pipeline/points/sensor_direction.h"
+#include "pipeline/tube/easing.h"
 #include "pipeline/tube/flattening.h"
 
 namespace bendloop::pipeline {
@@ -106,8 +107,9 @@ struct SegmentFrame {
   Eigen::Vector3d middle_mm;  // a ball that the segment lies in
   double around_mm;
   std::optional<Flattening> flattening;  // of an arc
-  double half_sine, half_cosine;         // of half its angle
-  double bump_scale;                     // B = (cos(angle from the middle) - half_cosine) * this
+  double half_sine, half_cosine;         // of the angle from its start to the bend's middle
+  double bump_floor;                     // cosine of half the bend's angle
+  double bump_scale;                     // B = (cos(angle from the middle) - bump_floor) * this
 };
 // Of r_P: how far the end straights may go on beyond the nodes; further out another part of the
 // tube may lie in their way.
@@ -117,6 +119,9 @@ constexpr double kBeyond = 3.0;
 std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segments,
                                         double beyond_mm = std::numeric_limits<double>::infinity(),
                                         std::span<const Flattening> flattening = {});
+// The same of a tube whose bends may be eased.
+std::vector<SegmentFrame> SegmentFrames(const EasedSpine& spine, double beyond_mm,
+                                        std::span<const Flattening> flattening);
 NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
                            std::span<const std::int32_t> candidates);
 // Segments whose spine passes within `reach_mm` of the block's centre plus its half diagonal.

@@ -298,18 +298,18 @@ struct OvalBend {
         pipe_radius_mm(r_mm),
         half_sine(frame.half_sine),
         half_cosine(frame.half_cosine),
+        bump_floor(frame.bump_floor),
         bump_scale(frame.bump_scale),
         constant(0.5 * r_mm * frame.flattening->constant),
         bump(0.5 * r_mm * frame.flattening->bump),
         collapse(r_mm * frame.flattening->collapse) {}
-  double bend_radius_mm, pipe_radius_mm, half_sine, half_cosine, bump_scale;
+  double bend_radius_mm, pipe_radius_mm, half_sine, half_cosine, bump_floor, bump_scale;
   double constant, bump, collapse;  // [mm]
 };
 
 // B at a place around the centre of the bend.
 BENDLOOP_LOOP double Bump(const OvalBend& oval, double a, double b) {
-  return Most(0.0,
-              (a * oval.half_sine - b * oval.half_cosine - oval.half_cosine) * oval.bump_scale);
+  return Most(0.0, (a * oval.half_sine - b * oval.half_cosine - oval.bump_floor) * oval.bump_scale);
 }
 BENDLOOP_LOOP double Square(double x) { return x * x; }
 

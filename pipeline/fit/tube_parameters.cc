@@ -3,8 +3,10 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "hal/angles.h"
 #include "pipeline/fit/surface_sums.h"
@@ -65,18 +67,82 @@ void MoveFrame(const std::vector<RigidMotion>& motions, const hal::SpineSegment&
                Eigen::MatrixXd& derivative) {
   const Eigen::Matrix3d to_local = segment.axes().transpose();
   for (const RigidMotion& motion : motions) {
-    derivative.block<3, 1>(0, motion.parameter) =
+    derivative.block<3, 1>(0, motion.parameter) +=
         to_local * (motion.velocity + motion.omega.cross(segment.start_mm - motion.pivot_mm));
-    derivative.block<3, 1>(3, motion.parameter) = to_local * motion.omega;
+    derivative.block<3, 1>(3, motion.parameter) += to_local * motion.omega;
   }
 }
+
+// What angle, radius and easing of an eased bend do to its pieces and to what is behind: each piece
+// turns and slides that by what its own angle and radius change, and the straights beside the bend
+// lose what it reaches beyond its tangent points.
+class MotionsOfEased {
+ public:
+  // `free`: the straights leave room for more easing.
+  MotionsOfEased(double angle_rad, double bend_radius_mm, double variance_mm2, double reach,
+                 bool free, const std::array<int, 4>& parameters)
+      : parameters_(parameters) {
+    // Central differences of plain functions: a part of 1e-5 leaves ten digits.
+    const std::array<double, 4> at = {angle_rad, bend_radius_mm, variance_mm2, reach};
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      if (i == 2 && !free) continue;
+      std::array<double, 4> less = at, more = at;
+      less[i] *= 1.0 - 1e-5;
+      more[i] *= 1.0 + 1e-5;
+      const EasedBend a = Ease(less[0], less[1], less[2], less[3]);
+      const EasedBend b = Ease(more[0], more[1], more[2], more[3]);
+      const double per = 1.0 / (more[i] - less[i]);
+      for (std::size_t k = 0; k < kEasedPieces; ++k) {
+        by_[i].pieces[k] = {per * (b.pieces[k].angle_rad - a.pieces[k].angle_rad),
+                            per * (b.pieces[k].bend_radius_mm - a.pieces[k].bend_radius_mm)};
+      }
+      by_[i].beyond_mm = per * (b.beyond_mm - a.beyond_mm);
+    }
+  }
+
+  // `first`: its first piece. What it adds to the motions is added to by each piece.
+  void Begin(const hal::SpineSegment& first, std::vector<RigidMotion>& motions) {
+    first_motion_ = motions.size();
+    for (std::size_t i = 0; i < by_.size(); ++i) {
+      motions.push_back(
+          Sliding(parameters_[i], Eigen::Vector3d::Zero(), -by_[i].beyond_mm * first.tangent));
+    }
+  }
+  void Pass(const hal::SpineSegment& segment, std::size_t piece, Eigen::MatrixXd& derivative,
+            std::vector<RigidMotion>& motions) const {
+    for (std::size_t i = 0; i < by_.size(); ++i) {
+      const BendPiece& by = by_[i].pieces[piece];
+      derivative(kBendRadiusState, parameters_[i]) = by.bend_radius_mm;
+      Add(by.angle_rad, ByAngle(parameters_[i], segment), motions[first_motion_ + i]);
+      Add(by.bend_radius_mm, ByBendRadius(parameters_[i], segment), motions[first_motion_ + i]);
+    }
+  }
+  void End(const hal::SpineSegment& last, std::vector<RigidMotion>& motions) const {
+    for (std::size_t i = 0; i < by_.size(); ++i) {
+      motions[first_motion_ + i].velocity -=
+          by_[i].beyond_mm * last.TangentAt(last.length_mm).normalized();
+    }
+  }
+
+ private:
+  // `to`: about the origin.
+  static void Add(double times, const RigidMotion& motion, RigidMotion& to) {
+    to.velocity += times * (motion.velocity - motion.omega.cross(motion.pivot_mm));
+    to.omega += times * motion.omega;
+  }
+
+  std::array<int, 4> parameters_;
+  std::array<EasedBend, 4> by_{};  // derivatives
+  std::size_t first_motion_ = 0;
+};
 
 }  // namespace
 
 TubeParameters::TubeParameters(const hal::Tube& reference, bool free_pipe_radius,
-                               std::span<const Flattening> flattening)
+                               std::span<const Flattening> flattening, const Easing& easing)
     : reference_(reference),
       flattening_(flattening.begin(), flattening.end()),
+      easing_(easing),
       bends_(reference.program.bend_count()) {
   size_ = 5;
   if (free_pipe_radius) pipe_radius_ = size_++;
@@ -86,6 +152,8 @@ TubeParameters::TubeParameters(const hal::Tube& reference, bool free_pipe_radius
   }
   first_flattening_ = size_;
   size_ += kFlatteningParameters * static_cast<int>(flattening_.size());
+  first_easing_ = size_;
+  if (eased()) size_ += static_cast<int>(bends_) + 1;
 }
 
 Eigen::VectorXd TubeParameters::Initial() const {
@@ -102,6 +170,9 @@ Eigen::VectorXd TubeParameters::Initial() const {
     const Flattening& f = flattening_[i];
     parameters.segment<kFlatteningParameters>(flattening(i)) << f.constant, f.bump, f.collapse;
   }
+  if (!eased()) return parameters;
+  for (std::size_t i = 0; i < bends_; ++i) parameters[easing(i)] = easing_.variance_mm2[i];
+  parameters[easing_reach()] = easing_.reach;
   return parameters;
 }
 
@@ -159,33 +230,62 @@ std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& para
   return list;
 }
 
+Easing TubeParameters::EasingAt(const Eigen::VectorXd& parameters) const {
+  Easing at;
+  if (!eased()) return at;
+  for (std::size_t i = 0; i < bends_; ++i) at.variance_mm2.push_back(parameters[easing(i)]);
+  at.reach = parameters[easing_reach()];
+  return at;
+}
+
 std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
     const std::vector<hal::SpineSegment>& segments) const {
+  return FrameDerivatives(EasedSpine{segments, 1, std::vector<double>(segments.size(), 1.0)});
+}
+
+std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(const EasedSpine& spine) const {
+  const auto& segments = spine.segments;
   std::vector<RigidMotion> motions =
       MotionsOfStart(reference_.X_WT.orientation.toRotationMatrix(), segments.front().start_mm);
   std::vector<Eigen::MatrixXd> derivatives;
   derivatives.reserve(segments.size());
+  const Easing within = EasingWithin(reference_.program, easing_);
+  std::optional<MotionsOfEased> of_eased;
   for (std::size_t k = 0; k < segments.size(); ++k) {
     const hal::SpineSegment& segment = segments[k];
-    const std::size_t bend = k / 2;
-    const bool is_arc = k % 2 == 1;
-    const bool leads_to_bend = !is_arc && bend < bends_;
+    const std::size_t bend = spine.row(k);
+    Eigen::MatrixXd& derivative =
+        derivatives.emplace_back(Eigen::MatrixXd::Zero(kLocalState, size_));
+    if (pipe_radius_ >= 0) derivative(kPipeRadiusState, pipe_radius_) = 1.0;
+    if (!spine.is_line(k) && flattened()) {
+      derivative.block<kFlatteningParameters, kFlatteningParameters>(kFlatteningState,
+                                                                     flattening(bend)) =
+          Eigen::Vector3d(spine.share[k], 1.0, 1.0).asDiagonal();
+    }
+    if (spine.pieces > 1 && !spine.is_line(k)) {
+      if (spine.is_line(k - 1)) {
+        const hal::BendRow& row = reference_.program.rows[bend];
+        of_eased.emplace(row.angle_deg / hal::kDegreesPerRadian, row.bend_radius_mm.value_or(0.0),
+                         within.variance_mm2[bend], within.reach,
+                         within.variance_mm2[bend] == easing_.variance_mm2[bend],
+                         std::array{angle(bend), bend_radius(bend), easing(bend), easing_reach()});
+        of_eased->Begin(segment, motions);
+      }
+      MoveFrame(motions, segment, derivative);
+      of_eased->Pass(segment, k % (spine.pieces + 1) - 1, derivative, motions);
+      if (spine.is_line(k + 1)) of_eased->End(segment, motions);
+      continue;
+    }
+    const bool leads_to_bend = spine.is_line(k) && bend < bends_;
     if (leads_to_bend && bend > 0) {
       motions.push_back(Turning(rotation(bend), segment.start_mm, segment.tangent));
     }
-    Eigen::MatrixXd& derivative =
-        derivatives.emplace_back(Eigen::MatrixXd::Zero(kLocalState, size_));
     MoveFrame(motions, segment, derivative);
-    if (pipe_radius_ >= 0) derivative(kPipeRadiusState, pipe_radius_) = 1.0;
     if (leads_to_bend) {
       motions.push_back(Sliding(length(bend), segment.start_mm, segment.tangent));
     }
-    if (!is_arc) continue;
+    if (spine.is_line(k)) continue;
     derivative(kBendRadiusState, bend_radius(bend)) = 1.0;
-    if (flattened()) {
-      derivative.block<kFlatteningParameters, kFlatteningParameters>(
-          kFlatteningState, flattening(bend)) = Eigen::Matrix3d::Identity();
-    }
     motions.push_back(ByAngle(angle(bend), segment));
     motions.push_back(ByBendRadius(bend_radius(bend), segment));
   }

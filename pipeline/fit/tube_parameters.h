@@ -7,6 +7,7 @@
 
 #include "hal/spine.h"
 #include "hal/tube.h"
+#include "pipeline/tube/easing.h"
 #include "pipeline/tube/flattening.h"
 
 namespace bendloop::pipeline {
@@ -19,18 +20,20 @@ namespace bendloop::pipeline {
 //   then, bend by bend: length before it [mm], rotation (not for the first), angle, bend radius
 //   [mm]
 //   then, bend by bend, if the bends are flattened: the members of Flattening
+//   then, bend by bend, if the bends are eased: the easing's variance [mm^2]; then its reach
 // The last length is no parameter: it moves no surface point.
 class TubeParameters {
  public:
-  // `flattening`: of every bend, or none: the bends are round.
+  // `flattening`: of every bend, or none: the bends are round. `easing`: the same; sharp.
   TubeParameters(const hal::Tube& reference, bool free_pipe_radius,
-                 std::span<const Flattening> flattening = {});
+                 std::span<const Flattening> flattening = {}, const Easing& easing = {});
 
   int size() const { return size_; }
   std::size_t bends() const { return bends_; }
   Eigen::VectorXd Initial() const;
   hal::Tube TubeAt(const Eigen::VectorXd& parameters) const;
   std::vector<Flattening> FlatteningAt(const Eigen::VectorXd& parameters) const;
+  Easing EasingAt(const Eigen::VectorXd& parameters) const;
 
   // Positions in the vector; -1: not a parameter.
   int pipe_radius() const { return pipe_radius_; }
@@ -43,8 +46,14 @@ class TubeParameters {
     return first_flattening_ + kFlatteningParameters * static_cast<int>(bend);
   }
 
+  bool eased() const { return !easing_.empty(); }
+  int easing(std::size_t bend) const { return first_easing_ + static_cast<int>(bend); }
+  int easing_reach() const { return easing(bends_); }
+
   // For each segment of the reference the kLocalState x size() derivative of its local state
-  // (surface_sums.h), by the parameters at Initial().
+  // (surface_sums.h), by the parameters at Initial(). `spine`: of the reference.
+  std::vector<Eigen::MatrixXd> FrameDerivatives(const EasedSpine& spine) const;
+  // The same as if its bends were sharp.
   std::vector<Eigen::MatrixXd> FrameDerivatives(
       const std::vector<hal::SpineSegment>& segments) const;
 
@@ -60,10 +69,12 @@ class TubeParameters {
 
   hal::Tube reference_;
   std::vector<Flattening> flattening_;
+  Easing easing_;
   std::size_t bends_;
   int size_ = 0;
   int pipe_radius_ = -1;
   int first_flattening_ = -1;
+  int first_easing_ = -1;
   std::vector<int> first_bend_;
 };
 

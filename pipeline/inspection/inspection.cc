@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "hal/spine.h"
 #include "pipeline/math/probability.h"
 #include "pipeline/math/text.h"
 #include "pipeline/tube/representations.h"
@@ -73,6 +74,14 @@ class Jury {
     Say(state, what + " " + Fixed(value_mm, 2) + " mm off the nominal", value_mm, tolerance_mm,
         sigma_mm, "mm");
   }
+  // A number that should be nothing.
+  void HearForm(const std::string& what, double value_mm, double sigma_mm,
+                std::optional<double> tolerance_mm, double decision_sigmas) {
+    const ToleranceState state = Judge(value_mm, sigma_mm, tolerance_mm, decision_sigmas);
+    Weigh(value_mm, sigma_mm, tolerance_mm, state);
+    if (state == ToleranceState::kNotJudged || state == ToleranceState::kIn) return;
+    Say(state, what + " " + Fixed(value_mm, 2) + " mm", value_mm, *tolerance_mm, sigma_mm, "mm");
+  }
   Verdict verdict() const {
     return out_ ? Verdict::kFail : undecided_ ? Verdict::kUndecided : Verdict::kPass;
   }
@@ -118,7 +127,28 @@ class Jury {
   std::vector<std::string> reasons_;
 };
 
-void Decide(const InspectionOptions& options, double noise_mm, Inspection& inspection) {
+// `reversed`: the measurement's start is the nominal's end.
+void JudgeForm(const Measurement& measurement, const InspectionOptions& options, bool reversed,
+               Jury& jury) {
+  const Tolerances& tolerances = options.tolerances;
+  for (std::size_t i = 0; i < measurement.straights.size(); ++i) {
+    const std::size_t of = reversed ? measurement.straights.size() - 1 - i : i;
+    const StraightForm& straight = measurement.straights[of];
+    if (!(straight.length_mm > 0)) continue;
+    jury.HearForm("straight " + std::to_string(i + 1) + " is bowed by", straight.height_mm,
+                  straight.sigma_mm, tolerances.straightness_mm, options.decision_sigmas);
+  }
+  for (const DentFound& dent : measurement.dents) {
+    const double along_mm =
+        reversed ? hal::SpineLength(measurement.tube.program) - dent.along_mm : dent.along_mm;
+    jury.HearForm("dent at " + Fixed(along_mm, 0) + " mm along the tube, depth", dent.depth_mm,
+                  dent.sigma_mm, tolerances.dent_depth_mm, options.decision_sigmas);
+  }
+}
+
+void Decide(const InspectionOptions& options, const Measurement& measurement, bool reversed,
+            Inspection& inspection) {
+  const double noise_mm = measurement.noise_mm;
   Jury jury(options.decision_sigmas);
   const std::size_t bends = inspection.rows.size() - 1;
   for (std::size_t i = 0; i < inspection.rows.size(); ++i) {
@@ -137,6 +167,7 @@ void Decide(const InspectionOptions& options, double noise_mm, Inspection& inspe
   }
   jury.Hear("surface", inspection.surface.p99_abs_mm, noise_mm,
             inspection.surface.tolerance_mm.value_or(0.0), inspection.surface.state);
+  JudgeForm(measurement, options, reversed, jury);
   inspection.verdict = jury.verdict();
   inspection.probability = jury.probability();
   inspection.reasons = jury.TakeReasons();
@@ -171,7 +202,7 @@ void InspectOneWay(const Measurement& measurement, const hal::BendProgram& nomin
   inspection.surface = DistancesFromSurface(
       measurement.surface, nominal, radius_mm, inspection.alignment.X_NW, end_excess_mm,
       measurement.noise_mm, options.tolerances.surface_mm, options.decision_sigmas);
-  Decide(options, measurement.noise_mm, inspection);
+  Decide(options, measurement, reversed, inspection);
 }
 
 }  // namespace

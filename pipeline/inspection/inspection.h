@@ -27,6 +27,8 @@ struct Tolerances {
   std::optional<double> pipe_radius_mm;
   std::optional<double> envelope_mm = 1.0;  // tangent points and ends from the nominal axis
   std::optional<double> surface_mm = 1.5;   // scanned surface from the nominal surface
+  std::optional<double> straightness_mm;    // the height of any straight's bow
+  std::optional<double> dent_depth_mm;      // of any dent
 };
 
 struct InspectionOptions {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -49,6 +50,21 @@ struct UnpackedDirection {
   const double y = b < 0 ? b + folded : b - folded;
   const double inverse = 1.0 / std::sqrt(x * x + y * y + z * z);
   return {x * inverse, y * inverse, z * inverse};
+}
+
+// Which pass of the scan a point came in shares the four bytes: three bits of each number, which
+// leaves the direction good to 3e-4 rad. One that is not known has none.
+constexpr unsigned kMostPasses = 64;
+inline SensorDirection WithPass(SensorDirection direction, unsigned pass) {
+  if (!direction.known()) return direction;
+  const auto with = [](std::int16_t number, unsigned bits) {
+    const int least = std::numeric_limits<std::int16_t>::min() + 8;  // not that of the unknown
+    return static_cast<std::int16_t>((std::max<int>(number, least) & ~7) | static_cast<int>(bits));
+  };
+  return {with(direction.a, pass >> 3 & 7U), with(direction.b, pass & 7U)};
+}
+inline unsigned PassOf(SensorDirection direction) {
+  return (static_cast<unsigned>(direction.a) & 7U) << 3 | (static_cast<unsigned>(direction.b) & 7U);
 }
 
 }  // namespace bendloop::pipeline

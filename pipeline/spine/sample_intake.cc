@@ -8,18 +8,40 @@
 #include "pipeline/spine/pipe_radius.h"
 
 namespace bendloop::pipeline {
+namespace {
+
+struct PassSettings {
+  // [ns] Scanners send hundreds of profiles a second; an arm that waits longer may drift, or the
+  // tube be touched. By trial.
+  std::int64_t pause_ns = 500'000'000;
+  // [mm] Between two profiles: an arm does not move so fast but between two sides.
+  double leap_mm = 40.0;
+};
+constexpr PassSettings kPasses;
+
+}  // namespace
 
 SampleIntake::SampleIntake(std::optional<double> pipe_radius_mm, std::size_t max_points)
     : max_points_(max_points) {
   if (pipe_radius_mm) StartWith(*pipe_radius_mm);
 }
 
+void SampleIntake::CountPasses(const hal::LaserProfile& profile) {
+  const bool paused = profile.t_ns - last_t_ns_ > kPasses.pause_ns;
+  const bool leapt = (profile.X_WS.position_mm - last_sensor_mm_).squaredNorm() >
+                     kPasses.leap_mm * kPasses.leap_mm;
+  if (profiles_ > 0 && (paused || leapt) && pass_ + 1 < kMostPasses) ++pass_;
+  last_t_ns_ = profile.t_ns;
+  last_sensor_mm_ = profile.X_WS.position_mm;
+}
+
 void SampleIntake::Add(const hal::LaserProfile& profile) {
+  CountPasses(profile);
   ++profiles_;
   const Eigen::Matrix3d R_WS = profile.X_WS.orientation.toRotationMatrix();
   for (const hal::ProfilePoint& p : profile.points) {
     const Eigen::Vector3d from_sensor = R_WS.col(0) * p.x_mm + R_WS.col(2) * p.z_mm;
-    AddPoint(from_sensor + profile.X_WS.position_mm, PackDirection(-from_sensor));
+    AddPoint(from_sensor + profile.X_WS.position_mm, WithPass(PackDirection(-from_sensor), pass_));
   }
   if (grid_) ProjectQuietBlocks();
 }

@@ -40,6 +40,7 @@ class SampleIntake {
 
   std::uint64_t profiles() const { return profiles_; }
   std::uint64_t points() const { return points_; }  // that came
+  unsigned passes() const { return profiles_ > 0 ? pass_ + 1 : 0; }
   bool knows_pipe_radius() const { return grid_.has_value(); }
   double pipe_radius_mm() const { return radius_mm_; }  // 0: not yet known
   // From here on only with a known pipe radius.
@@ -50,6 +51,8 @@ class SampleIntake {
 
  private:
   void StartWith(double radius_mm);
+  // A pause, or a leap of the sensor to another side, begins another pass.
+  void CountPasses(const hal::LaserProfile& profile);
   void AddPoint(const Eigen::Vector3d& point, SensorDirection to_sensor = {});
   void Wait(const Eigen::Vector3d& point, SensorDirection to_sensor);
   // The block's samples changed, so its projection is out of date.
@@ -69,6 +72,9 @@ class SampleIntake {
   std::vector<std::int32_t> pending_;
   std::uint64_t profiles_ = 0;
   std::uint64_t points_ = 0;
+  unsigned pass_ = 0;
+  std::int64_t last_t_ns_ = 0;
+  Eigen::Vector3d last_sensor_mm_ = Eigen::Vector3d::Zero();
 };
 
 }  // namespace bendloop::pipeline

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "hal/tube.h"
+#include "pipeline/tube/easing.h"
 #include "pipeline/tube/flattening.h"
 #include "pipeline/tube/joint_uncertainty.h"
 
@@ -46,6 +47,48 @@ struct BendShape {
   double outer_wall_sigma_mm = 0;
 };
 
+// How a bend's curvature begins and ends.
+struct BendEasing {
+  // Over which the curvature rises, and falls again, evenly; what rises otherwise has the length
+  // that moves the spine as much. Its variance is the square over 12.
+  double length_mm = 0;
+  double length_sigma_mm = 0;
+};
+
+// How straight a straight is: the long bends of its spine about its best-fit line, without the
+// places beside its bends. Their height: what a straight edge would show, twice over for a bow to
+// and fro.
+struct StraightForm {
+  double height_mm = 0;
+  double sigma_mm = 0;
+  double length_mm = 0;  // of the part that was looked at; 0: too short to tell
+};
+
+// Where the surface is pressed in.
+struct DentFound {
+  double along_mm = 0;    // of the spine, from its start
+  double around_deg = 0;  // about the spine, from the normal of the bend plane there
+  double depth_mm = 0;
+  double sigma_mm = 0;
+  double size_mm = 0;  // across, where it is half as deep
+  Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+};
+
+// What sits on an end, thicker than the tube.
+struct EndForm {
+  double length_mm = 0;     // from where the plain tube ends to the end of all; 0: nothing
+  double outside_mm = 0;    // how far it stands out, at most
+  double continues_mm = 0;  // samples too thin for the tube's end go on so far beyond it
+};
+
+// By how much a pass of the scan (a turn of the arm, what came after a pause) does not meet the
+// others on the tube: what it was moved by for the fit, in the world.
+struct PassOffset {
+  std::size_t points = 0;
+  Eigen::Vector3d move_mm = Eigen::Vector3d::Zero();   // at the tube's middle
+  Eigen::Vector3d turn_deg = Eigen::Vector3d::Zero();  // about it
+};
+
 // What a scan says of a tube.
 struct Measurement {
   hal::Tube tube;          // in the world frame
@@ -58,6 +101,12 @@ struct Measurement {
   FitQuality fit;
   std::vector<Flattening> flattening;  // of every bend, as fitted; none: they are round
   std::vector<BendShape> bend_shapes;  // of every bend; none: nothing says that they are not round
+  std::vector<BendEasing> bend_easings;  // of every bend; none: nothing says that it is not sharp
+  Easing easing;                         // the same, as fitted
+  std::vector<StraightForm> straights;   // one more than bends; none: not known, as of canals
+  std::vector<DentFound> dents;
+  EndForm first_end, last_end;
+  std::vector<PassOffset> passes;  // none: all points came in one, or in no order that is known
   // By how much the tube is better than the next best one with another number of bends: twice the
   // natural logarithm of the odds. Below 10 it was a close call; NaN: not known, as of canals.
   double structure_margin = 0;

@@ -125,9 +125,11 @@ struct Line {
   Eigen::Vector3d point, direction;
 };
 
-// Least squares over the places of a straight, without an eighth at each end.
-Line BestFitLine(const Spine& spine, double from_mm, double to_mm) {
-  const double off_mm = 0.125 * (to_mm - from_mm);
+// Least squares over the places of a straight without the tangent regions: an eighth at each end,
+// or as far as the bends reach into it, but for a middle fifth.
+Line BestFitLine(const Spine& spine, double from_mm, double to_mm, double easing_mm) {
+  const double length_mm = to_mm - from_mm;
+  const double off_mm = std::clamp(2.0 * easing_mm, 0.125 * length_mm, 0.4 * length_mm);
   const auto first = static_cast<std::size_t>((from_mm + off_mm) / spine.step_mm);
   const auto last =
       std::min(spine.place.size(),
@@ -147,12 +149,13 @@ Line BestFitLine(const Spine& spine, double from_mm, double to_mm) {
 }
 
 // The tube whose straights are these lines: corners are halfway between neighbours.
-hal::Tube TradeTube(const hal::Tube& program, const Spine& spine) {
+hal::Tube TradeTube(const hal::Tube& program, const Form& form, const Spine& spine) {
   const auto segments = hal::SpineSegments(program.program, program.X_WT);
   std::vector<Line> lines;
   for (std::size_t k = 0; k < segments.size(); k += 2) {
     lines.push_back(BestFitLine(spine, segments[k].from_start_mm,
-                                segments[k].from_start_mm + segments[k].length_mm));
+                                segments[k].from_start_mm + segments[k].length_mm,
+                                form.easing_r * program.pipe_radius_mm));
   }
   const auto onto = [](const Line& line, const Eigen::Vector3d& p) -> Eigen::Vector3d {
     return line.point + (p - line.point).dot(line.direction) * line.direction;
@@ -276,7 +279,7 @@ RealCloud ScanRealTube(const hal::Tube& program, const Form& form, const RealSca
                        std::mt19937_64& random) {
   const Spine spine = MakeSpine(program, form, random);
   RealCloud cloud;
-  cloud.truth = TradeTube(program, spine);
+  cloud.truth = TradeTube(program, form, spine);
   Scanner scanner(program, form, scan, spine, random);
   const Eigen::Vector3d axis = RandomUnit(random), first = axis.unitOrthogonal();
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();

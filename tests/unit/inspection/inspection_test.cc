@@ -67,6 +67,24 @@ TEST(Inspection, SaysInWordsWhatIsOut) {
   EXPECT_EQ(inspection.rows[2].angle_deg.state, ToleranceState::kOut);
 }
 
+TEST(Inspection, JudgesStraightnessAndDentsWhereTheyHaveLimits) {
+  Measurement measured = Measured(kPart);
+  measured.straights = {{0.1, 0.01, 80}, {0.6, 0.01, 120}, {}, {0.1, 0.01, 150}};
+  measured.dents = {{40, 90, 0.5, 0.02, 6, {0, 0, 0}}};
+  EXPECT_EQ(Inspect(measured, kPart, kPipeRadius, {}).verdict, Verdict::kPass);
+  InspectionOptions options;
+  options.tolerances.straightness_mm = 0.4;
+  options.tolerances.dent_depth_mm = 1.0;
+  const Inspection bowed = Inspect(measured, kPart, kPipeRadius, options);
+  EXPECT_EQ(bowed.verdict, Verdict::kFail);
+  EXPECT_THAT(bowed.reasons, ElementsAre(HasSubstr("straight 2 is bowed by 0.60 mm")));
+  options.tolerances.straightness_mm = 1.0;
+  options.tolerances.dent_depth_mm = 0.3;
+  const Inspection dented = Inspect(measured, kPart, kPipeRadius, options);
+  EXPECT_EQ(dented.verdict, Verdict::kFail);
+  EXPECT_THAT(dented.reasons, ElementsAre(HasSubstr("dent at 40 mm along the tube")));
+}
+
 TEST(Inspection, IsUndecidedWithinTheUncertaintyOfTheLimit) {
   hal::BendProgram bent = kPart;
   bent.rows[1].angle_deg += 0.49;  // limit 0.5, 1 sigma 0.02

@@ -35,6 +35,11 @@ RunResult Sample() {
   m.longest_gap_mm = 8;
   m.fit = {12000, 34, 0.03, 0.05, 0.1};
   m.bend_shapes = {{2.5, 0.1, 0.04, 0.002}, {0.2, 0.1, -0.01, 0.002}};
+  m.straights = {{0.12, 0.01, 80}, {0, 0, 0}, {0.3, 0.02, 60}};
+  m.bend_easings = {{8, 0.5}, {7.5, 0.25}};
+  m.dents = {{40, -90, 0.5, 0.02, 6, {1, 2, 3}}};
+  m.last_end = {12.5, 3, 40};
+  m.passes = {{6000, {0.02, -0.01, 0}, {0, 0, 0.01}}, {6000, {0, 0, 0}, {0, 0, 0}}};
   m.structure_margin = 163.5;
   m.halves_differ_sigma = 1.75;
   m.spine = {{{0, 0, 0}, 4}, {{1, 0, 0}, 4.1}};
@@ -81,8 +86,8 @@ TEST(ResultJson, WhatNobodyLookedForIsNullAndNotNone) {
 TEST(ResultJson, HasTheKeysOfTheSchemaInOrder) {
   const Json json = ResultJson(Sample(), {.spine = true});
   EXPECT_THAT(Keys(json), ElementsAre("schema", "part", "session", "time", "software", "tube",
-                                      "uncertainty_1sigma", "fit", "bend_shapes", "warnings",
-                                      "spine", "timing_ms"));
+                                      "uncertainty_1sigma", "fit", "bend_shapes", "form",
+                                      "warnings", "spine", "timing_ms"));
   EXPECT_EQ(json["schema"], "bendloop.result/1");
   EXPECT_THAT(Keys(json["tube"]),
               ElementsAre("pipe_radius_mm", "rows", "position_mm", "orientation_wxyz"));

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/result/program_json.h"
+#include "firmware-host/result/sections.h"
+
+namespace bendloop::host {
+namespace {
+
+constexpr std::size_t kMostDents = 1000;
+constexpr std::size_t kMostPasses = 1000;
+
+Json EndJson(const pipeline::EndForm& end) {
+  return {{"fitting_mm", Number(end.length_mm)},
+          {"proud_mm", Number(end.outside_mm)},
+          {"samples_go_on_mm", Number(end.continues_mm)}};
+}
+
+pipeline::EndForm ReadEnd(const JsonReader& json) {
+  return {json.NumberOr("fitting_mm", 0), json.NumberOr("proud_mm", 0),
+          json.NumberOr("samples_go_on_mm", 0)};
+}
+
+}  // namespace
+
+Json FormJson(const pipeline::Measurement& m) {
+  Json json = Json::object();
+  if (!m.straights.empty()) {
+    Json list = Json::array();
+    for (const pipeline::StraightForm& straight : m.straights) {
+      const bool is_known = straight.length_mm > 0;
+      list.push_back({{"height_mm", is_known ? Number(straight.height_mm) : Json()},
+                      {"sigma_mm", is_known ? Number(straight.sigma_mm) : Json()},
+                      {"length_mm", Number(straight.length_mm)}});
+    }
+    json["straights"] = std::move(list);
+  }
+  if (!m.bend_easings.empty()) {
+    Json list = Json::array();
+    for (const pipeline::BendEasing& easing : m.bend_easings) {
+      list.push_back({{"length_mm", Number(easing.length_mm)},
+                      {"length_sigma_mm", Number(easing.length_sigma_mm)}});
+    }
+    json["easings"] = std::move(list);
+  }
+  if (!m.dents.empty()) {
+    Json list = Json::array();
+    for (const pipeline::DentFound& dent : m.dents) {
+      list.push_back({{"along_mm", Number(dent.along_mm)},
+                      {"around_deg", Number(dent.around_deg)},
+                      {"depth_mm", Number(dent.depth_mm)},
+                      {"depth_sigma_mm", Number(dent.sigma_mm)},
+                      {"size_mm", Number(dent.size_mm)},
+                      {"position_mm", PointJson(dent.position_mm)}});
+    }
+    json["dents"] = std::move(list);
+  }
+  const auto is_plain = [](const pipeline::EndForm& end) {
+    return end.length_mm == 0 && end.continues_mm == 0;
+  };
+  if (!is_plain(m.first_end)) json["first_end"] = EndJson(m.first_end);
+  if (!is_plain(m.last_end)) json["last_end"] = EndJson(m.last_end);
+  return json;
+}
+
+void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
+  if (json.Has("straights")) {
+    const JsonReader list = json.At("straights");
+    for (std::size_t i = 0, n = list.Size(kMaxRows); i < n; ++i) {
+      const JsonReader item = list.Item(i);
+      m.straights.push_back({item.NumberOr("height_mm", 0), item.NumberOr("sigma_mm", 0),
+                             item.NumberOr("length_mm", 0)});
+    }
+  }
+  if (json.Has("easings")) {
+    const JsonReader list = json.At("easings");
+    for (std::size_t i = 0, n = list.Size(kMaxRows); i < n; ++i) {
+      const JsonReader item = list.Item(i);
+      m.bend_easings.push_back(
+          {item.NumberOr("length_mm", 0), item.NumberOr("length_sigma_mm", 0)});
+    }
+  }
+  if (json.Has("dents")) {
+    const JsonReader list = json.At("dents");
+    for (std::size_t i = 0, n = list.Size(kMostDents); i < n; ++i) {
+      const JsonReader item = list.Item(i);
+      m.dents.push_back({item.NumberOr("along_mm", 0), item.NumberOr("around_deg", 0),
+                         item.NumberOr("depth_mm", 0), item.NumberOr("depth_sigma_mm", 0),
+                         item.NumberOr("size_mm", 0), ReadPoint(item.At("position_mm"))});
+    }
+  }
+  if (json.Has("first_end")) m.first_end = ReadEnd(json.At("first_end"));
+  if (json.Has("last_end")) m.last_end = ReadEnd(json.At("last_end"));
+}
+
+Json PassesJson(const std::vector<pipeline::PassOffset>& passes) {
+  Json list = Json::array();
+  for (const pipeline::PassOffset& pass : passes) {
+    list.push_back({{"points", pass.points},
+                    {"move_mm", PointJson(pass.move_mm)},
+                    {"turn_deg", PointJson(pass.turn_deg)}});
+  }
+  return list;
+}
+
+std::vector<pipeline::PassOffset> ReadPasses(const JsonReader& json) {
+  std::vector<pipeline::PassOffset> passes;
+  for (std::size_t i = 0, n = json.Size(kMostPasses); i < n; ++i) {
+    const JsonReader item = json.Item(i);
+    passes.push_back(
+        {item.At("points").Count(), ReadPoint(item.At("move_mm")), ReadPoint(item.At("turn_deg"))});
+  }
+  return passes;
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/tube_ends.h"
+#include "pipeline/tube/measurement.h"
+
+namespace bendloop::pipeline {
+
+// An end of the plain tube, as FindTubeEnds() has it.
+struct PlainEnd {
+  Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d outward = Eigen::Vector3d::UnitX();  // along the straight, out of the tube
+};
+
+struct FoundEnd {
+  EndForm form;
+  double sigma_mm = 0;  // 1 sigma of where all ends; of use if the form has a length
+};
+
+// What sits on the end: a nut, a flange, a flare, a bead, a cap, which stand out all round it. And
+// whether samples go on beyond it, too thin for a tube to be followed, be it straight or not.
+// `near`: points about the end; `others`: those that no part of the tube was found near.
+FoundEnd FindEndForm(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
+                     std::span<const PointBlock> near, std::span<const PointBlock> others);
+
+// How far from the end `near` is asked for, in pipe radii.
+constexpr double kEndFormReach = 8.0;
+
+}  // namespace bendloop::pipeline

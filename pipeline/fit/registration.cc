@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/registration.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "hal/angles.h"
+#include "pipeline/fit/normal_equations.h"
+#include "pipeline/fit/surface_sums.h"
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr int kOffset = 6;                                        // of a pass: move, turn
+constexpr int kRound = 8;                                         // local state without flattening
+using LocalRow = Eigen::Matrix<double, kRound + kOffset + 1, 1>;  // and the distance
+using LocalSum = Eigen::Matrix<double, kRound + kOffset + 1, kRound + kOffset + 1>;
+
+struct RegistrationSettings {
+  // So many points tell by how much passes do not meet.
+  std::size_t points = 24'000;
+  // Fewer in a pass tell nothing of it.
+  std::size_t least_points = 200;
+  // Steps: the offsets are small, so the second hardly moves anything.
+  int steps = 3;
+  // [sigma] From which on the samples insist that the passes do not meet.
+  double insist = 5.0;
+};
+constexpr RegistrationSettings kRegistration;
+
+struct PassPoint {
+  Eigen::Vector3d place_mm;
+  unsigned pass;
+};
+
+// What the points say of the tube's parameters and the passes' offsets.
+struct Joint {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd right;
+  double squares = 0, weight = 0, sigma_mm = 0, robust = 0;
+};
+
+// The derivative of a point's distance by its segment's local state (surface_sums.cc) and the
+// direction out of the surface, in the world.
+double LocalDerivative(const SegmentFrame& frame, double pipe_radius_mm, const Eigen::Vector3d& p,
+                       LocalRow& row, Eigen::Vector3d& outward) {
+  const Eigen::Vector3d v = p - frame.start_mm;
+  const double x = v.dot(frame.tangent), y = v.dot(frame.across), z = v.dot(frame.normal);
+  if (frame.bend_radius_mm <= 0) {
+    const double rho = std::max(1e-9, std::hypot(y, z));
+    const double oy = y / rho, oz = z / rho;
+    row.head<kRound>() << 0, -oy, -oz, 0, x * oz, -x * oy, 0, -1;
+    outward = oy * frame.across + oz * frame.normal;
+    return rho - pipe_radius_mm;
+  }
+  const double R = frame.bend_radius_mm;
+  const double rho = std::max(1e-9, std::hypot(x, y - R));
+  const double a = x / rho, b = (y - R) / rho, u = rho - R;
+  const double distance = std::max(1e-9, std::hypot(u, z));
+  const double c = u / distance, s = z / distance;
+  row.head<kRound>() << -c * a, -c * b, -s, -R * (s + s * b), R * s * a, R * c * a, -c * b - c, -1;
+  outward = c * (a * frame.tangent + b * frame.across) + s * frame.normal;
+  return distance - pipe_radius_mm;
+}
+
+class PassFit {
+ public:
+  PassFit(const SurfaceFit& fit, unsigned passes, const PassDrift& drift, double reach_mm,
+          std::span<const PointBlock> blocks)
+      : fit_(fit),
+        reach_mm_(reach_mm),
+        passes_(static_cast<int>(passes)),
+        offsets_(Eigen::VectorXd::Zero(kOffset * passes_)) {
+    sigmas_.resize(kOffset);
+    sigmas_ << Eigen::Vector3d::Constant(drift.move_mm),
+        Eigen::Vector3d::Constant(drift.turn_deg / hal::kDegreesPerRadian);
+    Take(blocks);
+  }
+
+  std::size_t PassesWithPoints() const {
+    return static_cast<std::size_t>(std::count_if(count_.begin(), count_.end(), [](std::size_t n) {
+      return n >= kRegistration.least_points;
+    }));
+  }
+  const Eigen::Vector3d& middle_mm() const { return middle_mm_; }
+  Eigen::VectorXd Offset(unsigned pass) const {
+    return offsets_.segment<kOffset>(kOffset * static_cast<int>(pass));
+  }
+  Eigen::Vector3d Moved(const Eigen::Vector3d& p, unsigned pass) const {
+    const int at = kOffset * static_cast<int>(pass);
+    const Eigen::Vector3d turn = offsets_.segment<3>(at + 3);
+    return p + offsets_.segment<3>(at) + turn.cross(p - middle_mm_);
+  }
+
+  // True: the samples insist on the offsets.
+  bool Solve() {
+    TubeParameters parameters(fit_.tube, true, {}, fit_.easing);
+    const FitBounds bounds(parameters, fit_.tube.pipe_radius_mm, 1e6);
+    hal::Tube tube = fit_.tube;
+    Easing easing = fit_.easing;
+    const Joint before = Linearize(parameters, SpineOf(tube.program, tube.X_WT, easing), 0);
+    Joint joint = before;
+    for (int i = 0; i < kRegistration.steps; ++i) {
+      const Eigen::VectorXd step = joint.matrix.ldlt().solve(joint.right);
+      if (!step.allFinite()) return false;
+      const int n = parameters.size();
+      const Eigen::VectorXd to = bounds.Inside(parameters.Initial() + step.head(n));
+      tube = parameters.TubeAt(to);
+      easing = parameters.EasingAt(to);
+      offsets_ += step.tail(offsets_.size());
+      parameters = TubeParameters(tube, true, {}, easing);
+      joint = Linearize(parameters, SpineOf(tube.program, tube.X_WT, easing), 0);
+    }
+    // Both at the noise that is left, which tells more than the noise with the offsets in it.
+    const TubeParameters first(fit_.tube, true, {}, fit_.easing);
+    const Eigen::VectorXd offsets = offsets_;
+    offsets_.setZero();
+    const Joint without =
+        Linearize(first, SpineOf(fit_.tube.program, fit_.tube.X_WT, fit_.easing), joint.sigma_mm);
+    offsets_ = offsets;
+    const double insist =
+        kRegistration.insist * kRegistration.insist + static_cast<double>(offsets_.size());
+    SetCovariance(joint, parameters);
+    return without.robust - joint.robust > insist * fit_.design_effect;
+  }
+  // What the offsets add to that of the parameters.
+  const Eigen::MatrixXd& covariance() const { return covariance_; }
+
+ private:
+  void Take(std::span<const PointBlock> blocks) {
+    const std::size_t stride = StrideTo(CountPoints(blocks), kRegistration.points);
+    count_.assign(static_cast<std::size_t>(passes_), 0);
+    middle_mm_.setZero();
+    std::size_t next = 0;
+    for (const PointBlock& block : blocks) {
+      for (; next < block.points.size(); next += stride) {
+        if (next >= block.to_sensor.size() || !block.to_sensor[next].known()) continue;
+        const unsigned pass = PassOf(block.to_sensor[next]);
+        if (pass >= static_cast<unsigned>(passes_)) continue;
+        points_.push_back({block.points[next], pass});
+        middle_mm_ += block.points[next];
+        ++count_[pass];
+      }
+      next -= block.points.size();
+    }
+    if (!points_.empty()) middle_mm_ /= static_cast<double>(points_.size());
+  }
+
+  // `sigma_mm`: the noise that gives the weights; 0: that of these distances.
+  Joint Linearize(const TubeParameters& parameters, const EasedSpine& spine,
+                  double sigma_mm) const {
+    const double r_mm = parameters.Initial()[parameters.pipe_radius()];
+    const auto frames = SegmentFrames(spine, kBeyond * r_mm, {});
+    std::vector<std::int32_t> all(frames.size());
+    for (std::size_t k = 0; k < all.size(); ++k) all[k] = static_cast<std::int32_t>(k);
+    struct Row {
+      LocalRow row;
+      std::int32_t segment;
+      unsigned pass;
+    };
+    std::vector<Row> rows;
+    std::vector<double> magnitudes;
+    for (const PassPoint& point : points_) {
+      const Eigen::Vector3d p = Moved(point.place_mm, point.pass);
+      const NearSegment near = NearestSegment(p, frames, all);
+      if (near.segment < 0 || !(std::abs(near.distance_mm - r_mm) < reach_mm_)) continue;
+      const auto k = static_cast<std::size_t>(near.segment);
+      // The sections of bends that are not round tell of them and not of passes.
+      if (!fit_.flattening.empty() && !spine.is_line(k)) continue;
+      Row& row = rows.emplace_back();
+      Eigen::Vector3d outward;
+      row.row[kRound + kOffset] = LocalDerivative(frames[k], r_mm, p, row.row, outward);
+      row.row.segment<3>(kRound) = outward;
+      row.row.segment<3>(kRound + 3) = (p - middle_mm_).cross(outward);
+      row.segment = near.segment;
+      row.pass = point.pass;
+      magnitudes.push_back(std::abs(row.row[kRound + kOffset]));
+    }
+    Joint joint;
+    joint.sigma_mm = sigma_mm > 0 ? sigma_mm : std::max(1e-4, 1.4826 * Median(magnitudes));
+    std::vector<LocalSum> sums(frames.size() * static_cast<std::size_t>(passes_), LocalSum::Zero());
+    for (const Row& row : rows) {
+      const double d = row.row[kRound + kOffset];
+      const double weight = RobustWeight(d, joint.sigma_mm);
+      joint.robust += RobustSum(d, joint.sigma_mm);
+      joint.weight += weight;
+      joint.squares += weight * d * d;
+      if (weight <= 0) continue;
+      sums[static_cast<std::size_t>(row.segment) * static_cast<std::size_t>(passes_) + row.pass]
+          .selfadjointView<Eigen::Lower>()
+          .rankUpdate(row.row, weight);
+    }
+    Assemble(parameters, spine, sums, joint);
+    return joint;
+  }
+
+  void Assemble(const TubeParameters& parameters, const EasedSpine& spine,
+                const std::vector<LocalSum>& sums, Joint& joint) const {
+    const int n = parameters.size(), all = n + static_cast<int>(offsets_.size());
+    const auto derivatives = parameters.FrameDerivatives(spine);
+    joint.matrix = Eigen::MatrixXd::Zero(all, all);
+    joint.right = Eigen::VectorXd::Zero(all);
+    Eigen::MatrixXd to_all(all, kRound + kOffset);
+    for (std::size_t k = 0; k < derivatives.size(); ++k) {
+      for (int pass = 0; pass < passes_; ++pass) {
+        const LocalSum sum =
+            sums[k * static_cast<std::size_t>(passes_) + static_cast<std::size_t>(pass)]
+                .selfadjointView<Eigen::Lower>();
+        if (sum(kRound - 1, kRound - 1) == 0) continue;
+        to_all.setZero();
+        to_all.topLeftCorner(n, kRound) = derivatives[k].topRows<kRound>().transpose();
+        to_all.block<kOffset, kOffset>(n + kOffset * pass, kRound).setIdentity();
+        joint.matrix.noalias() +=
+            to_all * sum.topLeftCorner<kRound + kOffset, kRound + kOffset>() * to_all.transpose();
+        joint.right.noalias() -= to_all * sum.col(kRound + kOffset).head<kRound + kOffset>();
+      }
+    }
+    fit_.priors.Add(parameters, parameters.Initial(), joint.sigma_mm, joint.matrix, joint.right);
+    // What no point feels stays where it is.
+    const Eigen::VectorXd range = ExpectedRange(parameters, fit_.tube.pipe_radius_mm);
+    const double variance = joint.sigma_mm * joint.sigma_mm;
+    for (int i = 0; i < n; ++i) {
+      joint.matrix(i, i) += std::isfinite(range[i]) ? variance / (range[i] * range[i]) : 1e-12;
+    }
+    const double of_offsets = variance * fit_.design_effect;
+    for (int i = 0; i < offsets_.size(); ++i) {
+      const double certainty = of_offsets / (sigmas_[i % kOffset] * sigmas_[i % kOffset]);
+      joint.matrix(n + i, n + i) += certainty;
+      joint.right[n + i] -= certainty * offsets_[i];
+      joint.robust += offsets_[i] * offsets_[i] / (sigmas_[i % kOffset] * sigmas_[i % kOffset]);
+    }
+  }
+
+  void SetCovariance(const Joint& joint, const TubeParameters& parameters) {
+    const int n = parameters.size();
+    const double variance = joint.squares / std::max(1.0, joint.weight);
+    const Eigen::MatrixXd together = joint.matrix.inverse().topLeftCorner(n, n);
+    const Eigen::MatrixXd alone = joint.matrix.topLeftCorner(n, n).inverse();
+    covariance_ = variance * (together - alone);
+  }
+
+  const SurfaceFit& fit_;
+  double reach_mm_;
+  int passes_;
+  Eigen::VectorXd offsets_, sigmas_;
+  std::vector<PassPoint> points_;
+  std::vector<std::size_t> count_;
+  Eigen::Vector3d middle_mm_ = Eigen::Vector3d::Zero();
+  Eigen::MatrixXd covariance_;
+};
+
+// All points moved; the blocks grow by what moved most.
+void Move(const PassFit& passes, std::vector<PointBlock>& blocks, Registration& registration) {
+  registration.points.reserve(CountPoints(blocks));
+  for (PointBlock& block : blocks) {
+    const std::size_t first = registration.points.size();
+    double most_mm = 0;
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
+      const bool known = i < block.to_sensor.size() && block.to_sensor[i].known();
+      const unsigned pass = known ? PassOf(block.to_sensor[i]) : kMostPasses;
+      const bool moves = pass < registration.passes.size();
+      const Eigen::Vector3d to = moves ? passes.Moved(block.points[i], pass) : block.points[i];
+      if (moves) ++registration.passes[pass].points;
+      most_mm = std::max(most_mm, (to - block.points[i]).norm());
+      registration.points.push_back(to);
+    }
+    block.points = std::span(registration.points).subspan(first);
+    block.half_diagonal_mm += most_mm;
+  }
+}
+
+}  // namespace
+
+Registration RegisterPasses(const SurfaceFit& fit, unsigned passes, const PassDrift& drift,
+                            double reach_mm, std::vector<PointBlock>& blocks) {
+  Registration registration;
+  if (passes < 2) return registration;
+  PassFit together(fit, passes, drift, reach_mm, blocks);
+  if (together.PassesWithPoints() < 2 || !together.Solve()) return registration;
+  registration.middle_mm = together.middle_mm();
+  registration.covariance = together.covariance();
+  for (unsigned pass = 0; pass < passes; ++pass) {
+    const Eigen::VectorXd offset = together.Offset(pass);
+    registration.passes.push_back({0, offset.head<3>(), offset.tail<3>() * hal::kDegreesPerRadian});
+  }
+  Move(together, blocks, registration);
+  return registration;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,424 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/surface_form.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "pipeline/fit/surface_pass.h"
+#include "pipeline/math/circle_sectors.h"
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr int kSides = 16;  // of the turn
+
+struct FormSettings {
+  // Of the whole tube: dents and bows are known better than a scan's noise.
+  std::size_t enough_points = 40'000;
+  // [of r_P] Beside a bend, where its easing or its own ovality begins, a straight is not looked
+  // at.
+  double beside_bend = 0.5;
+  // [of r_P] Shorter ones have no straightness.
+  double shortest = 2.5;
+  // [sigma] and [of r_P] Together: further off is a dent or a flier and tells of no bow.
+  double bow_sigmas = 4.0, most_bow = 0.04;
+  // A straight with fewer points has none either.
+  double least_points = 60;
+  // [of r_P] 1 sigma of what bows are expected to be: keeps apart what one side does not tell.
+  double usual_bow = 0.1;
+  // [of r_P] Of a cell of the surface along the spine; around it is a sixteenth of the turn.
+  double cell = 0.5;
+  // [of r_P] A dent is this deep at least, and [sigma] of what all cells scatter by.
+  double least_depth = 0.012, depth_sigmas = 7.0;
+  // [cells] So far from its middle nothing is another dent.
+  int slope_cells = 6;
+  // [cells] The surface about a dent is looked at from here to there along the spine.
+  int near_cells = 4, far_cells = 8;
+  // Points in and next to a cell that tell of it.
+  double least_in_cells = 8;
+  std::size_t most_dents = 20;
+  // Points of a side that tell of it, and [sigma] how far off they may be.
+  double least_of_side = 5, side_sigmas = 4.0;
+};
+constexpr FormSettings kForm;
+
+// Points of one segment in cells, row by row along it; distances less the straight's long bends.
+struct Cells {
+  double from_mm = 0, row_mm = 1;
+  int rows = 0;
+  std::vector<double> count, sum_mm;
+
+  void Resize(double low_mm, double high_mm, double cell_mm) {
+    from_mm = low_mm;
+    rows = std::max(1, static_cast<int>(std::ceil((high_mm - low_mm) / cell_mm)));
+    row_mm = (high_mm - low_mm) / rows;
+    count.assign(static_cast<std::size_t>(rows * kSides), 0.0);
+    sum_mm.assign(count.size(), 0.0);
+  }
+  static std::size_t At(int row, int side) {
+    return static_cast<std::size_t>(row * kSides + ((side % kSides) + kSides) % kSides);
+  }
+  void Add(double along_mm, double outward, double z, double distance_mm) {
+    const int row = static_cast<int>(std::floor((along_mm - from_mm) / row_mm));
+    if (row < 0 || row >= rows) return;
+    const std::size_t at = At(row, static_cast<int>(AzimuthSector<kSides>(outward, z)));
+    count[at] += 1;
+    sum_mm[at] += distance_mm;
+  }
+};
+
+// Legendre polynomials of the straight's length: place, direction, bow and S of its spine.
+std::array<double, 4> Modes(double t) {
+  return {1.0, t, 1.5 * t * t - 0.5, (2.5 * t * t - 1.5) * t};
+}
+constexpr int kModes = 4;
+constexpr int kAcross = 2 * kModes;    // in y and z
+constexpr int kNumbers = kAcross + 3;  // pipe radius and oval section
+using Numbers = Eigen::Matrix<double, kNumbers, 1>;
+
+Numbers RowOf(double t, double oy, double oz) {
+  Numbers row;
+  const auto modes = Modes(t);
+  for (int k = 0; k < kModes; ++k) {
+    row[2 * k] = modes[static_cast<std::size_t>(k)] * oy;
+    row[2 * k + 1] = modes[static_cast<std::size_t>(k)] * oz;
+  }
+  row[kAcross] = 1.0;
+  row[kAcross + 1] = oy * oy - oz * oz;
+  row[kAcross + 2] = 2.0 * oy * oz;
+  return row;
+}
+
+// Least squares of a straight's long bends.
+class LongBends {
+ public:
+  LongBends(const SegmentPoints& points, double low_mm, double high_mm, double pipe_radius_mm,
+            double noise_mm)
+      : middle_mm_(0.5 * (low_mm + high_mm)), half_mm_(0.5 * (high_mm - low_mm)) {
+    // A bow of L/300 of a straight of 40 pipe radii is within it.
+    const double limit_mm = kForm.bow_sigmas * noise_mm +
+                            std::max(kForm.most_bow * pipe_radius_mm, (high_mm - low_mm) / 300.0);
+    const double prior = std::pow(noise_mm / (kForm.usual_bow * pipe_radius_mm), 2);
+    // The second time without what the bends do not explain.
+    for (const bool again : {false, true}) {
+      Matrix matrix = Matrix::Identity() * prior;
+      Numbers right = Numbers::Zero();
+      for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
+        const double t = (points.x[i] - middle_mm_) / half_mm_;
+        if (std::abs(t) > 1.0 || std::abs(points.distance[i]) > limit_mm) continue;
+        const double rho = std::max(1e-9, std::hypot(points.y[i], points.z[i]));
+        const Numbers row = RowOf(t, points.y[i] / rho, points.z[i] / rho);
+        const double off_mm = rho - pipe_radius_mm;
+        if (again && std::abs(off_mm - row.dot(numbers_)) > kForm.bow_sigmas * noise_mm) continue;
+        matrix.selfadjointView<Eigen::Lower>().rankUpdate(row);
+        right += off_mm * row;
+      }
+      const Matrix full = matrix.selfadjointView<Eigen::Lower>();
+      covariance_ = full.inverse() * noise_mm * noise_mm;
+      numbers_ = full.ldlt().solve(right);
+    }
+  }
+
+  double OffMm(double along_mm, double oy, double oz) const {
+    return RowOf(std::clamp((along_mm - middle_mm_) / half_mm_, -1.0, 1.0), oy, oz).dot(numbers_);
+  }
+  // The spine beside its best-fit line, along its principal direction.
+  StraightForm Form(double design_effect) const {
+    constexpr int kPlaces = 33;
+    const auto at = [](int i) { return Modes(2.0 * i / (kPlaces - 1) - 1.0); };
+    Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+    for (int i = 0; i < kPlaces; ++i) {
+      const Eigen::Vector2d off =
+          at(i)[2] * numbers_.segment<2>(4) + at(i)[3] * numbers_.segment<2>(6);
+      spread += off * off.transpose();
+    }
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(spread);
+    const Eigen::Vector2d direction = eigen.eigenvectors().col(1);
+    Eigen::Vector4d low = Eigen::Vector4d::Zero(), high = Eigen::Vector4d::Zero();
+    double lowest = 1e300, highest = -1e300;
+    for (int i = 0; i < kPlaces; ++i) {
+      Eigen::Vector4d weights;
+      weights << at(i)[2] * direction, at(i)[3] * direction;
+      const double off = weights.dot(numbers_.segment<4>(4));
+      if (off < lowest) low = weights, lowest = off;
+      if (off > highest) high = weights, highest = off;
+    }
+    const Eigen::Vector4d weights = high - low;
+    const double variance = weights.dot(covariance_.block<4, 4>(4, 4) * weights);
+    return {highest - lowest, std::sqrt(design_effect * variance), 2.0 * half_mm_};
+  }
+
+ private:
+  using Matrix = Eigen::Matrix<double, kNumbers, kNumbers>;
+
+  double middle_mm_, half_mm_;
+  Numbers numbers_ = Numbers::Zero();
+  Matrix covariance_ = Matrix::Zero();
+};
+
+// The sides of a straight: what is beyond noise of their mean distances all along it, without what
+// moves the straight across [mm^2]; negative where noise was kind.
+class Sides {
+ public:
+  void Add(double outward, double z, double distance_mm) {
+    const std::size_t side = AzimuthSector<kSides>(outward, z);
+    count_[side] += 1;
+    sum_mm_[side] += distance_mm;
+    squares_mm2_[side] += distance_mm * distance_mm;
+  }
+
+  std::optional<double> BeyondNoise() const {
+    // Mean, cosine and sine of the sides' means, by least squares.
+    Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity() * 1e-9;
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < kSides; ++i) {
+      matrix += count_[i] * Of(i) * Of(i).transpose();
+      right += sum_mm_[i] * Of(i);
+    }
+    const Eigen::Vector3d across = matrix.ldlt().solve(right);
+    double beyond_mm2 = 0, sides = 0;
+    for (std::size_t i = 0; i < kSides; ++i) {
+      if (count_[i] < kForm.least_of_side) continue;
+      const double mean = sum_mm_[i] / count_[i];
+      const double variance = squares_mm2_[i] / count_[i] - mean * mean;
+      beyond_mm2 += std::pow(mean - across.dot(Of(i)), 2) - variance / (count_[i] - 1);
+      sides += 1;
+    }
+    // Three numbers were fitted to them.
+    if (sides < 6) return std::nullopt;
+    return beyond_mm2 / (sides - 3);
+  }
+
+ private:
+  static Eigen::Vector3d Of(std::size_t side) {
+    const double turn = (static_cast<double>(side) + 0.5) * 2.0 * std::numbers::pi / kSides;
+    return {1.0, std::cos(turn), std::sin(turn)};
+  }
+  std::array<double, kSides> count_{}, sum_mm_{}, squares_mm2_{};
+};
+
+// The cells' means, each with those beside it; NaN where there are too few points.
+std::vector<double> Smoothed(const Cells& cells) {
+  std::vector<double> smooth(cells.count.size(), std::nan(""));
+  for (int row = 0; row < cells.rows; ++row) {
+    for (int side = 0; side < kSides; ++side) {
+      double count = 0, sum = 0, points = 0;
+      for (int i = std::max(0, row - 1); i <= std::min(cells.rows - 1, row + 1); ++i) {
+        for (int k = side - 1; k <= side + 1; ++k) {
+          const double weight = (i == row ? 1.0 : 0.5) * (k == side ? 1.0 : 0.5);
+          points += cells.count[Cells::At(i, k)];
+          count += weight * cells.count[Cells::At(i, k)];
+          sum += weight * cells.sum_mm[Cells::At(i, k)];
+        }
+      }
+      if (points >= kForm.least_in_cells) smooth[Cells::At(row, side)] = sum / count;
+    }
+  }
+  return smooth;
+}
+
+// How much further in a cell lies than the same side does before and behind it.
+double DepthAt(const std::vector<double>& smooth, int rows, int row, int side) {
+  const double here = smooth[Cells::At(row, side)];
+  if (std::isnan(here)) return 0;
+  std::vector<double> around;
+  for (int i = std::max(0, row - kForm.far_cells); i < std::min(rows, row + kForm.far_cells + 1);
+       ++i) {
+    if (std::abs(i - row) < kForm.near_cells) continue;
+    const double there = smooth[Cells::At(i, side)];
+    if (!std::isnan(there)) around.push_back(there);
+  }
+  // Without any, as in a short bend: from the surface itself.
+  return (around.size() < 3 ? 0.0 : Median(std::move(around))) - here;
+}
+
+struct Depths {
+  std::vector<double> mm;
+  const Cells* cells;
+  const hal::SpineSegment* segment;
+};
+
+// Cells about the deepest that are half as deep and joined to it; takes them out.
+int TakeHalfAsDeep(Depths& depths, int row, int side, double half_mm) {
+  const std::size_t at = Cells::At(row, side);
+  if (!(depths.mm[at] > half_mm)) return 0;
+  depths.mm[at] = 0;
+  int cells = 1;
+  if (row > 0) cells += TakeHalfAsDeep(depths, row - 1, side, half_mm);
+  if (row + 1 < depths.cells->rows) cells += TakeHalfAsDeep(depths, row + 1, side, half_mm);
+  cells += TakeHalfAsDeep(depths, row, side + 1, half_mm);
+  return cells + TakeHalfAsDeep(depths, row, side - 1, half_mm);
+}
+
+// The place in the middle of a cell.
+DentFound DentAt(const Depths& depths, int row, int side, double pipe_radius_mm) {
+  const Cells& cells = *depths.cells;
+  const hal::SpineSegment& segment = *depths.segment;
+  const double along_mm =
+      std::clamp(cells.from_mm + (row + 0.5) * cells.row_mm, 0.0, segment.length_mm);
+  // QuarterTurns() counts from -y: a side's middle in the frame (outward, normal).
+  const double turn = (side + 0.5) * 2.0 * std::numbers::pi / kSides - 0.5 * std::numbers::pi;
+  const Eigen::Vector3d tangent = segment.TangentAt(along_mm);
+  Eigen::Vector3d outward = segment.normal.cross(tangent);
+  if (segment.is_arc()) outward = -outward;
+  const Eigen::Vector3d direction = std::cos(turn) * outward + std::sin(turn) * segment.normal;
+  DentFound dent;
+  dent.along_mm = segment.from_start_mm + along_mm;
+  const double around =
+      std::atan2(direction.dot(segment.normal.cross(tangent)), direction.dot(segment.normal));
+  dent.around_deg = around * 180.0 / std::numbers::pi;
+  dent.position_mm = segment.PointAt(along_mm) + pipe_radius_mm * direction;
+  return dent;
+}
+
+std::vector<DentFound> FindDents(std::vector<Depths> segments, double pipe_radius_mm) {
+  std::vector<double> magnitudes;
+  for (const Depths& depths : segments) {
+    for (const double depth : depths.mm) {
+      if (depth != 0) magnitudes.push_back(std::abs(depth));
+    }
+  }
+  const double scatter_mm = 1.4826 * Median(magnitudes);
+  const double least_mm =
+      std::max(kForm.least_depth * pipe_radius_mm, kForm.depth_sigmas * scatter_mm);
+  const double cell_mm2 =
+      kForm.cell * pipe_radius_mm * 2.0 * std::numbers::pi * pipe_radius_mm / kSides;
+  std::vector<DentFound> dents;
+  while (dents.size() < kForm.most_dents) {
+    Depths* deepest = nullptr;
+    std::size_t at = 0;
+    double depth_mm = least_mm;
+    for (Depths& depths : segments) {
+      for (std::size_t i = 0; i < depths.mm.size(); ++i) {
+        if (depths.mm[i] > depth_mm) deepest = &depths, at = i, depth_mm = depths.mm[i];
+      }
+    }
+    if (!deepest) break;
+    const int row = static_cast<int>(at) / kSides, side = static_cast<int>(at) % kSides;
+    DentFound dent = DentAt(*deepest, row, side, pipe_radius_mm);
+    dent.depth_mm = depth_mm;
+    dent.sigma_mm = scatter_mm;
+    const int cells = TakeHalfAsDeep(*deepest, row, side, 0.5 * depth_mm);
+    dent.size_mm = 2.0 * std::sqrt(cells * cell_mm2 / std::numbers::pi);
+    // Its slopes are no dents of their own.
+    for (int i = std::max(0, row - kForm.slope_cells);
+         i <= std::min(deepest->cells->rows - 1, row + kForm.slope_cells); ++i) {
+      for (int k = side - kForm.slope_cells; k <= side + kForm.slope_cells; ++k) {
+        deepest->mm[Cells::At(i, k)] = 0;
+      }
+    }
+    dents.push_back(dent);
+  }
+  return dents;
+}
+
+// What a segment's points are laid on: from where to where along it.
+struct Extent {
+  double low_mm = 0, high_mm = 0;
+};
+
+// Takes the points of one segment to cells. A straight's long bends are found and taken off.
+class SegmentForm {
+ public:
+  SegmentForm(const SegmentPoints& points, const hal::SpineSegment& segment, const Extent& extent,
+              double pipe_radius_mm, double noise_mm)
+      : segment_(&segment) {
+    cells_.Resize(extent.low_mm, extent.high_mm, kForm.cell * pipe_radius_mm);
+    const bool is_long = !segment.is_arc() &&
+                         extent.high_mm - extent.low_mm > kForm.shortest * pipe_radius_mm &&
+                         static_cast<double>(points.size) > kForm.least_points;
+    if (is_long) {
+      bends_.emplace(points, extent.low_mm, extent.high_mm, pipe_radius_mm, noise_mm);
+    }
+    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
+      AddPoint(points.x[i], points.y[i], points.z[i], points.distance[i]);
+    }
+  }
+
+  const Cells& cells() const { return cells_; }
+  const std::optional<LongBends>& bends() const { return bends_; }
+  Depths DepthsOfCells() const {
+    const std::vector<double> smooth = Smoothed(cells_);
+    Depths depths{std::vector<double>(smooth.size(), 0.0), &cells_, segment_};
+    for (int row = 0; row < cells_.rows; ++row) {
+      for (int side = 0; side < kSides; ++side) {
+        depths.mm[Cells::At(row, side)] = DepthAt(smooth, cells_.rows, row, side);
+      }
+    }
+    return depths;
+  }
+
+ private:
+  void AddPoint(double x, double y, double z, double distance_mm) {
+    if (segment_->is_arc()) {
+      // Local y counts from the bend's centre; the arc begins at -y.
+      const double along_mm = segment_->bend_radius_mm * std::atan2(x, -y);
+      cells_.Add(along_mm, std::hypot(x, y) - segment_->bend_radius_mm, z, distance_mm);
+      return;
+    }
+    const double rho = std::max(1e-9, std::hypot(y, z));
+    const double off_mm = bends_ ? bends_->OffMm(x, y / rho, z / rho) : 0.0;
+    cells_.Add(x, y, z, distance_mm - off_mm);
+  }
+
+  const hal::SpineSegment* segment_;
+  Cells cells_;
+  std::optional<LongBends> bends_;
+};
+
+std::optional<double> SidesOf(const SegmentPoints& points, const Extent& extent, double limit_mm) {
+  Sides sides;
+  for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
+    if (points.x[i] < extent.low_mm || points.x[i] > extent.high_mm) continue;
+    if (std::abs(points.distance[i]) > limit_mm) continue;
+    sides.Add(points.y[i], points.z[i], points.distance[i]);
+  }
+  return sides.BeyondNoise();
+}
+
+}  // namespace
+
+SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
+                     std::span<const PointBlock> blocks, double reach_mm) {
+  const double r_mm = tube.pipe_radius_mm;
+  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, fit.easing);
+  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kForm.enough_points));
+  SurfaceAssignment points;
+  AssignPoints(SegmentFrames(spine, 0.0, fit.flattening), r_mm, few, reach_mm, points);
+  SurfaceForm form;
+  std::vector<SegmentForm> segments;
+  segments.reserve(spine.segments.size());
+  double sides_mm2 = 0, straights = 0;
+  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
+    const hal::SpineSegment& segment = spine.segments[k];
+    Extent extent{0.0, segment.length_mm};
+    if (spine.is_line(k)) {
+      if (k > 0) extent.low_mm += kForm.beside_bend * r_mm;
+      if (k + 1 < spine.segments.size()) extent.high_mm -= kForm.beside_bend * r_mm;
+    }
+    if (!(extent.high_mm > extent.low_mm + 1e-6)) {
+      if (spine.is_line(k)) form.straights.emplace_back();
+      continue;
+    }
+    const SegmentForm& of_segment =
+        segments.emplace_back(points.segments[k], segment, extent, r_mm, noise_mm);
+    if (!spine.is_line(k)) continue;
+    form.straights.push_back(of_segment.bends() ? of_segment.bends()->Form(1.0) : StraightForm{});
+    const auto sides = SidesOf(points.segments[k], extent, kForm.side_sigmas * noise_mm);
+    if (!sides) continue;
+    sides_mm2 += *sides;
+    straights += 1;
+  }
+  form.sides_mm2 = straights > 0 ? std::max(0.0, sides_mm2 / straights) : 0.0;
+  std::vector<Depths> depths;
+  for (const SegmentForm& segment : segments) depths.push_back(segment.DepthsOfCells());
+  form.dents = FindDents(std::move(depths), r_mm);
+  return form;
+}
+
+}  // namespace bendloop::pipeline

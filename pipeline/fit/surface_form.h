@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "pipeline/fit/surface_fit.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/tube/measurement.h"
+
+namespace bendloop::pipeline {
+
+// What is left of the samples beside lines, arcs and one section.
+struct SurfaceForm {
+  std::vector<StraightForm> straights;  // one more than bends
+  std::vector<DentFound> dents;         // the deepest first
+  // Variance, beyond noise, of the distances that a side of a straight has all along it: sections
+  // that are not round, and passes that do not meet. It moves the pipe radius and no noise tells.
+  double sides_mm2 = 0;
+};
+
+// `tube`: of the fit, with its ends. `noise_mm`: 1 sigma of a point.
+SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
+                     std::span<const PointBlock> blocks, double reach_mm);
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "hal/bend_program.h"
+#include "hal/pose.h"
+#include "hal/spine.h"
+
+namespace bendloop::pipeline {
+
+// A bend does not begin and end with a step of its curvature: clamp and pressure die let it rise
+// and fall within about a pipe diameter. Its curvature is taken for that of the sharp arc, smoothed
+// along the spine by a kernel of this variance [mm^2]; its root is the easing length. What that
+// does to the spine depends on the variance and hardly on the kernel's shape: the arc moves towards
+// the inner side by variance / (2 bend radius), as a clothoid of length l does by l^2 / (24
+// radius).
+//
+// The kernel is three steps, so that an eased bend is five arcs: exact geometry, and all that knows
+// lines and arcs knows it. The tube's rows keep their meaning: the straights' lines with their
+// corners, and the radius of the die.
+constexpr std::size_t kEasedPieces = 5;
+
+// [of the kernel's standard deviation] Where its outer steps are; its square is the kernel's fourth
+// moment over the square of its variance, on which the spine's place depends next: 1.8 for a box,
+// as a clothoid has it, 3 for a Gaussian.
+constexpr double kUsualReach = 1.549, kReachSigma = 0.15;  // 2.4, give or take as much
+constexpr double kLeastReach = 1.3, kMostReach = 1.9;
+
+struct Easing {
+  std::vector<double> variance_mm2;  // of every bend; none: they are sharp
+  double reach = kUsualReach;        // of the tube's kernel
+
+  bool empty() const { return variance_mm2.empty(); }
+};
+
+struct BendPiece {
+  double angle_rad = 0;
+  double bend_radius_mm = 0;
+};
+struct EasedBend {
+  std::array<BendPiece, kEasedPieces> pieces;
+  double beyond_mm = 0;  // how far it reaches beyond the sharp arc's tangent points
+};
+EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, double reach);
+
+// Segments of a tube whose bends may be eased: line, pieces of the first bend, line, ...
+struct EasedSpine {
+  std::vector<hal::SpineSegment> segments;
+  std::size_t pieces = 1;     // of every bend
+  std::vector<double> share;  // of the bend's curvature, by segment; 1 for lines
+
+  bool is_line(std::size_t segment) const { return segment % (pieces + 1) == 0; }
+  std::size_t row(std::size_t segment) const { return segment / (pieces + 1); }  // of the program
+  double length_mm() const {
+    return segments.empty() ? 0.0 : segments.back().from_start_mm + segments.back().length_mm;
+  }
+};
+EasedSpine SpineOf(const hal::BendProgram& program, const hal::Pose& X_WT, const Easing& easing);
+
+// The same with no bend eased further than the straights beside it are long.
+Easing EasingWithin(const hal::BendProgram& program, const Easing& easing);
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/tube/easing.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/tube_parameters.h"
+#include "pipeline/reconstruction.h"
+#include "tests/support/real_tube.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+const hal::SteadyClock kClock;
+
+hal::Tube ThreeBends() {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{45, 0, 60, 15}, {55, 80, 35, 12}, {40, -120, 90, 17}, {50, 0, 0, {}}};
+  tube.X_WT.position_mm = {10, -20, 30};
+  return tube;
+}
+
+TEST(Easing, AnEasedBendTurnsAsFarAndKeepsTheLines) {
+  for (const double angle_deg : {2.0, 20.0, 90.0, 140.0}) {
+    for (const double easing_mm : {0.5, 2.0, 6.0}) {
+      SCOPED_TRACE(std::to_string(angle_deg) + " degrees, " + std::to_string(easing_mm));
+      hal::Tube tube;
+      tube.program.rows = {{60, 0, angle_deg, 15}, {70, 0, 0, {}}};
+      const EasedSpine spine = SpineOf(tube.program, tube.X_WT, Easing{{easing_mm * easing_mm}});
+      const auto sharp = hal::SpineSegments(tube.program, tube.X_WT);
+      ASSERT_EQ(spine.segments.size(), 2 + kEasedPieces);
+      double turned = 0;
+      for (const auto& segment : spine.segments) turned += segment.angle_rad();
+      EXPECT_NEAR(turned, angle_deg * std::numbers::pi / 180, 1e-9);
+      const auto& is = spine.segments.back();
+      const auto& was = sharp.back();
+      EXPECT_LT((is.tangent - was.tangent).norm(), 1e-9);
+      EXPECT_LT((is.PointAt(is.length_mm) - was.PointAt(was.length_mm)).norm(), 1e-6);
+    }
+  }
+}
+
+TEST(Easing, MovesTheArcInwardsAsAClothoidDoes) {
+  hal::Tube tube;
+  tube.program.rows = {{60, 0, 90, 20}, {60, 0, 0, {}}};
+  const double easing_mm = 2;
+  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, Easing{{easing_mm * easing_mm}});
+  const hal::SpineSegment& middle = spine.segments[3];
+  EXPECT_DOUBLE_EQ(middle.bend_radius_mm, 20);
+  const double shift_mm = easing_mm * easing_mm / (2 * 20);
+  EXPECT_NEAR(middle.center_mm().y(), 20 + shift_mm, 0.01 * shift_mm);
+}
+
+TEST(Easing, DerivativesAreThoseOfTheSegments) {
+  const hal::Tube tube = ThreeBends();
+  const Easing easing{{4, 9, 6}, 1.6};
+  const std::vector<Flattening> flattening(3);
+  const TubeParameters parameters(tube, true, flattening, easing);
+  const Eigen::VectorXd at = parameters.Initial();
+  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
+  const auto derivatives = parameters.FrameDerivatives(spine);
+  for (int i = 0; i < parameters.size(); ++i) {
+    const double step = 1e-5;
+    const auto moved = [&](double by) {
+      Eigen::VectorXd to = at;
+      to[i] += by;
+      const hal::Tube there = parameters.TubeAt(to);
+      return SpineOf(there.program, there.X_WT, parameters.EasingAt(to));
+    };
+    const EasedSpine less = moved(-step), more = moved(step);
+    for (std::size_t k = 0; k < spine.segments.size(); ++k) {
+      const hal::SpineSegment &a = less.segments[k], &b = more.segments[k];
+      const Eigen::Matrix3d to_local = spine.segments[k].axes().transpose();
+      const Eigen::Vector3d velocity = to_local * (b.start_mm - a.start_mm) / (2 * step);
+      // A line may slide along itself, which its surface does not feel.
+      EXPECT_NEAR(derivatives[k](1, i), velocity.y(), 2e-4) << i << ' ' << k;
+      EXPECT_NEAR(derivatives[k](2, i), velocity.z(), 2e-4) << i << ' ' << k;
+      if (!spine.is_line(k)) {
+        EXPECT_NEAR(derivatives[k](0, i), velocity.x(), 2e-4) << i << ' ' << k;
+      }
+      const double bend = (b.bend_radius_mm - a.bend_radius_mm) / (2 * step);
+      EXPECT_NEAR(derivatives[k](6, i), bend, 2e-4) << i << ' ' << k;
+    }
+  }
+}
+
+TEST(Easing, LengthsAndBendRadiiOfEasedBendsAreThoseOfTheTrade) {
+  for (const double easing_r : {0.4, 0.7, 1.0}) {
+    SCOPED_TRACE(easing_r);
+    std::mt19937_64 random(3);
+    const auto cloud = tests::ScanRealTube(ThreeBends(), {.easing_r = easing_r}, {}, random);
+    const auto found = Reconstruct(cloud.points_W, {}, kClock);
+    ASSERT_TRUE(found) << found.error().message;
+    const auto& rows = found->tube.program.rows;
+    ASSERT_EQ(rows.size(), 4U);
+    ASSERT_EQ(found->bend_easings.size(), 3U);
+    const bool reversed = std::abs(rows[0].angle_deg - 60) > 5;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t k = reversed ? 2 - i : i;
+      const auto& was = cloud.truth.program.rows[i];
+      const auto& sigma = found->sigma.rows[k];
+      EXPECT_LT(std::abs(*rows[k].bend_radius_mm - *was.bend_radius_mm),
+                4 * *sigma.bend_radius_mm + 0.02);
+      EXPECT_LT(std::abs(rows[k].angle_deg - was.angle_deg), 4 * sigma.angle_deg + 0.01);
+      const auto& easing = found->bend_easings[k];
+      EXPECT_NEAR(easing.length_mm, std::sqrt(12.0) * 5 * easing_r,
+                  4 * easing.length_sigma_mm + 0.05 * easing.length_mm);
+      if (i == 0) continue;
+      const std::size_t row = reversed ? 3 - i : i;
+      EXPECT_LT(std::abs(rows[row].length_mm - was.length_mm),
+                4 * found->sigma.rows[row].length_mm + 0.02);
+    }
+  }
+}
+
+TEST(Easing, SharpBendsAreCalledSharp) {
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    std::mt19937_64 random(seed);
+    const auto cloud = tests::ScanRealTube(ThreeBends(), {}, {}, random);
+    const auto found = Reconstruct(cloud.points_W, {}, kClock);
+    ASSERT_TRUE(found) << found.error().message;
+    EXPECT_TRUE(found->bend_easings.empty()) << seed;
+  }
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline

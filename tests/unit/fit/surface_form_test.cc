@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/surface_form.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "pipeline/reconstruction.h"
+#include "tests/support/real_tube.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+const hal::SteadyClock kClock;
+
+hal::Tube TwoBends() {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{60, 0, 60, 15}, {80, 80, 90, 15}, {70, 0, 0, {}}};
+  return tube;
+}
+
+Measurement Measured(const tests::RealCloud& cloud) {
+  ReconstructionOptions options;
+  options.nominal = cloud.truth.program;
+  const auto found = Reconstruct(cloud.points_W, options, kClock);
+  EXPECT_TRUE(found) << found.error().message;
+  return found ? *found : Measurement{};
+}
+
+bool IsReversed(const Measurement& found) {
+  return std::abs(found.tube.program.rows[0].angle_deg - 60) > 5;
+}
+
+bool Says(const Measurement& found, const std::string& what) {
+  return std::any_of(found.warnings.begin(), found.warnings.end(),
+                     [&what](const std::string& w) { return w.find(what) != std::string::npos; });
+}
+
+TEST(SurfaceForm, BowsAreStraightness) {
+  std::mt19937_64 random(1);
+  const double bow = 1.0 / 500;
+  const Measurement found = Measured(tests::ScanRealTube(TwoBends(), {.bow = bow}, {}, random));
+  ASSERT_EQ(found.straights.size(), 3U);
+  for (const StraightForm& straight : found.straights) {
+    ASSERT_GT(straight.length_mm, 40);
+    // The height of an arc over a part of it falls with the square of the part's length.
+    const double part = straight.length_mm / (straight.length_mm + 5);
+    EXPECT_NEAR(straight.height_mm, bow * straight.length_mm * part,
+                4 * straight.sigma_mm + 0.1 * bow * straight.length_mm);
+  }
+}
+
+TEST(SurfaceForm, StraightTubesAreStraightAndHaveNoDents) {
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    std::mt19937_64 random(seed);
+    const Measurement found = Measured(tests::ScanRealTube(TwoBends(), {}, {}, random));
+    ASSERT_EQ(found.straights.size(), 3U);
+    for (const StraightForm& straight : found.straights) {
+      EXPECT_LT(straight.height_mm, 5 * straight.sigma_mm);
+      EXPECT_LT(straight.sigma_mm, 0.01);
+    }
+    EXPECT_TRUE(found.dents.empty());
+    EXPECT_EQ(found.first_end.length_mm, 0);
+    EXPECT_EQ(found.last_end.continues_mm, 0);
+  }
+}
+
+TEST(SurfaceForm, ADentIsFoundWhereItIs) {
+  std::mt19937_64 random(2);
+  const double depth_r = 0.08;
+  const tests::Form form{.dents = {{.along = 0.5, .around_rad = 1.0, .depth_r = depth_r}}};
+  const Measurement found = Measured(tests::ScanRealTube(TwoBends(), form, {}, random));
+  ASSERT_EQ(found.dents.size(), 1U);
+  const double length_mm = hal::SpineLength(found.tube.program);
+  EXPECT_NEAR(found.dents[0].along_mm, 0.5 * length_mm, 4);
+  EXPECT_NEAR(found.dents[0].depth_mm, depth_r * 5, 0.1);
+  EXPECT_GT(found.dents[0].size_mm, 4);
+  EXPECT_LT(found.dents[0].size_mm, 14);
+}
+
+TEST(EndForms, TheLengthIsUpToTheEndOfWhatSitsOnIt) {
+  using enum tests::EndFitting;
+  for (const tests::EndFitting fitting : {kNut, kFlange}) {
+    SCOPED_TRACE(static_cast<int>(fitting));
+    std::mt19937_64 random(3);
+    const auto cloud = tests::ScanRealTube(TwoBends(), {.at_end = fitting}, {}, random);
+    const Measurement found = Measured(cloud);
+    ASSERT_EQ(found.tube.program.rows.size(), 3U);
+    const bool reversed = IsReversed(found);
+    const EndForm& end = reversed ? found.first_end : found.last_end;
+    EXPECT_GT(end.length_mm, 0);
+    EXPECT_EQ((reversed ? found.last_end : found.first_end).length_mm, 0);
+    const std::size_t row = reversed ? 0 : 2;
+    EXPECT_NEAR(found.tube.program.rows[row].length_mm, cloud.truth.program.rows[2].length_mm,
+                5 * found.sigma.rows[row].length_mm);
+    EXPECT_LT(found.sigma.rows[row].length_mm, 1.5);
+    EXPECT_TRUE(Says(found, "something thicker than the tube sits on its"));
+  }
+}
+
+TEST(EndForms, SamplesThatGoOnThinlyAreTold) {
+  hal::Tube tube = TwoBends();
+  std::mt19937_64 random(4);
+  auto cloud = tests::ScanRealTube(tube, {}, {}, random);
+  tests::RealScan thin{.points = 120};
+  tube.program.rows.back().length_mm += 60;
+  std::vector<Eigen::Vector3d> beyond;
+  const Eigen::Vector3d end = hal::SpineSegments(TwoBends().program, {}).back().PointAt(70);
+  const Eigen::Vector3d along = hal::SpineSegments(TwoBends().program, {}).back().tangent;
+  for (int i = 0; i < 20; ++i) {
+    const auto more = tests::ScanRealTube(tube, {}, thin, random);
+    for (const Eigen::Vector3d& p : more.points_W) {
+      if ((p - end).dot(along) > 0 && (p - end).norm() < 65) beyond.push_back(p);
+    }
+  }
+  ASSERT_GT(beyond.size(), 100U);
+  for (std::size_t i = 0; i < beyond.size(); i += beyond.size() / 60) {
+    cloud.points_W.push_back(beyond[i]);
+  }
+  const Measurement found = Measured(cloud);
+  ASSERT_EQ(found.tube.program.rows.size(), 3U);
+  const std::size_t row = IsReversed(found) ? 0 : 2;
+  const double missing_mm = 130 - found.tube.program.rows[row].length_mm;
+  EXPECT_LT(missing_mm, 4 * found.sigma.rows[row].length_mm);
+  EXPECT_TRUE(missing_mm < 10 || Says(found, "samples go on for"));
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
