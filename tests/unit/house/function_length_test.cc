@@ -26,8 +26,7 @@ const std::map<std::string, std::string> kTables = {
 };
 
 // The same of what is to be cut still: a list that shrinks. What has become short must leave it.
-const std::set<std::string> kToBeCut = {
-};
+const std::set<std::string> kToBeCut = {};
 
 TEST(FunctionLength, IsOneScreen) {
   std::set<std::string> unused = kToBeCut;
