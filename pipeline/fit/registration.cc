@@ -28,6 +28,9 @@ struct RegistrationSettings {
   int steps = 3;
   // [sigma] From which on the samples insist that the passes do not meet.
   double insist = 5.0;
+  // Times that the sum of squares must be without the offsets: noise that grows at grazing
+  // incidence looks a little like passes that do not meet.
+  double worth = 1.1;
 };
 constexpr RegistrationSettings kRegistration;
 
@@ -124,7 +127,8 @@ class PassFit {
     const double insist =
         kRegistration.insist * kRegistration.insist + static_cast<double>(offsets_.size());
     SetCovariance(joint, parameters);
-    return without.robust - joint.robust > insist * fit_.design_effect;
+    return without.robust - joint.robust > insist * fit_.design_effect &&
+           without.robust > kRegistration.worth * joint.robust;
   }
   // What the offsets add to that of the parameters.
   const Eigen::MatrixXd& covariance() const { return covariance_; }
