@@ -10,7 +10,7 @@
 #include "config/load.h"
 #include "firmware-host/cell/cell_status.h"
 #include "firmware-host/cli/command.h"
-#include "firmware-host/daemon/status_server.h"
+#include "firmware-host/daemon/status_client.h"
 #include "firmware-host/text/style.h"
 
 namespace bendloop::host {

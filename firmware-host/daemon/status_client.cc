@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The other end of the status server: what `bendloop status` and the demo ask with.
-#include <arpa/inet.h>
-#include <sys/socket.h>
-#include <sys/un.h>
+#include "firmware-host/daemon/status_client.h"
+
+#include <httplib.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
-#include <cstring>
-#include <system_error>
 
 #include "firmware-host/daemon/state_store.h"
-#include "firmware-host/daemon/status_server.h"
 
 namespace bendloop::host {
 namespace {
@@ -20,53 +15,49 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMostAnswerBytes = 16 << 20;
 
-std::string Reason(int error_number) { return std::generic_category().message(error_number); }
+std::string Reason(httplib::Error error) {
+  switch (error) {
+    case httplib::Error::Connection:
+    case httplib::Error::ConnectionTimeout:
+      return "nobody listens there";
+    case httplib::Error::Read:
+      return "it fell silent, or speaks no HTTP";
+    case httplib::Error::Canceled:
+      return "it does not end";
+    default:
+      return httplib::to_string(error);
+  }
+}
 
-// Asks over a socket that is connected by `connect`, and closes it.
-template <class Connect>
-hal::Result<std::string> Fetch(int socket, const Connect& connect, const std::string& where,
+hal::Result<std::string> Fetch(httplib::Client& client, const std::string& where,
                                const std::string& path, int timeout_s) {
-  const auto fail = [&](const std::string& why) {
-    if (socket >= 0) ::close(socket);
-    return hal::Fail(hal::ErrorKind::kDevice, where + path + ": no answer, " + why);
-  };
-  const timeval timeout{timeout_s, 0};
-  ::setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
-  ::setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &timeout, sizeof timeout);
-  if (socket < 0 || connect(socket) != 0) return fail(Reason(errno));
-  const std::string request = "GET " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n";
-  if (::send(socket, request.data(), request.size(), MSG_NOSIGNAL) !=
-      static_cast<ssize_t>(request.size())) {
-    return fail(Reason(errno));
+  client.set_connection_timeout(timeout_s);
+  client.set_read_timeout(timeout_s);
+  client.set_write_timeout(timeout_s);
+  std::string body;
+  // For a socket the library would give its path as Host.
+  const auto answer =
+      client.Get(path, {{"Host", "localhost"}}, [&body](const char* data, std::size_t size) {
+        body.append(data, size);
+        return body.size() <= kMostAnswerBytes;
+      });
+  std::string why;
+  if (!answer) {
+    why = Reason(answer.error());
+  } else if (answer->status != 200) {
+    why = "it says " + std::to_string(answer->status) + " " + answer->reason;
+  } else {
+    return body;
   }
-  std::string answer;
-  std::array<char, 16384> block{};
-  ssize_t size = 0;
-  while ((size = ::recv(socket, block.data(), block.size(), 0)) > 0) {
-    answer.append(block.data(), static_cast<std::size_t>(size));
-    if (answer.size() > kMostAnswerBytes) return fail("it does not end");
-  }
-  if (size < 0) return fail(Reason(errno));
-  const std::size_t head = answer.find("\r\n\r\n");
-  if (head == std::string::npos) return fail("no HTTP");
-  if (answer.compare(0, 13, "HTTP/1.1 200 ") != 0) {
-    return fail("it says " + answer.substr(0, answer.find('\r')));
-  }
-  ::close(socket);
-  return answer.substr(head + 4);
+  return hal::Fail(hal::ErrorKind::kDevice, where + path + ": no answer, " + why);
 }
 
 hal::Result<std::string> FetchFromSocket(const fs::path& file, const std::string& path,
                                          int timeout_s) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  std::strncpy(address.sun_path, file.c_str(), sizeof address.sun_path - 1);
-  return Fetch(
-      ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0),
-      [&](int socket) {
-        return ::connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address);
-      },
-      file.string() + ":", path, timeout_s);
+  constexpr int kAnyPort = 80;  // a socket has none; without one the path would be read as a URL
+  httplib::Client client(file.string(), kAnyPort);
+  client.set_address_family(AF_UNIX);
+  return Fetch(client, file.string() + ":", path, timeout_s);
 }
 
 hal::Result<Json> StatusIn(const hal::Result<std::string>& body) {
@@ -81,16 +72,8 @@ hal::Result<Json> StatusIn(const hal::Result<std::string>& body) {
 }  // namespace
 
 hal::Result<std::string> FetchLocal(std::uint16_t port, const std::string& path, int timeout_s) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  address.sin_port = htons(port);
-  return Fetch(
-      ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0),
-      [&](int socket) {
-        return ::connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address);
-      },
-      "127.0.0.1:" + std::to_string(port), path, timeout_s);
+  httplib::Client client("127.0.0.1", port);
+  return Fetch(client, "127.0.0.1:" + std::to_string(port), path, timeout_s);
 }
 
 hal::Result<Json> FetchStatus(std::uint16_t port) {

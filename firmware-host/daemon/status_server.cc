@@ -2,251 +2,213 @@
 #include "firmware-host/daemon/status_server.h"
 
 #include <arpa/inet.h>
-#include <fcntl.h>
-#include <poll.h>
-#include <pthread.h>
-#include <sys/eventfd.h>
+#include <microhttpd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
-#include <list>
+#include <map>
+#include <string_view>
 #include <system_error>
-#include <thread>
 #include <utility>
-#include <vector>
 
-#include "firmware-host/daemon/http_answer.h"
+#include "hal/text.h"
 
 namespace bendloop::host {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kMostConnections = 64;
-constexpr auto kPatience = std::chrono::seconds(2);  // of a connection, from its first moment
+// Of each daemon of libmicrohttpd.
+constexpr unsigned kMostConnections = 256;
+constexpr unsigned kPatience_s = 2;  // without a byte from or to a client
+// Of a connection, for the head of its request and of its answer: twice what a browser may say.
+constexpr std::size_t kConnectionBytes = 16 << 10;
 constexpr int kBacklog = 64;
+
+hal::Error ServerError(const std::string& where, const std::string& why) {
+  return {hal::ErrorKind::kDevice, "status server: " + where + ": " + why};
+}
 
 std::string ErrorText(int error_number) { return std::generic_category().message(error_number); }
 
-class Descriptor {
- public:
-  explicit Descriptor(int number = -1) : number_(number) {}
-  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(number_, other.number_);
-    return *this;
-  }
-  ~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
-  int number() const { return number_; }
-
- private:
-  int number_;
-};
-
-hal::Result<Descriptor> ListenOnPort(std::uint16_t& port) {
-  const auto fail = [port](int why) {
-    return hal::Fail(hal::ErrorKind::kDevice, "status server: 127.0.0.1:" + std::to_string(port) +
-                                                  ": " + ErrorText(why) + "; give it another port");
-  };
-  Descriptor listener(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (listener.number() < 0) return fail(errno);
-  // A daemon that starts again takes the port of the one before, whose connections still linger.
-  const int yes = 1;
-  ::setsockopt(listener.number(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  address.sin_port = htons(port);
-  auto* const generic = reinterpret_cast<sockaddr*>(&address);
-  socklen_t size = sizeof address;
-  if (::bind(listener.number(), generic, size) != 0 || ::listen(listener.number(), kBacklog) != 0 ||
-      ::getsockname(listener.number(), generic, &size) != 0) {
-    return fail(errno);
-  }
-  port = ntohs(address.sin_port);
-  return listener;
-}
-
-// For the group that the directory belongs to, which may read what stands in it.
-hal::Result<Descriptor> ListenOnSocket(const fs::path& path) {
-  const auto fail = [&path](const std::string& why) {
-    return hal::Fail(hal::ErrorKind::kDevice, "status server: " + path.string() + ": " + why);
-  };
+// A listening descriptor, for the group that the directory belongs to, which may read what stands
+// in it.
+hal::Result<int> ListenOnSocket(const fs::path& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.string().size() >= sizeof address.sun_path) {
-    return fail("longer than a socket's name may be, " +
-                std::to_string(sizeof address.sun_path - 1) + "; set a shorter state_dir");
+    return hal::Fail(ServerError(path.string(), "longer than a socket's name may be, " +
+                                                    std::to_string(sizeof address.sun_path - 1) +
+                                                    "; set a shorter state_dir"));
   }
   std::memcpy(address.sun_path, path.c_str(), path.string().size() + 1);
   ::unlink(path.c_str());  // of a daemon that was killed: the state directory is ours by its lock
-  Descriptor listener(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const int listener = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   struct stat directory {};
-  if (listener.number() < 0 ||
-      ::bind(listener.number(), reinterpret_cast<sockaddr*>(&address), sizeof address) != 0 ||
-      ::stat(path.parent_path().c_str(), &directory) != 0 || ::chmod(path.c_str(), 0660) != 0 ||
-      ::listen(listener.number(), kBacklog) != 0) {
-    return fail(ErrorText(errno));
+  if (listener >= 0 &&
+      ::bind(listener, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0 &&
+      ::stat(path.parent_path().c_str(), &directory) == 0 && ::chmod(path.c_str(), 0660) == 0 &&
+      // Not ours to give away to that group: then our own is asked for.
+      (::chown(path.c_str(), static_cast<uid_t>(-1), directory.st_gid) == 0 || errno == EPERM) &&
+      ::listen(listener, kBacklog) == 0) {
+    return listener;
   }
-  // Not ours to give away to that group: then our own is asked for.
-  if (::chown(path.c_str(), static_cast<uid_t>(-1), directory.st_gid) != 0 && errno != EPERM) {
-    return fail(ErrorText(errno));
-  }
-  return listener;
+  const int why = errno;
+  if (listener >= 0) ::close(listener);
+  return hal::Fail(ServerError(path.string(), ErrorText(why)));
 }
 
-struct Connection {
-  Descriptor socket;
-  bool check_host = true;
-  Clock::time_point until;
-  std::string request;
-  std::string answer;  // empty: the request is not whole
-  std::size_t sent = 0;
-};
+MHD_Result Answer(MHD_Connection* connection, unsigned status, const char* type,
+                  const std::string& body) {
+  // The library copies it and does not write to it.
+  MHD_Response* const response = MHD_create_response_from_buffer(
+      body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY);
+  if (response == nullptr) return MHD_NO;
+  MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_TYPE, type);
+  MHD_add_response_header(response, MHD_HTTP_HEADER_CONNECTION, "close");
+  MHD_add_response_header(response, MHD_HTTP_HEADER_CACHE_CONTROL, "no-store");
+  MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
+  if (status == MHD_HTTP_METHOD_NOT_ALLOWED) {
+    MHD_add_response_header(response, MHD_HTTP_HEADER_ALLOW, "GET, HEAD");
+  }
+  const MHD_Result queued = MHD_queue_response(connection, status, response);
+  MHD_destroy_response(response);
+  return queued;
+}
+
+MHD_Result Refuse(MHD_Connection* connection, unsigned status, const std::string& why) {
+  return Answer(connection, status, "text/plain", why + "\n");
+}
+
+// Whether Host is a name of this machine's own, with any port: who comes through a tunnel has
+// another one. A web page elsewhere that has a browser resolve its name to 127.0.0.1 (DNS
+// rebinding) still says its own name there; who says nothing is no browser.
+bool AsksThisMachine(MHD_Connection* connection) {
+  const char* const said =
+      MHD_lookup_connection_value(connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_HOST);
+  if (said == nullptr) return true;
+  std::string host = hal::Lower(hal::Trimmed(said));
+  const std::size_t colon = host.rfind(':');
+  if (colon != std::string::npos && host.find(']', colon) == std::string::npos) host.erase(colon);
+  return host == "127.0.0.1" || host == "localhost" || host == "[::1]";
+}
 
 }  // namespace
 
 class StatusServer::Impl {
  public:
-  Impl(Pages pages, Descriptor port_listener, Descriptor socket_listener, fs::path socket)
+  explicit Impl(Pages pages)
       : pages_{{"/status", {"application/json", std::move(pages.status)}},
-               {"/metrics", {"text/plain; version=0.0.4", std::move(pages.metrics)}}},
-        port_listener_(std::move(port_listener)),
-        socket_listener_(std::move(socket_listener)),
-        socket_(std::move(socket)),
-        stop_(::eventfd(0, EFD_CLOEXEC)),
-        thread_([this] { Run(); }) {}
+               {"/metrics", {"text/plain; version=0.0.4", std::move(pages.metrics)}}} {}
 
   ~Impl() {
-    const std::uint64_t one = 1;
-    (void)!::write(stop_.number(), &one, sizeof one);
-    thread_.join();
+    on_port_.reset();
+    on_socket_.reset();
     if (!socket_.empty()) ::unlink(socket_.c_str());
   }
 
-  int port = 0;
+  hal::Result<void> StartOnPort(std::uint16_t port);
+  hal::Result<void> StartOnSocket(const fs::path& socket);
+  std::uint16_t port() const {
+    return MHD_get_daemon_info(on_port_.get(), MHD_DAEMON_INFO_BIND_PORT)->port;
+  }
 
  private:
-  void Run();
-  void Accept(int listener, bool check_host);
-  // False: it is done.
-  bool Serve(Connection& connection, short events);
-  bool Read(Connection& connection);
-  static bool Write(Connection& connection);
+  struct Page {
+    const char* type;
+    std::function<std::string()> text;
+  };
+  struct Stop {
+    void operator()(MHD_Daemon* daemon) const { MHD_stop_daemon(daemon); }
+  };
+  using Daemon = std::unique_ptr<MHD_Daemon, Stop>;
 
-  const HttpPages pages_;
-  const Descriptor port_listener_;
-  const Descriptor socket_listener_;  // none: -1, which poll() passes over
-  const fs::path socket_;
-  const Descriptor stop_;
-  std::list<Connection> connections_;  // the oldest first
-  std::thread thread_;                 // the last: it uses all before it
+  Daemon Start(MHD_AccessHandlerCallback answer, MHD_OptionItem where) {
+    MHD_OptionItem listen[] = {where, {MHD_OPTION_END, 0, nullptr}};
+    // Without MHD_USE_ERROR_LOG: what a client does wrong is the client's to know.
+    return Daemon(MHD_start_daemon(MHD_USE_POLL_INTERNAL_THREAD | MHD_USE_ITC, 0, nullptr, nullptr,
+                                   answer, this, MHD_OPTION_CONNECTION_LIMIT, kMostConnections,
+                                   MHD_OPTION_CONNECTION_TIMEOUT, kPatience_s,
+                                   MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionBytes,
+                                   MHD_OPTION_ARRAY, listen, MHD_OPTION_END));
+  }
+
+  // Called as soon as the head of a request is there, and answers at once: a body is not read.
+  static MHD_Result OnPort(void* self, MHD_Connection* connection, const char* path,
+                           const char* method, const char* version, const char* body,
+                           std::size_t* body_size, void** state) {
+    if (!AsksThisMachine(connection)) {
+      return Refuse(connection, MHD_HTTP_FORBIDDEN, "expected Host 127.0.0.1 or localhost");
+    }
+    return OnSocket(self, connection, path, method, version, body, body_size, state);
+  }
+  static MHD_Result OnSocket(void* self, MHD_Connection* connection, const char* path,
+                             const char* method, const char* /*version*/, const char* /*body*/,
+                             std::size_t* /*body_size*/, void** /*state*/);
+
+  const std::map<std::string, Page, std::less<>> pages_;  // by path
+  fs::path socket_;
+  Daemon on_port_;
+  Daemon on_socket_;
 };
 
-void StatusServer::Impl::Run() {
-  pthread_setname_np(pthread_self(), "status");
-  while (true) {
-    std::vector<pollfd> polled = {{stop_.number(), POLLIN, 0},
-                                  {port_listener_.number(), POLLIN, 0},
-                                  {socket_listener_.number(), POLLIN, 0}};
-    const std::size_t first = polled.size();
-    for (const Connection& each : connections_) {
-      polled.push_back(
-          {each.socket.number(), static_cast<short>(each.answer.empty() ? POLLIN : POLLOUT), 0});
-    }
-    int wait_ms = -1;
-    if (!connections_.empty()) {
-      const auto left = connections_.front().until - Clock::now();
-      wait_ms = static_cast<int>(std::clamp<std::int64_t>(
-          std::chrono::ceil<std::chrono::milliseconds>(left).count(), 0, 10'000));
-    }
-    if (::poll(polled.data(), polled.size(), wait_ms) < 0 && errno != EINTR) return;
-    if (polled[0].revents != 0) return;
-    std::size_t i = first;
-    const auto now = Clock::now();
-    for (auto it = connections_.begin(); it != connections_.end(); ++i) {
-      const short events = polled[i].revents;
-      const bool stays = events != 0 ? Serve(*it, events) : now < it->until;
-      it = stays ? std::next(it) : connections_.erase(it);
-    }
-    if (polled[1].revents != 0) Accept(port_listener_.number(), true);
-    if (polled[2].revents != 0) Accept(socket_listener_.number(), false);
+MHD_Result StatusServer::Impl::OnSocket(void* self, MHD_Connection* connection, const char* path,
+                                        const char* method, const char*, const char*, std::size_t*,
+                                        void**) {
+  const std::string_view verb = method;
+  if (verb != MHD_HTTP_METHOD_GET && verb != MHD_HTTP_METHOD_HEAD) {
+    return Refuse(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "expected GET or HEAD");
   }
-}
-
-void StatusServer::Impl::Accept(int listener, bool check_host) {
-  Descriptor socket(::accept4(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-  if (socket.number() < 0) return;
-  if (connections_.size() >= kMostConnections) {
-    auto idle = std::find_if(connections_.begin(), connections_.end(),
-                             [](const Connection& each) { return each.request.empty(); });
-    connections_.erase(idle == connections_.end() ? connections_.begin() : idle);
+  const auto& pages = static_cast<const Impl*>(self)->pages_;
+  const auto page = pages.find(std::string_view(path));
+  if (page == pages.end()) {
+    std::string known;
+    for (const auto& [each, unused] : pages) known += " " + each;
+    return Refuse(connection, MHD_HTTP_NOT_FOUND, "expected one of" + known);
   }
-  Connection& connection = connections_.emplace_back();
-  connection.socket = std::move(socket);
-  connection.check_host = check_host;
-  connection.until = Clock::now() + kPatience;
+  return Answer(connection, MHD_HTTP_OK, page->second.type, page->second.text());
 }
 
-bool StatusServer::Impl::Serve(Connection& connection, short events) {
-  if ((events & (POLLERR | POLLNVAL)) != 0) return false;
-  if (connection.answer.empty() && !Read(connection)) return false;
-  return connection.answer.empty() || Write(connection);
+hal::Result<void> StatusServer::Impl::StartOnPort(std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  address.sin_port = htons(port);
+  errno = 0;
+  on_port_ = Start(OnPort, {MHD_OPTION_SOCK_ADDR, 0, &address});
+  if (on_port_) return {};
+  return hal::Fail(ServerError("127.0.0.1:" + std::to_string(port),
+                               ErrorText(errno) + "; give it another port"));
 }
 
-bool StatusServer::Impl::Read(Connection& connection) {
-  std::array<char, 2048> block{};
-  const ssize_t size = ::recv(connection.socket.number(), block.data(), block.size(), 0);
-  if (size < 0) return errno == EAGAIN || errno == EINTR;
-  if (size == 0) return false;
-  connection.request.append(block.data(), static_cast<std::size_t>(size));
-  if (IsWholeRequest(connection.request)) {
-    connection.answer = AnswerTo(connection.request, pages_, connection.check_host);
-    connection.until = Clock::now() + kPatience;
-    return true;
-  }
-  return connection.request.size() < kMostRequestBytes;
-}
-
-bool StatusServer::Impl::Write(Connection& connection) {
-  const ssize_t size =
-      ::send(connection.socket.number(), connection.answer.data() + connection.sent,
-             connection.answer.size() - connection.sent, MSG_NOSIGNAL);
-  if (size < 0) return errno == EAGAIN || errno == EINTR;
-  connection.sent += static_cast<std::size_t>(size);
-  if (connection.sent < connection.answer.size()) return true;
-  ::shutdown(connection.socket.number(), SHUT_WR);
-  return false;
+hal::Result<void> StatusServer::Impl::StartOnSocket(const fs::path& socket) {
+  const auto listener = ListenOnSocket(socket);
+  if (!listener) return hal::Fail(listener.error());
+  socket_ = socket;
+  errno = 0;
+  on_socket_ = Start(OnSocket, {MHD_OPTION_LISTEN_SOCKET, *listener, nullptr});  // which closes it
+  if (on_socket_) return {};
+  return hal::Fail(ServerError(socket.string(), ErrorText(errno)));
 }
 
 StatusServer::StatusServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 StatusServer::~StatusServer() = default;
-std::uint16_t StatusServer::port() const { return static_cast<std::uint16_t>(impl_->port); }
+std::uint16_t StatusServer::port() const { return impl_->port(); }
 
 hal::Result<std::unique_ptr<StatusServer>> StatusServer::Start(std::uint16_t port,
                                                                const fs::path& socket,
                                                                Pages pages) {
-  auto port_listener = ListenOnPort(port);
-  if (!port_listener) return hal::Fail(port_listener.error());
-  Descriptor socket_listener;
+  auto impl = std::make_unique<Impl>(std::move(pages));
+  if (const auto started = impl->StartOnPort(port); !started) return hal::Fail(started.error());
   if (!socket.empty()) {
-    auto opened = ListenOnSocket(socket);
-    if (!opened) return hal::Fail(opened.error());
-    socket_listener = std::move(*opened);
+    if (const auto started = impl->StartOnSocket(socket); !started) {
+      return hal::Fail(started.error());
+    }
   }
-  auto impl = std::make_unique<Impl>(std::move(pages), std::move(*port_listener),
-                                     std::move(socket_listener), socket);
-  impl->port = port;
   return std::unique_ptr<StatusServer>(new StatusServer(std::move(impl)));
 }
 

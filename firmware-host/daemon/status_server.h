@@ -7,20 +7,21 @@
 #include <memory>
 #include <string>
 
-#include "firmware-host/result/json.h"
 #include "hal/result.h"
 
 namespace bendloop::host {
 
-// What the running daemon tells, on a thread of its own:
+// What the running daemon tells:
 //   GET /status   JSON, schema bendloop.status/1
 //   GET /metrics  Prometheus text
 // on 127.0.0.1, to whoever is on this machine and says so in Host, and on a socket in the file
-// system, to the daemon's user and group. One poll loop for all connections: at most 64, each
-// closed 2 s after it came. When all are taken the one that has said nothing for longest makes
-// room, so that idle connections keep nobody out.
+// system, to the daemon's user and group. Each is a libmicrohttpd with a thread and 256 connections
+// of its own; one that is silent for 2 s is closed. Who comes when all are taken waits in the
+// kernel's queue until one is closed. So whoever keeps 256 busy, byte by byte, keeps others out of
+// the port, but neither out of the socket nor the cell from measuring.
 class StatusServer {
  public:
+  // Each may be asked by both threads at once.
   struct Pages {
     std::function<std::string()> status;
     std::function<std::string()> metrics;
@@ -40,14 +41,5 @@ class StatusServer {
   explicit StatusServer(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
-
-// GET from a server on this machine within `timeout_s`; kDevice when nobody answers.
-hal::Result<std::string> FetchLocal(std::uint16_t port, const std::string& path, int timeout_s = 2);
-
-// /status at this port; kDevice when there is no daemon.
-hal::Result<Json> FetchStatus(std::uint16_t port);
-// /status of the daemon whose address stands in this file of its state directory: by its socket,
-// else by its port. kDevice when there is no daemon, or when this user may not know.
-hal::Result<Json> FetchStatus(const std::filesystem::path& address_file);
 
 }  // namespace bendloop::host

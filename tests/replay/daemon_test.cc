@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "firmware-host/cli/demo/child_process.h"
-#include "firmware-host/daemon/status_server.h"
+#include "firmware-host/daemon/status_client.h"
 #include "program.h"
 
 namespace bendloop::testing {

@@ -23,7 +23,7 @@
 #include "drivers/simulated_scanner/virtual_scan_source.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cli/demo/child_process.h"
-#include "firmware-host/daemon/status_server.h"
+#include "firmware-host/daemon/status_client.h"
 #include "firmware-host/result/result_json.h"
 #include "pipeline/correction/material.h"
 #include "program.h"

@@ -4,6 +4,7 @@
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <httplib.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -14,6 +15,8 @@
 #include <fstream>
 #include <string>
 #include <vector>
+
+#include "firmware-host/daemon/status_client.h"
 
 namespace bendloop::host {
 namespace {
@@ -46,6 +49,10 @@ class StatusServerTest : public ::testing::Test {
     EXPECT_EQ(::connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     return socket;
   }
+  // What the server says to a request for `path` that names this Host.
+  httplib::Result Ask(const std::string& path, const std::string& host) const {
+    return httplib::Client("127.0.0.1", server_->port()).Get(path, {{"Host", host}});
+  }
   void WriteAddress(const std::string& text) const {
     std::ofstream(directory_ / "status.json") << text;
   }
@@ -69,6 +76,58 @@ TEST_F(StatusServerTest, AnswersOnPortAndSocket) {
   EXPECT_FALSE(FetchStatus(directory_ / "status.json"));
 }
 
+TEST_F(StatusServerTest, AnswersThisMachineByItsNames) {
+  for (const char* host : {"127.0.0.1:7480", "localhost", "LOCALHOST:1", "[::1]:7480", "[::1]"}) {
+    const auto answer = Ask("/status?pretty=1", host);
+    ASSERT_TRUE(answer) << host;
+    EXPECT_EQ(answer->status, 200) << host;
+    EXPECT_EQ(answer->body, "{\"state\": \"idle\"}");
+    EXPECT_EQ(answer->get_header_value("Content-Type"), "application/json");
+    EXPECT_EQ(answer->get_header_value("Cache-Control"), "no-store");
+    EXPECT_EQ(answer->get_header_value("X-Content-Type-Options"), "nosniff");
+  }
+}
+
+TEST_F(StatusServerTest, RefusesAWebPageThatHasItsNameResolvedToUs) {
+  for (const char* host :
+       {"evil.example:7480", "127.0.0.1.evil.example", "[::1].evil.example", ""}) {
+    const auto answer = Ask("/status", host);
+    ASSERT_TRUE(answer) << host;
+    EXPECT_EQ(answer->status, 403) << host;
+    EXPECT_THAT(answer->body, HasSubstr("expected Host"));
+  }
+  // No web page gets at the socket.
+  httplib::Client client((directory_ / "status.sock").string(), 80);
+  client.set_address_family(AF_UNIX);
+  const auto answer = client.Get("/metrics", {{"Host", "evil.example"}});
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, 200);
+  EXPECT_EQ(answer->body, "bendloop_up 1\n");
+}
+
+TEST_F(StatusServerTest, RefusesTheRestAndSaysWhatItExpected) {
+  httplib::Client client("127.0.0.1", server_->port());
+  const auto head = client.Head("/status");
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->status, 200);
+  EXPECT_EQ(head->get_header_value("Content-Length"), "17");
+  EXPECT_EQ(head->body, "");
+  const auto post = client.Post("/status", "a body", "text/plain");
+  ASSERT_TRUE(post);
+  EXPECT_EQ(post->status, 405);
+  EXPECT_EQ(post->get_header_value("Allow"), "GET, HEAD");
+  const auto root = client.Get("/");
+  ASSERT_TRUE(root);
+  EXPECT_EQ(root->status, 404);
+  EXPECT_EQ(root->body, "expected one of /metrics /status\n");
+}
+
+TEST_F(StatusServerTest, SaysThatThePortIsTaken) {
+  const auto second = StatusServer::Start(server_->port(), "", {});
+  ASSERT_FALSE(second);
+  EXPECT_THAT(second.error().message, HasSubstr("Address already in use; give it another port"));
+}
+
 TEST_F(StatusServerTest, IdleConnectionsKeepNobodyOut) {
   std::vector<int> idle;
   for (int i = 0; i < 200; ++i) idle.push_back(Idle());
@@ -76,6 +135,15 @@ TEST_F(StatusServerTest, IdleConnectionsKeepNobodyOut) {
     const auto body = FetchLocal(server_->port(), "/status");
     EXPECT_TRUE(body) << body.error().message;
   }
+  for (const int socket : idle) close(socket);
+}
+
+TEST_F(StatusServerTest, WhoComesWhenAllAreTakenWaitsUntilAnIdleOneIsClosed) {
+  std::vector<int> idle;
+  for (int i = 0; i < 300; ++i) idle.push_back(Idle());
+  constexpr int kLonger_s = 20;  // than the patience with them
+  const auto body = FetchLocal(server_->port(), "/status", kLonger_s);
+  EXPECT_TRUE(body) << body.error().message;
   for (const int socket : idle) close(socket);
 }
 
