@@ -3,6 +3,7 @@
 
 #include <httplib.h>
 #include <unistd.h>
+#undef _res  // a macro of <resolv.h>, which httplib.h includes, and a name that Eigen has
 
 #include <cerrno>
 

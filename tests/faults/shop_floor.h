@@ -37,8 +37,7 @@ class ShopFloor {
     cell.part = *part;
     plan_ = *host::MakePartPlan(cell);
     // Each part is followed, so that there is something to be done wrong.
-    plan_.correction.decaying_gain = false;
-    plan_.correction.deadband_sigmas = 0;
+    plan_.correction.deadband_sigmas = plan_.correction.deadband_scatter = 0;
     plan_.correction.step_limit = {50, 90, 90};
     plan_.correction.total_limit = {100, 180, 180};
     plan_.commit.reply_timeout = std::chrono::milliseconds(500);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "firmware-host/result/result_json.h"
+#include "pipeline/tube/representations.h"
 
 namespace bendloop::host {
 namespace {
