@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 
 #include <functional>
 
@@ -39,6 +40,17 @@ TEST(LiveCell, ATubeScannedTwiceIsCorrectedOnceAndLearntFromOnce) {
   EXPECT_EQ(cell.bender().commits_accepted(), 1u);
   EXPECT_EQ(lot, Slurp(cell.scratch() / "state/lot.json"));
   cell.Scan(cell.Bend(), 3, "committed");
+}
+
+// What a terminal that closes, or a habit from other daemons, sends.
+TEST(LiveCell, AHangUpIsSaidAndEndsNothing) {
+  LiveCell cell;
+  cell.StartDaemon();
+  const auto address = host::Json::parse(Slurp(cell.scratch() / "state/status.json"));
+  ASSERT_EQ(kill(address.at("pid").get<pid_t>(), SIGHUP), 0);
+  cell.Scan(cell.Bend(), 1, "committed");
+  EXPECT_THAT(cell.log(), HasSubstr("SIGHUP: nothing is read again"));
+  cell.StopDaemon();
 }
 
 TEST(LiveCell, ASweepThatGoesOnAfterTheTubeIsCoveredIsOnePart) {

@@ -93,6 +93,22 @@ TEST(Usage, AKnownRadiusThatThePointsContradictIsSaid) {
   EXPECT_THAT(wrong.err, HasSubstr("says 6.000 mm, the points show 5.000 mm"));
 }
 
+TEST(Usage, ADashIsStandardInput) {
+  const Scratch scratch;
+  const std::string file = (scratch / "straight.xyz").string();
+  std::ofstream cloud(file);
+  for (int i = 0; i < 3000; ++i) {
+    cloud << i * 0.04 << " " << 5 * std::cos(i * 0.7) << " " << 5 * std::sin(i * 0.7) << "\n";
+  }
+  cloud.close();
+  const Ran named = scratch.Bendloop("reconstruct " + file);
+  ASSERT_EQ(named.code, 0) << named.err;
+  const std::string out = (scratch / "piped").string();
+  const std::string line = "cat " + file + " | " BENDLOOP_BIN_DIR "/bendloop reconstruct - >" + out;
+  EXPECT_EQ(std::system(line.c_str()), 0);
+  EXPECT_EQ(Slurp(out), named.out);
+}
+
 TEST(Usage, ThePartSaysWhichOfTwoTubesItIs) {
   const Scratch scratch;
   const std::string file = (scratch / "two.xyz").string();
@@ -263,6 +279,23 @@ TEST(Usage, TwoDemosDoNotShareAFolder) {
   EXPECT_EQ(second.code, 2);
   EXPECT_THAT(second.err, HasSubstr("another demo runs in"));
   close(marker);
+}
+
+TEST(Usage, AnInterruptedDemoLeavesNothingHalfOpen) {
+  const Scratch scratch;
+  const auto folder = scratch / "out";
+  // As Ctrl-C does: to the demo and to the processes that it started.
+  const std::string line = "timeout -s INT 3 " BENDLOOP_BIN_DIR "/bendloop demo --out " +
+                           folder.string() + " >" + (scratch / "log").string() + " 2>&1";
+  EXPECT_NE(std::system(line.c_str()), 0);
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    EXPECT_FALSE(name.ends_with("-wal") || name.ends_with("-shm")) << entry.path();
+    EXPECT_NE(name, "status.json") << entry.path();
+    files += entry.is_regular_file();
+  }
+  EXPECT_GT(files, 0u) << Slurp(scratch / "log");
 }
 
 }  // namespace
