@@ -52,8 +52,7 @@ void SampleIntake::Add(std::span<const Eigen::Vector3d> points_W) {
 }
 
 void SampleIntake::Lend(std::span<const Eigen::Vector3d> points_W) {
-  if (points_W.size() > SampleGrid::kMaxPoints ||
-      !std::all_of(points_W.begin(), points_W.end(), IsPlace)) {
+  if (!std::all_of(points_W.begin(), points_W.end(), IsPlace)) {
     Add(points_W);
     return;
   }
@@ -112,12 +111,26 @@ void SampleIntake::AddPoint(const Eigen::Vector3d& point, SensorDirection to_sen
 }
 
 void SampleIntake::Wait(const Eigen::Vector3d& point, SensorDirection to_sensor) {
-  if (waiting_.size() >= SampleGrid::kMaxPoints || !IsPlace(point)) return;
+  if (!IsPlace(point) || (places_++ & (stride_ - 1)) != 0) return;
+  if (waiting_.size() >= SampleGrid::kMaxPoints) {
+    ThinWaiting();
+    if (((places_ - 1) & (stride_ - 1)) != 0) return;
+  }
   if (to_sensor.known() || !waiting_to_sensor_.empty()) {
     waiting_to_sensor_.resize(waiting_.size());
     waiting_to_sensor_.push_back(to_sensor);
   }
   waiting_.push_back(point);
+}
+
+void SampleIntake::ThinWaiting() {
+  stride_ *= 2;
+  const auto every_second = [](auto& values) {
+    for (std::size_t i = 0; 2 * i < values.size(); ++i) values[i] = values[2 * i];
+    values.resize((values.size() + 1) / 2);
+  };
+  every_second(waiting_);
+  every_second(waiting_to_sensor_);
 }
 
 void SampleIntake::Touch(std::size_t block) {

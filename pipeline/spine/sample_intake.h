@@ -54,7 +54,10 @@ class SampleIntake {
   // A pause, or a leap of the sensor to another side, begins another pass.
   void CountPasses(const hal::LaserProfile& profile);
   void AddPoint(const Eigen::Vector3d& point, SensorDirection to_sensor = {});
+  // When too many wait, every second stays, and from then on every second, fourth ... is taken: so
+  // a long scan is thin all along and does not end early.
   void Wait(const Eigen::Vector3d& point, SensorDirection to_sensor);
+  void ThinWaiting();
   // The block's samples changed, so its projection is out of date.
   void Touch(std::size_t block);
   void ProjectQuietBlocks();
@@ -65,6 +68,8 @@ class SampleIntake {
   double radius_mm_ = 0;
   std::vector<Eigen::Vector3d> waiting_;            // until the pipe radius is known
   std::vector<SensorDirection> waiting_to_sensor_;  // of these, or none
+  std::uint64_t places_ = 0;                        // that came while points wait
+  std::uint64_t stride_ = 1;                        // of these so many-th wait: a power of two
   std::span<const Eigen::Vector3d> lent_;
   std::optional<SampleGrid> grid_;
   std::optional<MlsProjection> projection_;
