@@ -3,15 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "hal/angles.h"
 #include "pipeline/math/text.h"
 #include "pipeline/tube/row_names.h"
 
 namespace bendloop::pipeline {
 namespace {
-
-constexpr double kRadiansPerDegree = std::numbers::pi / 180.0;
 
 // Stretch that the finished bends on both sides of straight `row` add to it.
 double StretchAround(const std::vector<hal::BendRow>& finished, std::size_t row,
@@ -44,7 +42,8 @@ double Material::AngleToCommandDeg(double wanted_deg) const {
 }
 
 double Material::StretchOfStraightMm(double bend_radius_mm, double angle_after_deg) const {
-  return 0.5 * 0.01 * elongation_percent * bend_radius_mm * angle_after_deg * kRadiansPerDegree;
+  return 0.5 * 0.01 * elongation_percent * bend_radius_mm * angle_after_deg *
+         hal::kRadiansPerDegree;
 }
 
 hal::Result<void> Check(const Material& material) {

@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <span>
 #include <vector>
 
+#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/surface_sums.h"
@@ -22,8 +22,6 @@
 
 namespace bendloop::pipeline {
 namespace {
-
-constexpr double kRadians = std::numbers::pi / 180.0;
 
 // What the nominal is bent by, and what is still it. Chosen by trial where nothing else is said.
 struct NominalSettings {
@@ -264,11 +262,12 @@ class Variations final : public ceres::CostFunction {
       const hal::BendRow& was = nominal_.rows[i];
       const hal::BendRow sigma = ExpectedVariation(nominal_, i, {});
       add(parameters.length(i), is.length_mm - was.length_mm, sigma.length_mm, 1.0);
-      add(parameters.angle(i), is.angle_deg - was.angle_deg, sigma.angle_deg, kRadians);
+      add(parameters.angle(i), is.angle_deg - was.angle_deg, sigma.angle_deg,
+          hal::kRadiansPerDegree);
       add(parameters.bend_radius(i), *is.bend_radius_mm - *was.bend_radius_mm,
           *sigma.bend_radius_mm, 1.0);
       add(parameters.rotation(i), hal::WrapRotationDeg(is.rotation_deg - was.rotation_deg),
-          sigma.rotation_deg, kRadians);
+          sigma.rotation_deg, hal::kRadiansPerDegree);
     }
     return true;
   }
