@@ -8,6 +8,7 @@
 
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/version.h"
+#include "firmware-host/console/whole_file.h"
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/report/report.h"
 #include "firmware-host/result/json.h"

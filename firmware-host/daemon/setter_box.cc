@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "firmware-host/console/output_file.h"
-#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/console/whole_file.h"
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/result/json.h"
 #include "firmware-host/result/json_reader.h"

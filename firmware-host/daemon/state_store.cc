@@ -15,6 +15,7 @@
 
 #include "firmware-host/cell/run_context.h"
 #include "firmware-host/console/output_file.h"
+#include "firmware-host/console/whole_file.h"
 
 namespace bendloop::host {
 namespace {
@@ -44,24 +45,6 @@ unsigned LargestNumber(const fs::path& directory) {
 }
 
 }  // namespace
-
-hal::Result<std::string> ReadWholeFile(const fs::path& path, std::size_t most_bytes) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     path.string() + ": cannot be opened, expected a readable file");
-  }
-  std::string text;
-  char block[65536];
-  while (file.read(block, sizeof block), file.gcount() > 0) {
-    text.append(block, static_cast<std::size_t>(file.gcount()));
-    if (text.size() > most_bytes) {
-      return hal::Fail(hal::ErrorKind::kBadInput,
-                       path.string() + ": longer than " + std::to_string(most_bytes) + " bytes");
-    }
-  }
-  return text;
-}
 
 hal::Result<StateStore> StateStore::Open(const fs::path& directory) {
   std::error_code error;

@@ -65,8 +65,4 @@ hal::Result<std::optional<pipeline::LotState>> ReadLotOf(const std::filesystem::
 // "part-0007".
 std::string PartName(unsigned number);
 
-// kBadInput when it cannot be read or is larger than `most_bytes`.
-hal::Result<std::string> ReadWholeFile(const std::filesystem::path& path,
-                                       std::size_t most_bytes = 64u << 20);
-
 }  // namespace bendloop::host

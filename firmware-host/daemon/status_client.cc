@@ -3,11 +3,10 @@
 
 #include <httplib.h>
 #include <unistd.h>
-#undef _res  // a macro of <resolv.h>, which httplib.h includes, and a name that Eigen has
 
 #include <cerrno>
 
-#include "firmware-host/daemon/state_store.h"
+#include "firmware-host/console/whole_file.h"
 
 namespace bendloop::host {
 namespace {
