@@ -20,7 +20,6 @@
 #include "firmware-host/cli/demo/child_process.h"
 #include "firmware-host/cli/demo/demo_files.h"
 #include "firmware-host/console/whole_file.h"
-#include "firmware-host/daemon/state_store.h"
 #include "firmware-host/daemon/status_client.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/result/result_json.h"

@@ -15,7 +15,6 @@
 #include "firmware-host/cli/demo/shipped_texts.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/whole_file.h"
-#include "firmware-host/daemon/state_store.h"
 #include "firmware-host/result/program_json.h"
 #include "pipeline/correction/material.h"
 
