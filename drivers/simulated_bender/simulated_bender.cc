@@ -155,7 +155,7 @@ class SimulatedBender::Impl {
     return memory_.LoadActive(*block);
   }
 
-  // As rule 7 of drivers/README.md allows: number and crc are cleared, "keyed in".
+  // As rule R18 of drivers/README.md allows: number and crc are cleared, "keyed in".
   hal::Result<void> EditProgram(double angle_deg) {
     auto block = memory_.Active();
     if (!block) return hal::Fail(block.error());
