@@ -125,20 +125,34 @@ class CanopenCarrier final : public RegisterCarrier {
 
 }  // namespace
 
+std::unique_ptr<RegisterCarrier> MakeCanopenCarrier(const hal::RegisterMap& map,
+                                                    const CanopenBenderOptions& options,
+                                                    hal::Clock& clock, CanPortOpener open) {
+  return std::make_unique<CanopenCarrier>(map, options, clock, std::move(open));
+}
+
+std::unique_ptr<RegisterCarrier> MakeCanopenCarrier(const hal::RegisterMap& map,
+                                                    const CanopenBenderOptions& options,
+                                                    hal::Clock& clock) {
+  return MakeCanopenCarrier(
+      map, options, clock,
+      [interface = options.interface, ids = CanopenNode::Identifiers(options.node_id)] {
+        return OpenCanPort(interface, ids);
+      });
+}
+
 std::unique_ptr<hal::BenderLink> MakeCanopenBender(hal::RegisterMap map,
-                                                   CanopenBenderOptions options, hal::Clock& clock,
-                                                   CanPortOpener open) {
-  auto carrier = std::make_unique<CanopenCarrier>(map, options, clock, std::move(open));
+                                                   const CanopenBenderOptions& options,
+                                                   hal::Clock& clock, CanPortOpener open) {
+  auto carrier = MakeCanopenCarrier(map, options, clock, std::move(open));
   return MakeRegisterBender(std::move(map), std::move(carrier));
 }
 
 std::unique_ptr<hal::BenderLink> MakeCanopenBender(hal::RegisterMap map,
-                                                   CanopenBenderOptions options,
+                                                   const CanopenBenderOptions& options,
                                                    hal::Clock& clock) {
-  auto open = [interface = options.interface, ids = CanopenNode::Identifiers(options.node_id)] {
-    return OpenCanPort(interface, ids);
-  };
-  return MakeCanopenBender(std::move(map), std::move(options), clock, std::move(open));
+  auto carrier = MakeCanopenCarrier(map, options, clock);
+  return MakeRegisterBender(std::move(map), std::move(carrier));
 }
 
 }  // namespace bendloop::drivers

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "drivers/canopen_bender/canopen_node.h"
+#include "drivers/register_bender/register_bender.h"
 #include "hal/bender_link.h"
 #include "hal/clock.h"
 #include "hal/register_map.h"
@@ -28,11 +29,20 @@ struct CanopenBenderOptions {
 // objects. drivers/README.md tells the controller's side. bendloop is an SDO client and nothing
 // else: no NMT master, no PDOs. Not thread-safe: one thread talks to one bender.
 std::unique_ptr<hal::BenderLink> MakeCanopenBender(hal::RegisterMap map,
-                                                   CanopenBenderOptions options, hal::Clock& clock);
+                                                   const CanopenBenderOptions& options,
+                                                   hal::Clock& clock);
 
 // The same with another way onto the bus.
 std::unique_ptr<hal::BenderLink> MakeCanopenBender(hal::RegisterMap map,
-                                                   CanopenBenderOptions options, hal::Clock& clock,
-                                                   CanPortOpener open);
+                                                   const CanopenBenderOptions& options,
+                                                   hal::Clock& clock, CanPortOpener open);
+
+// Its objects alone, as registers.
+std::unique_ptr<RegisterCarrier> MakeCanopenCarrier(const hal::RegisterMap& map,
+                                                    const CanopenBenderOptions& options,
+                                                    hal::Clock& clock);
+std::unique_ptr<RegisterCarrier> MakeCanopenCarrier(const hal::RegisterMap& map,
+                                                    const CanopenBenderOptions& options,
+                                                    hal::Clock& clock, CanPortOpener open);
 
 }  // namespace bendloop::drivers

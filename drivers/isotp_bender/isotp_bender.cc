@@ -109,8 +109,13 @@ class IsotpCarrier final : public FrameCarrier {
 
 }  // namespace
 
+std::unique_ptr<RegisterCarrier> MakeIsotpCarrier(const hal::RegisterMap& map,
+                                                  IsotpBenderOptions options) {
+  return std::make_unique<IsotpCarrier>(map, std::move(options));
+}
+
 std::unique_ptr<hal::BenderLink> MakeIsotpBender(hal::RegisterMap map, IsotpBenderOptions options) {
-  auto carrier = std::make_unique<IsotpCarrier>(map, std::move(options));
+  auto carrier = MakeIsotpCarrier(map, std::move(options));
   return MakeRegisterBender(std::move(map), std::move(carrier));
 }
 

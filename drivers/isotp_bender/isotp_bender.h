@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "drivers/register_bender/register_bender.h"
 #include "hal/bender_link.h"
 #include "hal/register_map.h"
 
@@ -28,5 +29,9 @@ struct IsotpBenderOptions {
 // A bender behind Modbus on CAN; the controller's addresses and conventions come from `map`.
 // drivers/README.md tells its side. Not thread-safe: one thread talks to one bender.
 std::unique_ptr<hal::BenderLink> MakeIsotpBender(hal::RegisterMap map, IsotpBenderOptions options);
+
+// Its registers alone.
+std::unique_ptr<RegisterCarrier> MakeIsotpCarrier(const hal::RegisterMap& map,
+                                                  IsotpBenderOptions options);
 
 }  // namespace bendloop::drivers

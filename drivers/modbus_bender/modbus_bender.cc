@@ -9,10 +9,15 @@
 
 namespace bendloop::drivers {
 
+std::unique_ptr<RegisterCarrier> MakeModbusCarrier(const hal::RegisterMap& map,
+                                                   const ModbusBenderOptions& options,
+                                                   hal::Clock& clock) {
+  return options.serial ? MakeRtuCarrier(map, options, clock) : MakeTcpCarrier(map, options, clock);
+}
+
 std::unique_ptr<hal::BenderLink> MakeModbusBender(hal::RegisterMap map, ModbusBenderOptions options,
                                                   hal::Clock& clock) {
-  auto carrier =
-      options.serial ? MakeRtuCarrier(map, options, clock) : MakeTcpCarrier(map, options, clock);
+  auto carrier = MakeModbusCarrier(map, options, clock);
   return MakeRegisterBender(std::move(map), std::move(carrier));
 }
 

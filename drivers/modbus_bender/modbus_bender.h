@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "drivers/register_bender/register_bender.h"
 #include "hal/bender_link.h"
 #include "hal/clock.h"
 #include "hal/register_map.h"
@@ -47,5 +48,10 @@ struct ModbusBenderOptions {
 // bender.
 std::unique_ptr<hal::BenderLink> MakeModbusBender(hal::RegisterMap map, ModbusBenderOptions options,
                                                   hal::Clock& clock);
+
+// Its registers alone.
+std::unique_ptr<RegisterCarrier> MakeModbusCarrier(const hal::RegisterMap& map,
+                                                   const ModbusBenderOptions& options,
+                                                   hal::Clock& clock);
 
 }  // namespace bendloop::drivers

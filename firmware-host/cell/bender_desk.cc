@@ -4,39 +4,13 @@
 #include <algorithm>
 #include <utility>
 
-#include "drivers/canopen_bender/canopen_bender.h"
-#include "drivers/isotp_bender/isotp_bender.h"
-#include "drivers/modbus_bender/modbus_bender.h"
+#include "drivers/register_bender/register_bender.h"
 #include "drivers/simulated_bender/simulated_bender.h"
+#include "firmware-host/cell/bender_carrier.h"
 
 namespace bendloop::host {
 
 namespace {
-
-drivers::SerialLine LineOf(const config::BenderConfig& bender) {
-  drivers::SerialLine line{.device = bender.device,
-                           .baud = bender.baud,
-                           .parity = drivers::SerialParity::kNone,
-                           .stop_bits = bender.stop_bits,
-                           .rs485 = bender.rs485,
-                           .delay_before_send = bender.rs485_delay_before_send,
-                           .delay_after_send = bender.rs485_delay_after_send};
-  if (bender.parity == config::SerialParity::kEven) line.parity = drivers::SerialParity::kEven;
-  if (bender.parity == config::SerialParity::kOdd) line.parity = drivers::SerialParity::kOdd;
-  return line;
-}
-
-drivers::ModbusBenderOptions ModbusOf(const config::BenderConfig& bender) {
-  drivers::ModbusBenderOptions link;
-  link.host = bender.host;
-  link.port = bender.port;
-  link.unit_id = bender.unit_id;
-  link.connect_timeout = bender.connect_timeout;
-  link.response_timeout = bender.response_timeout;
-  link.byte_timeout = bender.byte_timeout;
-  if (bender.link == config::BenderKind::kModbusRtu) link.serial = LineOf(bender);
-  return link;
-}
 
 // Reading a whole program of the largest size, each answer at the last moment, after connecting
 // anew, and as long again for a serial line that is listened to until it is quiet.
@@ -140,34 +114,7 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
     return desk;
   }
   desk->exchange_bound_ = ExchangeBound(bender);
-  const auto attach = [&](std::unique_ptr<hal::BenderLink> link) {
-    desk->Attach(std::move(link), clock);
-  };
-  if (bender.link == config::BenderKind::kCanopen) {
-    desk->name_ = "canopen " + bender.can_interface + " node " + std::to_string(bender.can_node_id);
-    attach(drivers::MakeCanopenBender(bender.register_map,
-                                      {.interface = bender.can_interface,
-                                       .node_id = bender.can_node_id,
-                                       .vendor_id = bender.can_vendor_id,
-                                       .product_code = bender.can_product_code,
-                                       .response_timeout = bender.response_timeout,
-                                       .heartbeat_timeout = bender.heartbeat_timeout},
-                                      clock));
-    return desk;
-  }
-  if (bender.link == config::BenderKind::kCanIsotp) {
-    desk->name_ = "can " + bender.can_interface;
-    attach(drivers::MakeIsotpBender(bender.register_map,
-                                    {.channel = {.interface = bender.can_interface,
-                                                 .request_id = bender.can_request_id,
-                                                 .reply_id = bender.can_reply_id},
-                                     .unit_id = bender.unit_id,
-                                     .response_timeout = bender.response_timeout}));
-    return desk;
-  }
-  drivers::ModbusBenderOptions link = ModbusOf(bender);
-  desk->name_ = "modbus " + bender.host + ":" + std::to_string(bender.port);
-  if (link.serial) desk->name_ = "modbus " + bender.device;
+  config::BenderConfig reached = bender;
   if (bender.link == config::BenderKind::kSimulated) {
     drivers::SimulatedBenderOptions simulated;
     simulated.map = bender.register_map;
@@ -175,12 +122,14 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
     simulated.pipe_radius_mm = options.pipe_radius_mm;
     auto started = drivers::SimulatedBender::Start(std::move(simulated));
     if (!started) return hal::Fail(started.error());
-    link.host = "127.0.0.1";
-    link.port = (*started)->port();
-    desk->name_ = "simulated";
+    reached.link = config::BenderKind::kModbusTcp;
+    reached.host = "127.0.0.1";
+    reached.port = (*started)->port();
     desk->simulator_ = std::make_unique<Simulator>(Simulator{std::move(*started)});
   }
-  attach(drivers::MakeModbusBender(bender.register_map, link, clock));
+  desk->name_ = desk->simulator_ ? "simulated" : BenderCarrierName(reached);
+  desk->Attach(drivers::MakeRegisterBender(reached.register_map, MakeBenderCarrier(reached, clock)),
+               clock);
   return desk;
 }
 
