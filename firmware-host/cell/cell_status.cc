@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "firmware-host/alarms/alarm_text.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/result/program_json.h"
 
@@ -190,7 +191,7 @@ void AppendLines(const Json& json, const std::string& prefix, std::string& text)
 }  // namespace
 
 std::string StatusText(const Json& status) {
-  std::string text;
+  std::string text = AlarmLines(status);
   AppendLines(status, "", text);
   return text;
 }

@@ -129,7 +129,7 @@ class StatusBoard {
 
 // Schema "bendloop.status/1".
 Json StatusJson(const CellSnapshot& snapshot);
-// The same for `bendloop status`: one "name  value" a line.
+// The same for `bendloop status`: the active alarms, then one "name  value" a line.
 std::string StatusText(const Json& status);
 // Prometheus text exposition, version 0.0.4.
 std::string MetricsText(const CellSnapshot& snapshot);

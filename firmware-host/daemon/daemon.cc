@@ -13,6 +13,7 @@
 
 #include "config/load.h"
 #include "firmware-host/acquisition/acquisition.h"
+#include "firmware-host/alarms/alarm_text.h"
 #include "firmware-host/cell/bender_desk.h"
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/life_signs.h"
@@ -22,6 +23,7 @@
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/version.h"
+#include "firmware-host/daemon/cell_alarms.h"
 #include "firmware-host/daemon/part_keeper.h"
 #include "firmware-host/daemon/service_notify.h"
 #include "firmware-host/daemon/setter_box.h"
@@ -80,7 +82,7 @@ class Daemon::Impl {
         plan_(std::move(plan)),
         store_(std::move(store)),
         notify_(clock_),
-        keeper_(store_, cell_.record.directory, plan_.config_digest) {}
+        keeper_(store_, cell_.record.directory, plan_.config_digest, alarms_.board()) {}
 
   hal::Result<void> Prepare();
   int Run();
@@ -105,6 +107,7 @@ class Daemon::Impl {
   StateStore store_;
   StatusBoard board_;
   ServiceNotify notify_;
+  CellAlarms alarms_;
   PartKeeper keeper_;
   std::unique_ptr<BenderDesk> desk_;
   std::unique_ptr<Recorder> recorder_;
@@ -135,7 +138,11 @@ hal::Result<void> Daemon::Impl::Prepare() {
   if (!opened) return hal::Fail(opened.error());
   desk_ = std::move(*opened);
   spdlog::info("bender: {}", desk_->name());
-  for (const std::string& remark : RemarksOn(cell_)) spdlog::warn("{}", remark);
+  const std::string off = WhyNothingIsCorrected(cell_);
+  alarms_.board().Set(AlarmCode::kCorrectionsOff, !off.empty(), off);
+  for (const std::string& remark : RemarksOn(cell_)) {
+    if (remark != off) alarms_.board().Begin(AlarmCode::kSettingsRemark, remark);
+  }
   SettleWhatIsOpen();
   // From here on the ledger follows the bender: a tube that is bent now is seen. The second look
   // makes sure that the first one's state and program belong together.
@@ -156,7 +163,10 @@ hal::Result<void> Daemon::Impl::Prepare() {
 // What the last run left open: a commit whose end was not seen, a correction that waited.
 void Daemon::Impl::SettleWhatIsOpen() {
   keeper_.NameAfter(desk_->LargestPartNumber());
-  if (const auto settled = desk_->Resume()) keeper_.Settle(*settled);
+  if (const auto settled = desk_->Resume()) {
+    alarms_.board().Begin(AlarmCode::kUncleanEnd, settled->session + ": " + settled->report.reason);
+    keeper_.Settle(*settled);
+  }
   const std::optional<std::string> open = desk_->OpenCommit();
   for (const std::string& session : desk_->ScansThatWaited()) {
     CommitReport report;
@@ -167,6 +177,8 @@ void Daemon::Impl::SettleWhatIsOpen() {
                               "what the bender holds"
                             : "nothing was sent: the daemon ended while the correction waited for "
                               "the bender";
+    alarms_.board().Begin(is_open ? AlarmCode::kCommitUnknown : AlarmCode::kUncleanEnd,
+                          session + ": " + report.reason);
     desk_->Note(session, is_open ? ScanFate::kUnknown : ScanFate::kDone, report.reason);
     keeper_.Settle({session, report});
   }
@@ -174,8 +186,12 @@ void Daemon::Impl::SettleWhatIsOpen() {
 
 hal::Result<void> Daemon::Impl::ServeStatus() {
   StatusServer::Pages pages;
-  pages.status = [this] { return Dump(StatusJson(board_.Get()), 2) + "\n"; };
-  pages.metrics = [this] { return MetricsText(board_.Get()); };
+  pages.status = [this] {
+    Json status = StatusJson(board_.Get());
+    ShowAlarms(alarms_.board(), status);
+    return Dump(status, 2) + "\n";
+  };
+  pages.metrics = [this] { return MetricsText(board_.Get()) + AlarmMetrics(alarms_.board()); };
   auto server = StatusServer::Start(options_.status_port, store_.socket(), std::move(pages));
   if (!server) return hal::Fail(server.error());
   server_ = std::move(*server);
@@ -202,16 +218,22 @@ CellPorts Daemon::Impl::Ports() {
   };
   ports.lot = [this] { return keeper_.Lot(); };
   ports.part_done = [this](PartOutcome outcome) {
+    alarms_.PartDone(AlarmsOf(outcome.result), board_.Get());
     keeper_.Keep(std::move(outcome));
+    keeper_.KeepAlarms(alarms_.TakeNews());
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
     ShowLot();
   };
   ports.between_parts = [this] { ServePeople(); };
   ports.scan_failed = [this](const FailedScan& failed) {
+    alarms_.PartDone(AlarmsOf(failed.identity.session, failed.error), board_.Get());
     keeper_.KeepFailure(failed);
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
   };
-  ports.commit_settled = [this](const SettledCommit& settled) { keeper_.Settle(settled); };
+  ports.commit_settled = [this](const SettledCommit& settled) {
+    alarms_.board().End(AlarmCode::kCommitUnknown);
+    keeper_.Settle(settled);
+  };
   ports.bender_heard = [this](const BenderReading& heard) { BenderHeard(heard); };
   ports.viewed = [this](const pipeline::LiveView& view) { Viewed(view); };
   return ports;
@@ -242,13 +264,14 @@ int Daemon::Impl::Run() {
     spdlog::error("{}", favoured.error().message);
     return hal::ExitCode(favoured.error().kind);
   }
-  if (!favoured->empty()) spdlog::warn("{}", *favoured);
+  if (!favoured->empty()) alarms_.board().Begin(AlarmCode::kNoRealtime, *favoured);
   notify_.Ready();
   while (!g_stop && ServeScanner(*loop)) WaitForRetry(*loop);
   notify_.Stopping();
   spdlog::info("stopping after {} scans", loop->parts());
   loop.reset();
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
+  keeper_.KeepAlarms(alarms_.TakeNews());
   const bool is_kept = recorder_->FlushWithin(kDiskBound) && keeper_.FlushWithin(kDiskBound);
   ::unlink(store_.status().c_str());
   if (is_kept) return exit_code_;
@@ -292,7 +315,10 @@ bool Daemon::Impl::ServeScanner(CellLoop& loop) {
   }
   spdlog::info("scanner: {} {}, firmware {}, up to {} points a profile, ring of {} profiles",
                info->model, info->serial, info->firmware, info->max_points, ring.capacity());
-  if (!acquisition.realtime_note().empty()) spdlog::warn("{}", acquisition.realtime_note());
+  if (!acquisition.realtime_note().empty()) {
+    alarms_.board().Begin(AlarmCode::kNoRealtime, acquisition.realtime_note());
+  }
+  alarms_.board().End(AlarmCode::kScannerAway);
   scanner_problem_.clear();
   retry_ = kFirstRetry;
   notify_.Status("scanner connected, waiting for a scan");
@@ -306,7 +332,7 @@ bool Daemon::Impl::ServeScanner(CellLoop& loop) {
     spdlog::info("scanner: its clock runs {:.1f} ppm {}", std::abs(ppm), ppm < 0 ? "slow" : "fast");
   }
   const std::string remarks = (*source)->Remarks();
-  if (!remarks.empty()) spdlog::warn("scanner: {}", remarks);
+  if (!remarks.empty()) alarms_.board().Begin(AlarmCode::kScannerRemarks, remarks);
   switch (end) {
     case CellEnd::kSourceFault:
       ScannerIsAway(acquisition.fault().message);
@@ -325,6 +351,7 @@ void Daemon::Impl::ScannerIsAway(const std::string& why) {
     spdlog::warn("no scanner: {}; trying again every {} s at most", why,
                  kLongestRetry.count() / 1000);
   }
+  alarms_.board().Begin(AlarmCode::kScannerAway, why);
   scanner_problem_ = why;
   notify_.Status("no scanner: " + why);
   board_.Update([&](CellSnapshot& s) {
@@ -344,6 +371,7 @@ void Daemon::Impl::WaitForRetry(CellLoop& loop) {
 }
 
 void Daemon::Impl::BenderHeard(const BenderReading& heard) {
+  alarms_.BenderHeard(heard, plan_.part_number);
   if (heard.facts && (!bender_known_ || !bender_problem_.empty())) {
     spdlog::info("bender answers: active program {}", Describe(heard.facts->active));
   }
@@ -355,6 +383,8 @@ void Daemon::Impl::BenderHeard(const BenderReading& heard) {
 }
 
 void Daemon::Impl::ServePeople() {
+  alarms_.Look(board_.Get());
+  keeper_.KeepAlarms(alarms_.TakeNews());
   SetterDesk desk({&plan_, desk_.get(), [this] { return keeper_.Lot(); },
                    [this](const pipeline::LotState& lot) { return keeper_.SetLot(lot); },
                    store_.requests_log()});
@@ -371,6 +401,7 @@ void Daemon::Impl::ShowLot() {
   const auto lot = keeper_.Lot();
   board_.Update([&](CellSnapshot& s) {
     s.lot = {};
+    alarms_.board().Set(AlarmCode::kLotHeld, lot && lot->held);
     if (!lot) return;
     s.lot.number = lot->number;
     s.lot.parts = lot->parts;

@@ -23,13 +23,19 @@ constexpr std::size_t kReportParts = 20;
 
 }  // namespace
 
-PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key)
-    : store_(store), sessions_(std::move(sessions)), lot_key_(std::move(lot_key)) {}
+PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key,
+                       AlarmBoard& alarms)
+    : store_(store),
+      sessions_(std::move(sessions)),
+      lot_key_(std::move(lot_key)),
+      alarms_(alarms) {}
 
 hal::Result<void> PartKeeper::Load() {
   auto history = History::Open(store_.history());
   if (!history) return hal::Fail(history.error());
   history_.emplace(std::move(*history));
+  // Those of the last run, which nobody saw end.
+  Judge(AlarmCode::kHistoryNotKept, history_->EndAlarms(SystemMoment().unix_ms));
   auto lot = store_.Lot(lot_key_);
   if (!lot) return hal::Fail(lot.error());
   lot_ = std::move(*lot);
@@ -39,7 +45,7 @@ hal::Result<void> PartKeeper::Load() {
 
 std::optional<pipeline::LotState> PartKeeper::Lot() {
   if (lot_ && !store_.HasLot()) {
-    spdlog::warn("lot.json was removed: a new lot begins, of which nothing is known");
+    alarms_.Begin(AlarmCode::kLotRemoved, "nothing is known of it");
     lot_.reset();
   }
   return lot_;
@@ -56,29 +62,30 @@ ScanIdentity PartKeeper::Identify() {
   return {PartName(last_number_), UtcText(SystemMoment().unix_ms)};
 }
 
-void PartKeeper::TellProblem(std::string problem) {
-  spdlog::error("{}", problem);
-  problem_ = std::move(problem);
+void PartKeeper::Judge(AlarmCode code, const hal::Result<void>& kept) {
+  alarms_.Set(code, !kept, kept ? "" : kept.error().message);
+}
+
+void PartKeeper::KeepAlarms(const std::vector<Alarm>& news) {
+  for (const Alarm& alarm : news) {
+    Judge(AlarmCode::kHistoryNotKept, history_->NoteAlarm(alarm));
+  }
 }
 
 void PartKeeper::KeepResult(const RunResult& result) {
   problem_.clear();
   const auto path = store_.results() / (result.session + ".json");
-  if (auto written = WriteOutputFile(path, WriteResultJson(result)); !written) {
-    TellProblem("result not kept: " + written.error().message);
-  }
-  if (auto kept = history_->AddOrReplace(result); !kept) {
-    spdlog::error("history not kept: {}", kept.error().message);
-  }
+  const auto written = WriteOutputFile(path, WriteResultJson(result));
+  if (!written) problem_ = "result not kept: " + written.error().message;
+  Judge(AlarmCode::kResultNotKept, written);
+  Judge(AlarmCode::kHistoryNotKept, history_->AddOrReplace(result));
 }
 
 void PartKeeper::Keep(PartOutcome outcome) {
   const RunResult& result = outcome.result;
   if (outcome.next) {
     lot_ = outcome.next;
-    if (auto kept = store_.KeepLot(*lot_, lot_key_); !kept) {
-      spdlog::error("lot not kept: {}", kept.error().message);
-    }
+    Judge(AlarmCode::kLotNotKept, store_.KeepLot(*lot_, lot_key_));
   }
   KeepResult(result);
   std::string verdict = VerdictLine(result, false);
@@ -110,11 +117,9 @@ void PartKeeper::WriteReport() {
   }
   report_late_ = false;
   report_ = std::async(
-      std::launch::async,
-      [path = store_.report(), runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
-        if (auto written = WriteOutputFile(path, ReportHtml(runs)); !written) {
-          spdlog::error("report not written: {}", written.error().message);
-        }
+      std::launch::async, [this, path = store_.report(),
+                           runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
+        Judge(AlarmCode::kReportNotWritten, WriteOutputFile(path, ReportHtml(runs)));
       });
 }
 
@@ -135,9 +140,9 @@ void PartKeeper::KeepFailure(const FailedScan& failed) {
                      {"profiles", failed.profiles},   {"error", failed.error.message}};
   problem_.clear();
   const auto path = store_.results() / (failed.identity.session + ".json");
-  if (auto written = WriteOutputFile(path, Dump(json, 2) + "\n"); !written) {
-    TellProblem("result not kept: " + written.error().message);
-  }
+  const auto written = WriteOutputFile(path, Dump(json, 2) + "\n");
+  if (!written) problem_ = "result not kept: " + written.error().message;
+  Judge(AlarmCode::kResultNotKept, written);
 }
 
 void PartKeeper::Settle(const SettledCommit& settled) {
@@ -149,23 +154,16 @@ void PartKeeper::Settle(const SettledCommit& settled) {
     recent.bender = report;
     WriteReport();
   }
-  if (auto kept = history_->SetCommit(settled.session, report); !kept) {
-    spdlog::error("history not kept: {}", kept.error().message);
-  }
+  Judge(AlarmCode::kHistoryNotKept, history_->SetCommit(settled.session, report));
   const auto path = store_.results() / (settled.session + ".json");
   std::error_code none;
   if (!std::filesystem::exists(path, none)) return;  // cleared by hand, or a crash came first
   const auto text = ReadWholeFile(path);
   auto result = text ? ReadResultJson(*text, path.string()) : hal::Fail(text.error());
-  if (!result) {
-    spdlog::error("result not kept: {}", result.error().message);
-    return;
-  }
+  if (!result) return Judge(AlarmCode::kResultNotKept, hal::Fail(result.error()));
   result->bender = report;
   const ResultJsonOptions same{.spine = !result->measurement.spine.empty(), .timing = true};
-  if (auto written = WriteOutputFile(path, WriteResultJson(*result, same)); !written) {
-    spdlog::error("result not kept: {}", written.error().message);
-  }
+  Judge(AlarmCode::kResultNotKept, WriteOutputFile(path, WriteResultJson(*result, same)));
 }
 
 }  // namespace bendloop::host

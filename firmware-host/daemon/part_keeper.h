@@ -7,7 +7,9 @@
 #include <filesystem>
 #include <future>
 #include <string>
+#include <vector>
 
+#include "firmware-host/alarms/alarm_board.h"
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/part_run.h"
 #include "firmware-host/daemon/state_store.h"
@@ -19,7 +21,9 @@ namespace bendloop::host {
 // history, and tells the log. Trouble is logged; it never stops the cell.
 class PartKeeper {
  public:
-  PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key);
+  // What cannot be kept is an alarm on `alarms`, which outlives it.
+  PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key,
+             AlarmBoard& alarms);
 
   // No name comes twice, whatever was removed from the disk: not below `number` either, which is
   // the last one that the journal knows.
@@ -36,6 +40,8 @@ class PartKeeper {
   // The end of a commit that was not known when its part was kept: result and history are set
   // right.
   void Settle(const SettledCommit& settled);
+  // Into the history.
+  void KeepAlarms(const std::vector<Alarm>& news);
   // What of the latest part could not be kept, and why; "": all of it was.
   const std::string& problem() const { return problem_; }
   // Waits for the report that is being written, for so long at most; false: the disk hangs.
@@ -44,11 +50,13 @@ class PartKeeper {
  private:
   void WriteReport();
   void KeepResult(const RunResult& result);
-  void TellProblem(std::string problem);
+  // Logs what went wrong; an alarm until it goes well again.
+  void Judge(AlarmCode code, const hal::Result<void>& kept);
 
   StateStore& store_;
   std::filesystem::path sessions_;
   std::string lot_key_;
+  AlarmBoard& alarms_;
   std::optional<pipeline::LotState> lot_;
   std::optional<History> history_;
   std::deque<RunResult> recent_;  // for the report

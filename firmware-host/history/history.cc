@@ -28,6 +28,18 @@ constexpr const char* kSchema =
     "  result TEXT NOT NULL);"  // bendloop.result/1 without spine and timing
     "CREATE INDEX part_name ON part(part, id);";
 
+// Later than the first version 1, which passes over it.
+constexpr const char* kAlarmSchema =
+    "CREATE TABLE IF NOT EXISTS alarm("
+    "  id INTEGER PRIMARY KEY AUTOINCREMENT,"
+    "  code INTEGER NOT NULL,"   // 1001: BL1001
+    "  severity TEXT NOT NULL,"  // notice, warning, fault
+    "  text TEXT NOT NULL,"
+    "  detail TEXT NOT NULL,"
+    "  began TEXT NOT NULL,"  // ISO 8601
+    "  ended TEXT,"           // NULL: it goes on
+    "  UNIQUE(code, began));";
+
 // Verdict, commit and sequence.
 void BindOutcome(drivers::Statement& statement, const RunResult& result) {
   if (result.inspection) {
@@ -76,7 +88,7 @@ hal::Result<void> History::CheckOrCreate() {
   const auto tables = database_.Integer("SELECT count(*) FROM sqlite_master");
   if (!tables) return hal::Fail(tables.error());
   if (*application == 0 && *version == 0 && *tables == 0) {
-    return database_.Execute(std::string(kSchema) +
+    return database_.Execute(std::string(kSchema) + kAlarmSchema +
                              "PRAGMA application_id=" + std::to_string(kApplicationId) +
                              "; PRAGMA user_version=" + std::to_string(kVersion));
   }
@@ -92,7 +104,7 @@ hal::Result<void> History::CheckOrCreate() {
                                                     std::to_string(kVersion) +
                                                     ": written by another version of bendloop");
   }
-  return {};
+  return database_.Execute(kAlarmSchema);
 }
 
 hal::Result<std::int64_t> History::Add(const RunResult& result) {

@@ -53,6 +53,39 @@ TEST(LiveCell, AHangUpIsSaidAndEndsNothing) {
   cell.StopDaemon();
 }
 
+TEST(LiveCell, AlarmsAreSaidEverywhereAndEnd) {
+  LiveCell cell;
+  cell.StartDaemon();
+  cell.Misbehave("silent");
+  ASSERT_TRUE(cell.Becomes("/alarms/0/code", "BL4001")) << cell.log();
+  const auto shown = cell.scratch().Bendloop("status --config " + cell.cell_file());
+  EXPECT_THAT(shown.out, HasSubstr("alarm BL4001 (fault, since "));
+  const auto address = host::Json::parse(Slurp(cell.scratch() / "state/status.json"));
+  const auto metrics = host::FetchLocal(address.at("port").get<std::uint16_t>(), "/metrics");
+  ASSERT_TRUE(metrics) << metrics.error().message;
+  EXPECT_THAT(*metrics, HasSubstr("bendloop_alarm_active{code=\"BL4001\",severity=\"fault\"} 1"));
+  cell.Misbehave("behave");
+  ASSERT_TRUE(cell.HasAlarm("BL4001", "alarms_ended")) << cell.log();
+  // A tube that nobody bent.
+  const auto tube = cell.Bend();
+  cell.Scan(tube, 1, "committed");
+  cell.Misbehave("set-count 4000");
+  cell.Scan(tube, 2, "refused");
+  ASSERT_TRUE(cell.HasAlarm("BL3006")) << cell.log();
+  cell.Scan(cell.Bend(), 3, "committed");
+  ASSERT_TRUE(cell.HasAlarm("BL3006", "alarms_ended")) << cell.log();
+  cell.StopDaemon();
+  EXPECT_THAT(cell.log(), HasSubstr("alarm=BL4001 event=began severity=fault text=\""));
+  EXPECT_THAT(cell.log(), HasSubstr("alarm=BL4001 event=ended"));
+  const auto history = host::History::Open(cell.scratch() / "state/history.db");
+  ASSERT_TRUE(history);
+  const auto alarms = history->LastAlarms(50);
+  ASSERT_TRUE(alarms);
+  EXPECT_TRUE(std::any_of(alarms->begin(), alarms->end(), [](const host::Alarm& alarm) {
+    return alarm.code == host::AlarmCode::kTubeCount && !alarm.is_active();
+  }));
+}
+
 TEST(LiveCell, ASweepThatGoesOnAfterTheTubeIsCoveredIsOnePart) {
   LiveCell cell("[scan]\nend = \"coverage\"\nsilence_seconds = 1\n");
   cell.StartDaemon();

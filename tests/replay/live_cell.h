@@ -224,6 +224,17 @@ class LiveCell {
       return status && status->contains(at) && status->at(at) == value;
     });
   }
+  // Until the status has this alarm among the "alarms" or the "alarms_ended".
+  bool HasAlarm(const std::string& code, const char* where = "alarms") {
+    return Until([&] {
+      const auto status = host::FetchStatus(scratch_ / "state/status.json");
+      if (!status || !status->contains(where)) return false;
+      for (const host::Json& alarm : status->at(where)) {
+        if (alarm.at("code") == code) return true;
+      }
+      return false;
+    });
+  }
   std::size_t results() const {
     std::size_t count = 0;
     std::error_code none;
