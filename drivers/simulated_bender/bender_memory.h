@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <functional>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "drivers/register_bender/register_image.h"
+#include "drivers/simulated_bender/rule_mutant.h"
 #include "hal/bend_program.h"
 #include "hal/bender_state.h"
 #include "hal/register_map.h"
@@ -30,8 +35,21 @@ class BenderMemory {
   // The map must have passed CheckRegisterMap.
   explicit BenderMemory(hal::RegisterMap map);
 
+  // What a mutant does when so much time has passed; the owner has the clock.
+  struct Later {
+    std::chrono::milliseconds after;
+    std::function<void(BenderMemory&)> deed;
+  };
+
+  // The rules that it breaks from now on, none of the others.
+  void Break(const RuleMutantSet& mutants);
+  // What came up since the last call.
+  std::vector<Later> TakeLater();
+
   // Sets what the bender bends, as an operator at its panel does.
   hal::Result<void> LoadActive(const hal::ProgramBlock& block);
+  // Adds to the angle of the first bend, as an operator does (rule R18 of drivers/README.md).
+  hal::Result<void> EditActive(double add_deg);
   hal::Result<hal::ProgramBlock> Active() const;
   hal::Result<hal::ProgramBlock> Staged() const;
 
@@ -39,34 +57,62 @@ class BenderMemory {
   bool CanRead(const RegisterRange& range) const;
   bool CanWrite(const RegisterRange& range) const;
 
-  // To be called after a client has written `range` into image(). True: a commit was asked for.
+  // To be called after a client has written `range` into image(). True: a commit was asked for,
+  // which is a change of its register to another value than 0.
   bool AfterWrite(const RegisterRange& range);
   // Does what the commit register asks: swaps in the staged program or rejects. `forced`, if not
   // kNone, rejects for that reason.
   void HandleCommit(std::uint32_t forced_code);
 
   void SetState(const hal::BenderState& state);  // active and reply members are ignored
-  void ClearVolatile();                          // staging, commit and reply, as after power-up
+  void ClearVolatile();                          // staging, commit and reply, as at power-up
   void SetActiveRowCount(std::uint32_t rows);    // a lie
 
   RegisterImage& image() { return image_; }
-  const hal::RegisterMap& map() const { return map_; }
+  const hal::RegisterMap& map() const { return promised_; }
   std::uint32_t accepted() const { return accepted_; }
   std::uint32_t rejected() const { return rejected_; }
 
  private:
-  void Put(const hal::RegisterField& field, std::uint32_t value);
-  void Activate(const hal::ProgramBlock& staged);  // copies registers, as a PLC does
-  void Reply(std::uint32_t sequence, RejectCode code);
-  RejectCode Judge(std::uint32_t sequence, hal::ProgramBlock& staged) const;
+  struct Head {
+    std::uint32_t part_number = 0;
+    std::uint32_t sequence = 0;
+    std::uint32_t row_count = 0;
+    std::uint32_t crc = 0;
+  };
 
-  hal::RegisterMap map_;
+  bool Breaks(RuleMutant mutant) const { return mutants_.Has(mutant); }
+  void After(std::chrono::milliseconds time, std::function<void(BenderMemory&)> deed) {
+    later_.push_back({time, std::move(deed)});
+  }
+  void Put(const hal::RegisterField& field, std::uint32_t value);
+  std::uint32_t Get(const hal::RegisterField& field) const;  // 0 if it holds no such number
+  std::uint32_t Kept(std::uint32_t sequence) const;          // of a sequence number
+  std::uint32_t CrcOf(const hal::ProgramArea& area, const Head& head) const;
+  Head HeadOf(const hal::ProgramArea& area) const;
+  void CopyRows(std::size_t first, std::size_t end);
+  // Copies registers from staging to active, as a PLC does.
+  void Activate();
+  void UseUp();
+  void Decide(std::uint32_t sequence, std::uint32_t forced_code);
+  // A commit that passed all checks; false: no mutant does it in its own way.
+  bool CommitWrongly(std::uint32_t sequence);
+  void Reply(std::uint32_t sequence, RejectCode code);
+  RejectCode Judge(std::uint32_t sequence) const;
+  bool ValuesFit() const;
+
+  const hal::RegisterMap promised_;  // what clients were told
+  hal::RegisterMap map_;             // what it keeps to
   RegisterImage image_;
   std::vector<bool> readable_[2];
   std::vector<bool> writable_;
   hal::BenderMode mode_ = hal::BenderMode::kIdle;
   std::uint32_t accepted_ = 0;
   std::uint32_t rejected_ = 0;
+  std::uint32_t last_commit_ = 0;  // value of the register
+  RuleMutantSet mutants_;
+  std::vector<Later> later_;
+  std::optional<hal::ProgramBlock> older_;  // active before the last commit
 };
 
 }  // namespace bendloop::drivers

@@ -48,6 +48,7 @@ std::string_view MisbehaviourHelp() {
          "  lying-rows         the active row count says more rows than there are\n"
          "  freeze             the heartbeat stands still\n"
          "  mode MODE          idle, not-ready, bending or fault\n"
+         "  break RULE         break a rule of the PLC, as listed below; several may be broken\n"
          "  behave             none of these any more\n";
 }
 
@@ -118,6 +119,12 @@ hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Mis
     if (mode == kModes.end()) return bad("idle, not-ready, bending or fault");
     result.event = MisbehaviourEvent::kMode;
     result.mode = mode->second;
+  } else if (verb == "break") {
+    std::string name;
+    words >> name;
+    const auto mutant = FindRuleMutant(name);
+    if (!mutant) return bad("the name of a broken rule (bendloop-simbender --help lists them)");
+    now.broken.Add(*mutant);
   } else if (verb == "behave") {
     now = {};
   } else {

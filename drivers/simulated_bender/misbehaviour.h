@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string_view>
 
+#include "drivers/simulated_bender/rule_mutant.h"
 #include "hal/bender_state.h"
 #include "hal/result.h"
 
@@ -32,6 +33,7 @@ struct Misbehaviour {
   bool drop_after_commit = false;  // (once) does the commit, then hangs up
   bool away_after_commit = false;  // (once) does the commit, then neither does nor answers anything
   bool freeze = false;             // the heartbeat stands still
+  RuleMutantSet broken;            // rules of the PLC
 };
 
 // What a command asks for, beside the settings of Misbehaviour.

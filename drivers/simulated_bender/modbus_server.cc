@@ -15,12 +15,14 @@
 #include <string>
 
 #include "drivers/can_socket/can_socket.h"
+#include "drivers/simulated_bender/modbus_framing.h"
 
 namespace bendloop::drivers {
 namespace {
 
 constexpr std::size_t kMaxClients = 16;
-constexpr std::uint32_t kPartialRequestMs = 500;  // a request must be whole within
+constexpr std::chrono::milliseconds kPartialRequest{500};  // a request must be whole within
+constexpr std::uint8_t kIllegalValue = 3;
 
 std::uint16_t Load16(const std::vector<std::uint8_t>& bytes, std::size_t at) {
   return static_cast<std::uint16_t>(bytes[at] << 8 | bytes[at + 1]);
@@ -28,9 +30,8 @@ std::uint16_t Load16(const std::vector<std::uint8_t>& bytes, std::size_t at) {
 
 // Is the request as long as its function and counts say? libmodbus trusts them.
 bool IsWhole(const ModbusRequest& request) {
-  const std::size_t trailer = request.header == 1 ? 2 : 0;  // RTU's crc, which libmodbus checked
+  const std::size_t trailer = request.header == 1 ? 2 : 0;  // RTU's crc
   const std::size_t fixed = request.header + 5 + trailer;
-  if (request.bytes.size() <= request.header + trailer) return false;
   switch (request.function()) {
     case 0x03:
     case 0x04:
@@ -69,7 +70,6 @@ hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::Listen(std::uint16_t po
                                                   ": " + modbus_strerror(errno));
   }
   server->port_ = ntohs(address.sin_port);
-  modbus_set_indication_timeout(server->context_.get(), 0, kPartialRequestMs * 1000);
   // libmodbus waits this long before it answers with some exceptions.
   modbus_set_response_timeout(server->context_.get(), 0, 1000);
   return server;
@@ -94,7 +94,6 @@ hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenLine(std::uint8_t u
     return hal::Fail(hal::ErrorKind::kUsage,
                      "unit " + std::to_string(unit_id) + ": 1 to 247 was expected for Modbus RTU");
   }
-  modbus_set_indication_timeout(server->context_.get(), 0, kPartialRequestMs * 1000);
   modbus_set_response_timeout(server->context_.get(), 0, 1000);
   server->clients_.push_back({server->next_id_++, server->line_});
   return server;
@@ -155,16 +154,24 @@ void ModbusServer::Accept() {
 
 bool ModbusServer::Receive(const Client& client,
                            const std::function<void(const ModbusRequest&)>& handle) {
-  std::uint8_t query[MODBUS_TCP_MAX_ADU_LENGTH];  // RTU's are shorter
-  modbus_set_socket(context_.get(), client.socket);
-  const bool can = line_ >= 0 && !rtu();
-  const int size = can ? static_cast<int>(recv(line_, query, sizeof query, MSG_DONTWAIT))
-                       : modbus_receive(context_.get(), query);
-  if (size <= 0) return false;
-  ModbusRequest request{client.id, {query, query + size}, rtu() ? std::size_t{1} : std::size_t{7}};
-  if (can && (size < 8 || Load16(request.bytes, 4) != size - 6)) return false;
-  if (!IsWhole(request)) return false;
-  handle(request);
+  ModbusRequest request{client.id, {}, rtu() ? std::size_t{1} : std::size_t{7}};
+  if (rtu()) {
+    const auto frame = ReadRtuRequest(client.socket, kPartialRequest);
+    if (!frame) return false;
+    request.bytes = *frame;
+    const std::uint8_t unit = request.bytes[0];
+    if (unit != modbus_get_slave(context_.get()) && unit != MODBUS_BROADCAST_ADDRESS) return true;
+  } else {
+    const auto frame =
+        line_ >= 0 ? ReadCanRequest(client.socket) : ReadTcpRequest(client.socket, kPartialRequest);
+    if (!frame) return false;
+    request.bytes = *frame;
+  }
+  if (IsWhole(request)) {
+    handle(request);
+  } else {
+    ReplyException(request, kIllegalValue);
+  }
   return true;
 }
 

@@ -24,6 +24,7 @@ using Answer = Misbehaviour::Answer;
 
 constexpr std::chrono::milliseconds kIdlePoll{1000};
 constexpr std::chrono::milliseconds kHeartbeatPeriod{10};
+constexpr std::chrono::milliseconds kSlowHeartbeatPeriod{5000};  // of a mutant
 constexpr std::uint8_t kIllegalFunction = 1;
 constexpr std::uint8_t kIllegalAddress = 2;
 constexpr std::uint8_t kIllegalValue = 3;
@@ -109,6 +110,7 @@ class SimulatedBender::Impl {
     const std::lock_guard lock(mutex_);
     const auto parsed = ParseMisbehaviour(command, wrong_);
     if (!parsed) return hal::Fail(parsed.error());
+    memory_.Break(wrong_.broken);
     switch (parsed->event) {
       case MisbehaviourEvent::kNone:
         break;
@@ -116,13 +118,14 @@ class SimulatedBender::Impl {
         reboot_ = true;
         memory_.ClearVolatile();
         pending_commit_.reset();
+        deeds_.clear();
         started_ = Clock::now();
         ready_at_ = started_ + options_.cycle;
         break;
       case MisbehaviourEvent::kOtherProgram:
         return LoadOtherProgram();
       case MisbehaviourEvent::kEdit:
-        return EditProgram(parsed->angle_deg);
+        return memory_.EditActive(parsed->angle_deg);
       case MisbehaviourEvent::kSetCount:
         parts_bent_ = parsed->count;
         break;
@@ -155,15 +158,6 @@ class SimulatedBender::Impl {
     return memory_.LoadActive(*block);
   }
 
-  // As rule R18 of drivers/README.md allows: number and crc are cleared, "keyed in".
-  hal::Result<void> EditProgram(double angle_deg) {
-    auto block = memory_.Active();
-    if (!block) return hal::Fail(block.error());
-    block->program.rows.front().angle_deg += angle_deg;
-    block->sequence = 0;
-    return memory_.LoadActive(*block);
-  }
-
   hal::BenderMode Mode() const {
     if (Clock::now() < ready_at_) return hal::BenderMode::kNotReady;
     if (panel_mode_ != hal::BenderMode::kIdle) return panel_mode_;
@@ -174,7 +168,13 @@ class SimulatedBender::Impl {
     hal::BenderState state;
     state.mode = Mode();
     if (state.mode == hal::BenderMode::kFault) state.fault_code = kOperatorFault;
-    if (!wrong_.freeze) heartbeat_ = (Clock::now() - started_) / kHeartbeatPeriod + 1;
+    const auto broken = [this](RuleMutant mutant) { return wrong_.broken.Has(mutant); };
+    const bool stands =
+        wrong_.freeze || broken(RuleMutant::kHeartbeatStands) ||
+        (state.mode == hal::BenderMode::kFault && broken(RuleMutant::kHeartbeatStopsAtFault));
+    const auto period =
+        broken(RuleMutant::kHeartbeatSlow) ? kSlowHeartbeatPeriod : kHeartbeatPeriod;
+    if (!stands) heartbeat_ = (Clock::now() - started_) / period + 1;
     state.heartbeat = static_cast<std::uint32_t>(heartbeat_);
     state.parts_bent = parts_bent_;
     memory_.SetState(state);
@@ -199,6 +199,26 @@ class SimulatedBender::Impl {
         pending_commit_.reset();
         CommitNow();
       }
+      DoDeeds(now);
+    }
+  }
+
+  // What the mutants put off.
+  void DoDeeds(Clock::time_point now) {
+    for (BenderMemory::Later& later : memory_.TakeLater()) {
+      deeds_.push_back({now + later.after, [this, deed = std::move(later.deed)] {
+                          ShowState();
+                          deed(memory_);
+                        }});
+    }
+    for (std::size_t i = 0; i < deeds_.size();) {
+      if (deeds_[i].due > now) {
+        ++i;
+        continue;
+      }
+      const std::function<void()> deed = std::move(deeds_[i].request);
+      deeds_.erase(deeds_.begin() + static_cast<std::ptrdiff_t>(i));
+      deed();
     }
   }
 
@@ -233,6 +253,7 @@ class SimulatedBender::Impl {
     auto due = Clock::now() + kIdlePoll;
     if (!late_.empty()) due = std::min(due, late_.front().due);
     if (pending_commit_) due = std::min(due, *pending_commit_);
+    for (const Deferred& deed : deeds_) due = std::min(due, deed.due);
     const auto wait = std::chrono::ceil<std::chrono::milliseconds>(due - Clock::now());
     return std::max(wait, std::chrono::milliseconds{0});
   }
@@ -341,6 +362,7 @@ class SimulatedBender::Impl {
   BenderMemory memory_;
   Misbehaviour wrong_;
   std::vector<Deferred> late_;
+  std::vector<Deferred> deeds_;
   std::optional<Clock::time_point> pending_commit_;
   Clock::time_point started_ = Clock::now();
   Clock::time_point ready_at_ = started_;

@@ -11,6 +11,7 @@
 #include "config/load.h"
 #include "config/object_dictionary.h"
 #include "drivers/simulated_bender/misbehaviour.h"
+#include "drivers/simulated_bender/rule_mutant.h"
 #include "drivers/simulated_bender/simulated_bender.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/simulators/simulator_main.h"
@@ -85,6 +86,7 @@ struct Options {
   std::string map_file;
   std::string program_file;
   std::vector<std::string> faults;
+  std::vector<std::string> broken;
   unsigned cycle_ms = 200;
 };
 
@@ -101,10 +103,14 @@ void Describe(CLI::App& app) {
       "  status               print the active program's numbers\n"
       "  misbehave FAULT      do something wrong (below)\n"
       "  quit                 or the end of input: switch off");
-  app.footer("Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
-             "\nExample:\n"
-             "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
-             "      --pipe-radius 10 --springback-20 0.8 --springback-120 3.1 --tray /tmp/tray");
+  app.footer(
+      "Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
+      "Rules that it can break (\"misbehave break RULE\", --break RULE), with their numbers in\n"
+      "drivers/README.md, \"What the PLC must do\":\n" +
+      drivers::RuleMutantHelp() +
+      "\nExample:\n"
+      "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
+      "      --pipe-radius 10 --springback-20 0.8 --springback-120 3.1 --tray /tmp/tray");
 }
 
 void AddCarrierOptions(CLI::App& app, Options& options) {
@@ -172,6 +178,8 @@ void AddBenderOptions(CLI::App& app, Options& options) {
       ->check(CLI::Range(0u, 600000u));
   app.add_option("--misbehave", options.faults,
                  "a fault from the start, e.g. --misbehave \"late 500\"");
+  app.add_option("--break", options.broken,
+                 "a rule that it breaks from the start, e.g. --break takes-wrong-crc");
 }
 
 // The CANopen node, its map bound to its dictionary.
@@ -220,6 +228,7 @@ hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
   app.parse(argc, argv);
   auto bender = Start(options);
   if (!bender) return hal::Fail(bender.error());
+  for (const std::string& rule : options.broken) options.faults.push_back("break " + rule);
   for (const std::string& fault : options.faults) {
     if (auto done = (*bender)->Misbehave(fault); !done) return hal::Fail(done.error());
   }

@@ -63,6 +63,9 @@ class MemoryBender final : public hal::BenderLink {
     staged_rows_ = static_cast<std::uint32_t>(block.program.rows.size());
     auto ok = drivers::EncodeProgram(map(), map().staging, block, memory_.image());
     if (ok && !map().commit) Put(map().staging.row_count, 0);
+    if (ok && map().commit) {
+      (void)memory_.AfterWrite(drivers::RowsRange(map(), map().staging, map().max_rows));
+    }
     if (ok && after_stage) after_stage();
     return ok;
   }

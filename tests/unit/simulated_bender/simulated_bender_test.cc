@@ -114,6 +114,7 @@ TEST_F(SimulatedBenderTest, RejectCodes) {
   std::mt19937_64 random(1);
   const auto reply_to = [&](hal::ProgramBlock block, std::uint32_t sequence) {
     EXPECT_TRUE(link->Stage(block));
+    EXPECT_TRUE(link->Commit(0));  // it acts on a change of the register
     EXPECT_TRUE(link->Commit(sequence));
     const auto state = link->ReadState();
     EXPECT_TRUE(state);
@@ -176,6 +177,7 @@ TEST(Misbehaviour, EveryFaultOfTheHelpIsUnderstood) {
     words >> verb >> value;
     if (value == "MS" || value == "N" || value == "DEG") verb += " 4";
     if (value == "MODE") verb += " fault";
+    if (value == "RULE") verb += " takes-wrong-crc";
     Misbehaviour now;
     EXPECT_TRUE(ParseMisbehaviour(verb, now)) << verb;
   }
@@ -183,8 +185,9 @@ TEST(Misbehaviour, EveryFaultOfTheHelpIsUnderstood) {
 }
 
 TEST(Misbehaviour, NonsenseIsRefusedWithTheList) {
-  for (const char* bad : {"", "dance", "late", "late x", "late -5", "late 5 6", "exception 0",
-                          "exception 300", "mode asleep", "silent now", "reject"}) {
+  for (const char* bad :
+       {"", "dance", "late", "late x", "late -5", "late 5 6", "exception 0", "exception 300",
+        "mode asleep", "silent now", "reject", "break", "break bones"}) {
     Misbehaviour now;
     const auto parsed = ParseMisbehaviour(bad, now);
     ASSERT_FALSE(parsed) << bad;
