@@ -35,7 +35,10 @@ std::string EffectiveText(const CellConfig& cell) {
                      "bender.connect_timeout_ms",
                      "bender.response_timeout_ms",
                      "bender.byte_timeout_ms",
-                     "bender.commit_timeout_ms"});
+                     "bender.commit_timeout_ms",
+                     "parts_dir",
+                     "register_map_file.report",
+                     "register_map_file.orders"});
   CellConfig copy = cell;  // visitors may change what they visit; this one does not
   VisitCell(writer, copy);
   writer.Table("part_file", Need::kRequired, [&](FieldVisitor& v) { VisitPart(v, copy.part); });

@@ -216,6 +216,21 @@ void CheckRow(TomlDocument& document, MapChecker& checker, const RegisterMap& ma
     checker.CheckHolds("row.bend_radius_mm", *map.row_bend_radius_mm, 0, 200);
 }
 
+// What the PLC reads must be written.
+void AddPlc(MapChecker& checker, RegisterMap& map) {
+  VisitPlaces(map, [&](const MapPlace& place) {
+    if (!place.path.starts_with("report.") && !place.path.starts_with("orders.")) return;
+    if (place.text) {
+      checker.Add(place.path, place.text->space, place.text->address, place.text->registers());
+    } else {
+      checker.Add(place.path, *place.field);
+    }
+    if (place.is_written) {
+      checker.CheckWritable(place.path, place.text ? place.text->space : place.field->space);
+    }
+  });
+}
+
 void CheckRegisterMap(TomlDocument& document, RegisterMap& map) {
   MapChecker checker(document);
   CheckOneKind(document, map);
@@ -237,6 +252,7 @@ void CheckRegisterMap(TomlDocument& document, RegisterMap& map) {
   checker.Add("state.fault_code", map.fault_code);
   checker.Add("state.heartbeat", map.heartbeat);
   checker.Add("state.parts_bent", map.parts_bent);
+  AddPlc(checker, map);
   checker.Add("commit.sequence", map.commit);
   checker.Add("commit.reply_sequence", map.reply_sequence);
   checker.Add("commit.reply", map.reply);

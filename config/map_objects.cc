@@ -21,6 +21,7 @@ struct ObjectType {
   double most = 0;
 };
 
+constexpr std::uint16_t kVisibleString = 0x0009;
 constexpr std::uint16_t kOctetString = 0x000a;
 constexpr std::uint16_t kDomain = 0x000f;
 
@@ -32,7 +33,7 @@ constexpr ObjectType kTypes[] = {{0x0003, "INTEGER16", RegisterType::kInt16, 327
                                  {0x0001, "BOOLEAN", {}},
                                  {0x0002, "INTEGER8", {}},
                                  {0x0008, "REAL32", {}},
-                                 {0x0009, "VISIBLE_STRING", {}},
+                                 {kVisibleString, "VISIBLE_STRING", {}},
                                  {kOctetString, "OCTET_STRING", {}},
                                  {kDomain, "DOMAIN", {}}};
 
@@ -99,6 +100,7 @@ class Binder {
     if (place.is_written && !object->writable) {
       Report(object, place, "found an object that cannot be written, expected AccessType rw");
     }
+    if (place.text != nullptr) return BindText(*object, place);
     if (place.field == nullptr) {
       if (object->data_type != kDomain && object->data_type != kOctetString) {
         Report(
@@ -120,6 +122,16 @@ class Binder {
     }
     place.field->type = *type->type;
     place.field->address = AddressFor(place.object(), RegisterCount(*type->type));
+  }
+
+  void BindText(const DictionaryObject& object, const MapPlace& place) {
+    if (object.data_type != kDomain && object.data_type != kOctetString &&
+        object.data_type != kVisibleString) {
+      Report(&object, place,
+             "found " + TypeName(object.data_type) +
+                 ", expected 9 (VISIBLE_STRING), 10 (OCTET_STRING) or 15 (DOMAIN)");
+    }
+    place.text->address = AddressFor(place.object(), place.text->registers());
   }
 
   // The same object is kept in the same registers.
@@ -156,6 +168,51 @@ class Binder {
 
 }  // namespace
 
+namespace {
+
+// What the PLC reads and says.
+void VisitPlcPlaces(RegisterMap& map, const std::function<void(const MapPlace&)>& visit) {
+  hal::ReportFields& report = map.report;
+  const std::pair<const char*, std::optional<RegisterField>*> written[] = {
+      {"heartbeat", &report.heartbeat},
+      {"state", &report.state},
+      {"alarm", &report.alarm},
+      {"alarms", &report.alarms},
+      {"sequence", &report.sequence},
+      {"verdict", &report.verdict},
+      {"part_number", &report.part_number},
+      {"worst_percent", &report.worst_percent},
+      {"tubes", &report.tubes},
+      {"passed", &report.passed},
+      {"failed", &report.failed},
+      {"undecided", &report.undecided},
+      {"held", &report.held},
+      {"part_set", &report.part_set},
+      {"acknowledged", &report.acknowledged},
+      {"lot_begun", &report.lot_begun}};
+  for (const auto& [key, field] : written) {
+    if (*field) visit({"report." + std::string(key), &**field, nullptr, true, false});
+  }
+  if (report.identity) {
+    visit({"report.identity", nullptr, nullptr, true, false, &*report.identity});
+  }
+  hal::OrderFields& orders = map.orders;
+  const std::pair<const char*, std::optional<RegisterField>*> read[] = {
+      {"part_number", &orders.part_number},
+      {"scan", &orders.scan},
+      {"hold", &orders.hold},
+      {"new_lot", &orders.new_lot},
+      {"acknowledge", &orders.acknowledge}};
+  for (const auto& [key, field] : read) {
+    if (*field) visit({"orders." + std::string(key), &**field});
+  }
+  if (orders.identity) {
+    visit({"orders.identity", nullptr, nullptr, false, false, &*orders.identity});
+  }
+}
+
+}  // namespace
+
 void VisitPlaces(RegisterMap& map, const std::function<void(const MapPlace&)>& visit) {
   const auto field = [&](const char* path, RegisterField& f) { visit({path, &f}); };
   const auto optional = [&](const char* path, std::optional<RegisterField>& f) {
@@ -176,6 +233,7 @@ void VisitPlaces(RegisterMap& map, const std::function<void(const MapPlace&)>& v
   field("commit.reply_sequence", map.reply_sequence);
   field("commit.reply", map.reply);
   optional("commit.reply_code", map.reply_code);
+  VisitPlcPlaces(map, visit);
   area("active", map.active, false);
   area("staging", map.staging, true);
 }

@@ -9,15 +9,19 @@
 
 namespace bendloop::config {
 
-// A field of a register map outside its rows, or the rows of a program.
+// A field of a register map outside its rows, a text, or the rows of a program.
 struct MapPlace {
   std::string path;                     // "active.crc", "staging.rows"
-  hal::RegisterField* field = nullptr;  // nullptr: rows of `area`
+  hal::RegisterField* field = nullptr;  // nullptr: rows of `area`, or `text`
   hal::ProgramArea* area = nullptr;
   bool is_written = false;    // by us
   bool is_read_back = false;  // as well
+  hal::TextField* text = nullptr;
 
-  hal::ObjectAddress object() const { return field ? field->object : area->rows_object; }
+  hal::ObjectAddress object() const {
+    if (text) return text->object;
+    return field ? field->object : area->rows_object;
+  }
 };
 
 // Calls `visit` for every place that the map uses.

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <optional>
+#include <string_view>
+#include <utility>
+
 #include "config/fields.h"
 
 namespace bendloop::config {
@@ -38,6 +42,48 @@ void VisitCount(FieldVisitor& v, RegisterField& field) {
 
 void CountTable(FieldVisitor& v, std::string_view key, RegisterField& field) {
   v.Table(key, Need::kRequired, [&](FieldVisitor& t) { VisitCount(t, field); });
+}
+
+void VisitText(FieldVisitor& v, hal::TextField& field) {
+  if (!VisitObject(v, field.object)) {
+    v.Integer("address", field.address, 0, 65535, Need::kRequired);
+    v.Enum("space", field.space, kSpaces);
+  }
+  v.Integer("characters", field.characters, 1, 64);
+}
+
+// What the PLC reads of the cell, and says to it: every field may be left out.
+void VisitReport(FieldVisitor& v, hal::ReportFields& report) {
+  const std::pair<std::string_view, std::optional<RegisterField>*> fields[] = {
+      {"heartbeat", &report.heartbeat},
+      {"state", &report.state},
+      {"alarm", &report.alarm},
+      {"alarms", &report.alarms},
+      {"sequence", &report.sequence},
+      {"verdict", &report.verdict},
+      {"part_number", &report.part_number},
+      {"worst_percent", &report.worst_percent},
+      {"tubes", &report.tubes},
+      {"passed", &report.passed},
+      {"failed", &report.failed},
+      {"undecided", &report.undecided},
+      {"held", &report.held},
+      {"part_set", &report.part_set},
+      {"acknowledged", &report.acknowledged},
+      {"lot_begun", &report.lot_begun}};
+  for (const auto& [key, field] : fields) v.OptionalTable<RegisterField>(key, *field, VisitCount);
+  v.OptionalTable<hal::TextField>("identity", report.identity, VisitText);
+}
+
+void VisitOrders(FieldVisitor& v, hal::OrderFields& orders) {
+  const std::pair<std::string_view, std::optional<RegisterField>*> fields[] = {
+      {"part_number", &orders.part_number},
+      {"scan", &orders.scan},
+      {"hold", &orders.hold},
+      {"new_lot", &orders.new_lot},
+      {"acknowledge", &orders.acknowledge}};
+  for (const auto& [key, field] : fields) v.OptionalTable<RegisterField>(key, *field, VisitCount);
+  v.OptionalTable<hal::TextField>("identity", orders.identity, VisitText);
 }
 
 // A length or an angle in a row; its address is relative to the row.
@@ -97,6 +143,8 @@ void VisitRegisterMap(FieldVisitor& v, hal::RegisterMap& map) {
     });
     t.OptionalTable<RegisterField>("reply_code", map.reply_code, VisitCount);
   });
+  v.Table("report", Need::kOptional, [&](FieldVisitor& t) { VisitReport(t, map.report); });
+  v.Table("orders", Need::kOptional, [&](FieldVisitor& t) { VisitOrders(t, map.orders); });
   v.Table("active", Need::kRequired, [&](FieldVisitor& t) { VisitArea(t, map.active); });
   v.Table("staging", Need::kRequired, [&](FieldVisitor& t) { VisitArea(t, map.staging); });
   v.Table("row", Need::kRequired, [&](FieldVisitor& t) {

@@ -7,6 +7,7 @@
 
 #include "hal/bend_program.h"
 #include "hal/bender_state.h"
+#include "hal/cell_report.h"
 #include "hal/result.h"
 
 namespace bendloop::hal {
@@ -17,6 +18,7 @@ struct BenderInfo {
   bool atomic_commit = true;   // false: no commit register; a documented weaker guarantee
   bool has_heartbeat = false;  // BenderState::heartbeat is the controller's own
   std::uint32_t max_sequence = 0xFFFFFFFF;  // the largest that the carrier can hold
+  bool takes_report = false;                // the PLC reads something of the cell
 };
 
 // The words with a bender, without the order in which they must be said: that is the commit
@@ -41,6 +43,9 @@ class BenderLink {
   // One write that makes the staged program with this sequence the active one. The answer comes in
   // BenderState::reply.
   virtual Result<void> Commit(std::uint32_t sequence) = 0;
+  // Shows the PLC what it reads of the cell: what has changed since the last call that went well,
+  // the sequence after the rest. Does nothing where the PLC reads nothing.
+  virtual Result<void> Report(const CellReport& /*report*/) { return {}; }
 };
 
 }  // namespace bendloop::hal

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "hal/cell_report.h"
+
 namespace bendloop::hal {
 
 enum class BenderMode : std::uint8_t {
@@ -25,6 +27,7 @@ struct BenderState {
   std::uint32_t reply_sequence = 0;  // the commit that `reply` answers
   CommitReply reply = CommitReply::kNone;
   std::uint32_t reply_code = 0;  // the bender's reason for a rejection
+  PlcOrders orders = {};         // what the PLC says to the cell
 };
 
 }  // namespace bendloop::hal

@@ -75,6 +75,34 @@ struct ProgramArea {
   ObjectAddress rows_object = {};  // DOMAIN: the rows one after the other
 };
 
+// Text in a controller: two characters a register, the first one in the byte that comes first;
+// unused ones are 0.
+struct TextField {
+  std::uint16_t address = 0;
+  RegisterSpace space = RegisterSpace::kHolding;
+  std::uint16_t characters = 32;
+  ObjectAddress object = {};  // DOMAIN or a string, of `characters` bytes
+
+  constexpr std::uint16_t registers() const {
+    return static_cast<std::uint16_t>((characters + 1) / 2);
+  }
+};
+
+// Where the PLC reads what it wants to know of the cell (CellReport); written by us.
+struct ReportFields {
+  std::optional<RegisterField> heartbeat, state, alarm, alarms;
+  std::optional<RegisterField> sequence, verdict, part_number, worst_percent;
+  std::optional<TextField> identity;
+  std::optional<RegisterField> tubes, passed, failed, undecided, held;
+  std::optional<RegisterField> part_set, acknowledged, lot_begun;
+};
+
+// Where the PLC says what it wants of the cell (PlcOrders); read by us.
+struct OrderFields {
+  std::optional<RegisterField> part_number, scan, hold, new_lot, acknowledge;
+  std::optional<TextField> identity;
+};
+
 // How a PLC shows a bender: read from a register-map file, so that no code knows an address. Either
 // all fields are registers, or all are objects of a CANopen dictionary; these are kept in registers
 // of their own, low byte and low word first.
@@ -104,6 +132,9 @@ struct RegisterMap {
   std::uint32_t reply_accepted = 1;
   std::uint32_t reply_rejected = 2;
   std::optional<RegisterField> reply_code;
+
+  ReportFields report;
+  OrderFields orders;
 
   ProgramArea active;
   ProgramArea staging;

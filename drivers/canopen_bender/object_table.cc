@@ -22,6 +22,10 @@ class Table {
   void Add(const std::optional<hal::RegisterField>& field, bool is_written) {
     if (field) Add(*field, is_written);
   }
+  void Add(const std::optional<hal::TextField>& field, bool is_written) {
+    if (!field) return;
+    Add({field->object, RangeOf(*field), 2 * std::size_t{field->registers()}, true, is_written});
+  }
   void Add(const hal::ProgramArea& area, bool is_written) {
     const RegisterRange rows = RowsRange(map_, area, map_.max_rows);
     Add({area.rows_object, rows, 2 * std::size_t{rows.count}, true, is_written});
@@ -59,6 +63,22 @@ std::vector<MappedObject> ObjectsOf(const hal::RegisterMap& map) {
   table.Add(map.active, false);
   table.Add(map.staging, true);
   table.Add(map.commit, true);
+  const hal::OrderFields& orders = map.orders;
+  for (const auto* field :
+       {&orders.part_number, &orders.scan, &orders.hold, &orders.new_lot, &orders.acknowledge}) {
+    table.Add(*field, false);
+  }
+  table.Add(orders.identity, false);
+  const hal::ReportFields& report = map.report;
+  for (const auto* field :
+       {&report.heartbeat, &report.state, &report.alarm, &report.alarms, &report.verdict,
+        &report.part_number, &report.worst_percent, &report.tubes, &report.passed, &report.failed,
+        &report.undecided, &report.held, &report.part_set, &report.acknowledged,
+        &report.lot_begun}) {
+    table.Add(*field, true);
+  }
+  table.Add(report.identity, true);
+  table.Add(report.sequence, true);
   return table.Take();
 }
 

@@ -16,8 +16,8 @@ struct MappedObject {
   hal::ObjectAddress object;
   RegisterRange range;
   std::size_t bytes = 0;    // on the wire; rows: at most
-  bool is_rows = false;     // a DOMAIN with the rows one after the other
-  bool is_written = false;  // by us: staging and commit
+  bool is_rows = false;     // a DOMAIN with the rows one after the other, or a text
+  bool is_written = false;  // by us: staging, commit and report
 };
 
 // Every object of the map once, in the order in which they are read and written: the number of an

@@ -52,6 +52,12 @@ std::uint16_t GetWord(const hal::RegisterMap& map, const std::uint16_t* from) {
   return map.high_byte_first ? *from : SwapBytes(*from);
 }
 
+// A word with the first character in its high byte, from the wire or to it. The bytes of an object
+// travel as they are.
+std::uint16_t WordOfText(const hal::RegisterMap& map, std::uint16_t word) {
+  return map.of_objects() || map.high_byte_first ? word : SwapBytes(word);
+}
+
 }  // namespace
 
 std::string PlaceOf(const hal::RegisterField& field) {
@@ -127,6 +133,36 @@ hal::Result<std::uint32_t> GetInteger(const hal::RegisterMap& map, const hal::Re
                                              " where a whole number from 0 was expected");
   }
   return static_cast<std::uint32_t>(whole);
+}
+
+std::optional<std::string> GetText(const hal::RegisterMap& map, const hal::TextField& field,
+                                   const RegisterImage& image) {
+  std::string text;
+  for (std::uint16_t i = 0; i < field.characters; ++i) {
+    const std::uint16_t word =
+        *image.At(field.space, static_cast<std::uint16_t>(field.address + i / 2));
+    text += static_cast<char>(WordOfText(map, word) >> (i % 2 == 0 ? 8 : 0) & 0xff);
+  }
+  text.resize(std::min(text.size(), text.find('\0')));
+  text.resize(text.find_last_not_of(' ') + 1);
+  const bool is_text =
+      std::all_of(text.begin(), text.end(), [](char c) { return c >= ' ' && c <= '~'; });
+  return is_text ? std::optional(text) : std::nullopt;
+}
+
+void PutText(const hal::RegisterMap& map, const hal::TextField& field, std::string_view text,
+             RegisterImage& image) {
+  const auto at = [&](std::size_t i) {
+    return i < text.size() && i < field.characters ? static_cast<unsigned char>(text[i]) : 0u;
+  };
+  for (std::uint16_t i = 0; i < field.registers(); ++i) {
+    const auto word = static_cast<std::uint16_t>(at(2u * i) << 8 | at(2u * i + 1));
+    *image.At(field.space, static_cast<std::uint16_t>(field.address + i)) = WordOfText(map, word);
+  }
+}
+
+RegisterRange RangeOf(const hal::TextField& field) {
+  return {field.space, field.address, field.registers()};
 }
 
 std::uint32_t MaxInteger(const hal::RegisterField& field) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -26,10 +27,18 @@ hal::Result<double> GetField(const hal::RegisterMap& map, const hal::RegisterFie
 hal::Result<std::uint32_t> GetInteger(const hal::RegisterMap& map, const hal::RegisterField& field,
                                       std::string_view what, const RegisterImage& image);
 
+// The text without blanks and zeros at its end; empty where it is not all printable ASCII.
+std::optional<std::string> GetText(const hal::RegisterMap& map, const hal::TextField& field,
+                                   const RegisterImage& image);
+// What does not fit is left out.
+void PutText(const hal::RegisterMap& map, const hal::TextField& field, std::string_view text,
+             RegisterImage& image);
+
 // The largest whole number such that it and every one below it down to 1 keep their value.
 std::uint32_t MaxInteger(const hal::RegisterField& field);
 
 RegisterRange RangeOf(const hal::RegisterField& field);
+RegisterRange RangeOf(const hal::TextField& field);
 
 // "register 12", "object 2001sub3": where the controller has the value.
 std::string PlaceOf(const hal::RegisterField& field);

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "drivers/register_bender/field_codec.h"
+#include "drivers/register_bender/plc_codec.h"
 #include "drivers/register_bender/program_codec.h"
 
 namespace bendloop::drivers {
@@ -40,6 +42,7 @@ class RegisterBender final : public hal::BenderLink {
         std::min({MaxInteger(map_.active.sequence), MaxInteger(map_.staging.sequence),
                   MaxInteger(map_.reply_sequence)});
     if (map_.commit) info.max_sequence = std::min(info.max_sequence, MaxInteger(*map_.commit));
+    info.takes_report = !ReportRanges(map_.report).empty() || map_.report.sequence;
     return info;
   }
 
@@ -78,6 +81,9 @@ class RegisterBender final : public hal::BenderLink {
           {ErrorKind::kDevice, "mode: " + PlaceOf(map_.mode) + " holds " + std::to_string(mode) +
                                    ", which register map \"" + map_.name + "\" does not name"}));
     }
+    auto orders = DecodeOrders(map_, image_);
+    if (!orders) return hal::Fail(Named(orders.error()));
+    state.orders = std::move(*orders);
     if (reply == map_.reply_accepted) state.reply = hal::CommitReply::kAccepted;
     if (reply == map_.reply_rejected) state.reply = hal::CommitReply::kRejected;
     return state;
@@ -145,6 +151,36 @@ class RegisterBender final : public hal::BenderLink {
     return carrier_->Write({RangeOf(field)}, image_);
   }
 
+  hal::Result<void> Report(const hal::CellReport& report) override {
+    if (auto ok = CheckRegisterMap(map_); !ok) return ok;
+    if (auto ok = EncodeReport(map_, report, image_); !ok) return hal::Fail(Named(ok.error()));
+    const std::vector<RegisterRange> ranges = ReportRanges(map_.report);
+    const std::vector<RegisterRange> last = ReportSequenceRanges(map_.report);
+    const std::vector<std::uint16_t> words = WordsOf(ranges, last);
+    const bool is_known = words.size() == reported_.size();
+    // Unless all goes well the PLC may hold anything.
+    const std::vector<std::uint16_t> before = std::exchange(reported_, {});
+    std::vector<RegisterRange> changed;
+    std::size_t at = 0;
+    const auto differs = [&](const RegisterRange& range) {
+      const std::size_t from = std::exchange(at, at + range.count);
+      return !is_known || !std::equal(words.begin() + static_cast<std::ptrdiff_t>(from),
+                                      words.begin() + static_cast<std::ptrdiff_t>(at),
+                                      before.begin() + static_cast<std::ptrdiff_t>(from));
+    };
+    std::copy_if(ranges.begin(), ranges.end(), std::back_inserter(changed), differs);
+    if (!changed.empty()) {
+      if (auto ok = carrier_->Write(changed, image_); !ok) return ok;
+    }
+    changed.clear();
+    std::copy_if(last.begin(), last.end(), std::back_inserter(changed), differs);
+    if (!changed.empty()) {
+      if (auto ok = carrier_->Write(changed, image_); !ok) return ok;
+    }
+    reported_ = words;
+    return {};
+  }
+
  private:
   static const hal::RegisterField* Optional(const std::optional<hal::RegisterField>& field) {
     return field ? &*field : nullptr;
@@ -163,12 +199,27 @@ class RegisterBender final : public hal::BenderLink {
          {&map_.fault_code, &map_.heartbeat, &map_.parts_bent, &map_.reply_code}) {
       if (*field) ranges.push_back(RangeOf(**field));
     }
+    for (const RegisterRange& range : OrderRanges(map_.orders)) ranges.push_back(range);
     return ranges;
   }
 
   hal::Result<void> Read(const std::vector<RegisterRange>& ranges) {
     if (auto ok = CheckRegisterMap(map_); !ok) return ok;
-    return carrier_->Read(ranges, image_);
+    auto read = carrier_->Read(ranges, image_);
+    if (!read) reported_.clear();  // it may come back having forgotten
+    return read;
+  }
+
+  std::vector<std::uint16_t> WordsOf(const std::vector<RegisterRange>& ranges,
+                                     const std::vector<RegisterRange>& more) const {
+    std::vector<std::uint16_t> words;
+    for (const auto* list : {&ranges, &more}) {
+      for (const RegisterRange& range : *list) {
+        const auto* from = image_.At(range.space, static_cast<std::uint16_t>(range.address));
+        words.insert(words.end(), from, from + range.count);
+      }
+    }
+    return words;
   }
 
   // `hidden_rows`: rows to read where the count register says 0.
@@ -201,6 +252,7 @@ class RegisterBender final : public hal::BenderLink {
   RegisterImage image_;
   std::uint32_t enabled_rows_ = 0;  // of the last Stage, without a commit register
   std::uint32_t enabled_sequence_ = 0;
+  std::vector<std::uint16_t> reported_;  // what the PLC holds of the last Report; empty: not known
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "drivers/register_bender/field_codec.h"
+#include "drivers/register_bender/plc_codec.h"
 #include "drivers/register_bender/program_codec.h"
 #include "drivers/simulated_bender/spoiled_rows.h"
 
@@ -43,6 +44,9 @@ BenderMemory::BenderMemory(hal::RegisterMap map) : promised_(std::move(map)), ma
   std::vector<RegisterRange> ours = HeadRanges(map_.staging);
   ours.push_back(RowsRange(map_, map_.staging, map_.max_rows));
   if (map_.commit) ours.push_back(RangeOf(*map_.commit));
+  for (const RegisterRange& range : ReportRanges(map_.report)) ours.push_back(range);
+  for (const RegisterRange& range : ReportSequenceRanges(map_.report)) ours.push_back(range);
+  for (const RegisterRange& range : OrderRanges(map_.orders)) known.push_back(range);
   for (const RegisterRange& range : HeadRanges(map_.active)) known.push_back(range);
   known.push_back(RowsRange(map_, map_.active, map_.max_rows));
 
@@ -104,8 +108,17 @@ bool BenderMemory::CanRead(const RegisterRange& range) const {
 }
 
 bool BenderMemory::CanWrite(const RegisterRange& range) const {
-  return range.space == hal::RegisterSpace::kHolding && AllSet(writable_, range);
+  if (range.space != hal::RegisterSpace::kHolding || !AllSet(writable_, range)) return false;
+  if (takes_report_) return true;
+  std::vector<RegisterRange> report = ReportRanges(map_.report);
+  for (const RegisterRange& last : ReportSequenceRanges(map_.report)) report.push_back(last);
+  return std::none_of(report.begin(), report.end(),
+                      [&](const RegisterRange& field) { return Overlap(range, field); });
 }
+
+void BenderMemory::Say(const hal::PlcOrders& orders) { EncodeOrders(map_, orders, image_); }
+
+hal::Result<hal::CellReport> BenderMemory::Heard() const { return DecodeReport(map_, image_); }
 
 void BenderMemory::Put(const hal::RegisterField& field, std::uint32_t value) {
   // A counter wraps within what its register can hold.
@@ -333,6 +346,8 @@ void BenderMemory::ClearVolatile() {
   ranges.push_back(RangeOf(map_.reply));
   ranges.push_back(RangeOf(map_.reply_sequence));
   if (!map_.commit) ranges.clear();  // staging may be the active program itself
+  for (const RegisterRange& range : ReportRanges(map_.report)) ranges.push_back(range);
+  for (const RegisterRange& range : ReportSequenceRanges(map_.report)) ranges.push_back(range);
   for (const RegisterRange& range : ranges) {
     std::fill_n(image_.At(range.space, static_cast<std::uint16_t>(range.address)), range.count,
                 std::uint16_t{0});

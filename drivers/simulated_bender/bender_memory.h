@@ -64,6 +64,12 @@ class BenderMemory {
   // kNone, rejects for that reason.
   void HandleCommit(std::uint32_t forced_code);
 
+  // What the PLC says to the cell (fields that are empty stay as they are), and what it was told.
+  void Say(const hal::PlcOrders& orders);
+  hal::Result<hal::CellReport> Heard() const;
+  // False: what is written there is refused.
+  void set_takes_report(bool takes) { takes_report_ = takes; }
+
   void SetState(const hal::BenderState& state);  // active and reply members are ignored
   void ClearVolatile();                          // staging, commit and reply, as at power-up
   void SetActiveRowCount(std::uint32_t rows);    // a lie
@@ -107,6 +113,7 @@ class BenderMemory {
   std::vector<bool> readable_[2];
   std::vector<bool> writable_;
   hal::BenderMode mode_ = hal::BenderMode::kIdle;
+  bool takes_report_ = true;
   std::uint32_t accepted_ = 0;
   std::uint32_t rejected_ = 0;
   std::uint32_t last_commit_ = 0;  // value of the register

@@ -46,6 +46,7 @@ std::string_view MisbehaviourHelp() {
          "  edit DEG           an operator adds DEG to the first bend at the panel\n"
          "  set-count N        the count of tubes jumps to N\n"
          "  lying-rows         the active row count says more rows than there are\n"
+         "  refuse-report      refuse what the PLC is to read of the cell (Modbus)\n"
          "  freeze             the heartbeat stands still\n"
          "  mode MODE          idle, not-ready, bending or fault\n"
          "  break RULE         break a rule of the PLC, as listed below; several may be broken\n"
@@ -76,6 +77,7 @@ hal::Result<MisbehaviourCommand> ParseMisbehaviour(std::string_view command, Mis
       {"drop-after-stage", &Misbehaviour::drop_after_stage},
       {"drop-after-commit", &Misbehaviour::drop_after_commit},
       {"away-after-commit", &Misbehaviour::away_after_commit},
+      {"refuse-report", &Misbehaviour::refuse_report},
       {"freeze", &Misbehaviour::freeze}};
   static const std::map<std::string, MisbehaviourEvent> kEvents{
       {"reboot", MisbehaviourEvent::kReboot},

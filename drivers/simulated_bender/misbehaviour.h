@@ -32,6 +32,7 @@ struct Misbehaviour {
   bool drop_after_stage = false;   // (once) hangs up on the commit, which is not done
   bool drop_after_commit = false;  // (once) does the commit, then hangs up
   bool away_after_commit = false;  // (once) does the commit, then neither does nor answers anything
+  bool refuse_report = false;      // what is written for the PLC to read (Modbus)
   bool freeze = false;             // the heartbeat stands still
   RuleMutantSet broken;            // rules of the PLC
 };

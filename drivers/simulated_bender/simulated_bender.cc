@@ -97,6 +97,19 @@ class SimulatedBender::Impl {
     return memory_.Staged().value_or(hal::ProgramBlock{});
   }
 
+  void Say(const hal::PlcOrders& orders) {
+    const std::lock_guard lock(mutex_);
+    memory_.Say(orders);
+  }
+  hal::CellReport Heard() const {
+    const std::lock_guard lock(mutex_);
+    return memory_.Heard().value_or(hal::CellReport{});
+  }
+  hal::Result<void> Load(const hal::ProgramBlock& block) {
+    const std::lock_guard lock(mutex_);
+    return memory_.LoadActive(block);
+  }
+
   std::uint32_t accepted() const {
     const std::lock_guard lock(mutex_);
     return memory_.accepted();
@@ -110,6 +123,7 @@ class SimulatedBender::Impl {
     const std::lock_guard lock(mutex_);
     const auto parsed = ParseMisbehaviour(command, wrong_);
     if (!parsed) return hal::Fail(parsed.error());
+    memory_.set_takes_report(!wrong_.refuse_report);
     memory_.Break(wrong_.broken);
     switch (parsed->event) {
       case MisbehaviourEvent::kNone:
@@ -410,6 +424,11 @@ void SimulatedBender::Stop() { impl_->Stop(); }
 hal::Result<BentPart> SimulatedBender::Bend() { return impl_->Bend(); }
 hal::ProgramBlock SimulatedBender::Active() const { return impl_->Active(); }
 hal::ProgramBlock SimulatedBender::Staged() const { return impl_->Staged(); }
+void SimulatedBender::Say(const hal::PlcOrders& orders) { impl_->Say(orders); }
+hal::CellReport SimulatedBender::Heard() const { return impl_->Heard(); }
+hal::Result<void> SimulatedBender::Load(const hal::ProgramBlock& block) {
+  return impl_->Load(block);
+}
 std::uint32_t SimulatedBender::commits_accepted() const { return impl_->accepted(); }
 std::uint32_t SimulatedBender::commits_rejected() const { return impl_->rejected(); }
 hal::Result<void> SimulatedBender::Misbehave(std::string_view command) {

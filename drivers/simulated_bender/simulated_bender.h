@@ -59,6 +59,11 @@ class SimulatedBender {
   // What it would bend now, decoded from its own registers.
   hal::ProgramBlock Active() const;
   hal::ProgramBlock Staged() const;
+  // The PLC's side of the cell's contract: what it says (empty fields stay), and what it was told.
+  void Say(const hal::PlcOrders& orders);
+  hal::CellReport Heard() const;
+  // An operator loads another program.
+  hal::Result<void> Load(const hal::ProgramBlock& block);
   std::uint32_t commits_accepted() const;
   std::uint32_t commits_rejected() const;
 

@@ -221,6 +221,106 @@ TEST_P(BenderLinkConformance, RecoversFromAReboot) {
   EXPECT_TRUE(staged->program.rows.empty());
 }
 
+// What of `report` the map can carry.
+inline hal::CellReport CarriedBy(const hal::RegisterMap& map, const hal::CellReport& report) {
+  const hal::ReportFields& fields = map.report;
+  hal::CellReport carried;
+  if (fields.heartbeat) carried.heartbeat = report.heartbeat;
+  if (fields.state) carried.state = report.state;
+  if (fields.alarm) carried.alarm = report.alarm;
+  if (fields.alarms) carried.alarms = report.alarms;
+  if (fields.sequence) carried.sequence = report.sequence;
+  if (fields.verdict) carried.verdict = report.verdict;
+  if (fields.part_number) carried.part_number = report.part_number;
+  if (fields.identity) carried.identity = report.identity;
+  if (fields.worst_percent) carried.worst_percent = report.worst_percent;
+  if (fields.tubes) carried.tubes = report.tubes;
+  if (fields.passed) carried.passed = report.passed;
+  if (fields.failed) carried.failed = report.failed;
+  if (fields.undecided) carried.undecided = report.undecided;
+  if (fields.held) carried.held = report.held;
+  if (fields.part_set) carried.part_set = report.part_set;
+  if (fields.acknowledged) carried.acknowledged = report.acknowledged;
+  if (fields.lot_begun) carried.lot_begun = report.lot_begun;
+  return carried;
+}
+
+inline hal::CellReport SampleReport() {
+  return {.heartbeat = 7,
+          .state = hal::CellState::kHeld,
+          .alarm = 4001,
+          .alarms = 2,
+          .sequence = 70'000,
+          .verdict = hal::TubeVerdict::kUndecided,
+          .part_number = 1002,
+          .identity = "COIL 7/TUBE-0012",
+          .worst_percent = 85,
+          .tubes = 9,
+          .passed = 4,
+          .failed = 2,
+          .undecided = 1,
+          .held = 2,
+          .part_set = 1003,
+          .acknowledged = 5,
+          .lot_begun = 6};
+}
+
+TEST_P(BenderLinkConformance, ThePlcReadsWhatItIsTold) {
+  const auto info = link().Connect();
+  ASSERT_TRUE(info);
+  hal::CellReport report = SampleReport();
+  EXPECT_EQ(info->takes_report, CarriedBy(bender_->map(), report) != hal::CellReport{});
+  ASSERT_TRUE(Done(link().Report(report)));
+  EXPECT_EQ(bender_->Heard(), CarriedBy(bender_->map(), report));
+  ++report.sequence;
+  report.identity = "X";
+  report.worst_percent = 4'000'000;  // as much as the register holds
+  report.alarm = 0;
+  ASSERT_TRUE(Done(link().Report(report)));
+  EXPECT_EQ(bender_->Heard().identity, CarriedBy(bender_->map(), report).identity);
+  EXPECT_EQ(bender_->Heard().sequence, CarriedBy(bender_->map(), report).sequence);
+  EXPECT_EQ(bender_->Heard().alarm, 0u);
+  // Nothing of it is in the program's way.
+  const auto active = link().ReadActive();
+  ASSERT_TRUE(active) << active.error().message;
+  EXPECT_EQ(*active, bender_->Active());
+}
+
+TEST_P(BenderLinkConformance, WhatThePlcHasForgottenIsWrittenAnew) {
+  if (!link().Connect()->takes_report) return;
+  ASSERT_TRUE(Done(link().Report(SampleReport())));
+  bender_->Misbehave("silent");
+  EXPECT_FALSE(link().ReadState());
+  bender_->Misbehave("behave");
+  bender_->Misbehave("reboot");
+  hal::SteadyClock clock;
+  const auto deadline = clock.Now() + std::chrono::seconds(20);
+  bool told = false;
+  while (!told && clock.Now() < deadline) told = link().Report(SampleReport()).has_value();
+  EXPECT_EQ(bender_->Heard(), CarriedBy(bender_->map(), SampleReport()));
+}
+
+TEST_P(BenderLinkConformance, WhatThePlcSaysComesWithTheState) {
+  const hal::OrderFields& fields = bender_->map().orders;
+  hal::PlcOrders said;
+  if (fields.part_number) said.part_number = 1002;
+  if (fields.scan) said.scan = hal::ScanOrder::kMayRun;
+  if (fields.hold) said.hold = true;
+  if (fields.new_lot) said.new_lot = 3;
+  if (fields.acknowledge) said.acknowledge = 4;
+  if (fields.identity) said.identity = "COIL 7/TUBE-0012";
+  bender_->Say(said);
+  const auto state = link().ReadState();
+  ASSERT_TRUE(state) << state.error().message;
+  EXPECT_EQ(state->orders, said);
+  if (!fields.identity) return;
+  said.identity = "no\ttext";
+  bender_->Say(said);
+  const auto spoilt = link().ReadState();
+  ASSERT_TRUE(spoilt) << spoilt.error().message;
+  EXPECT_FALSE(spoilt->orders.identity_is_text);
+}
+
 TEST_P(BenderLinkConformance, HalfWrittenStagingIsSeen) {
   const auto encoded = link().Encode(Block(12, 15));
   ASSERT_TRUE(encoded);

@@ -40,6 +40,29 @@ inline hal::RegisterMap PlainMap() {
                  1010,
                  hal::RegisterSpace::kHolding};
   map.commit = Field(2000, T::kUint32);
+  map.report = {.heartbeat = Field(3000, T::kUint16),
+                .state = Field(3001, T::kUint16),
+                .alarm = Field(3002, T::kUint16),
+                .alarms = {},
+                .sequence = Field(3004, T::kUint32),
+                .verdict = Field(3006, T::kUint16),
+                .part_number = Field(3008, T::kUint32),
+                .worst_percent = Field(3010, T::kUint16),
+                .identity = hal::TextField{3020, hal::RegisterSpace::kHolding, 32, {}},
+                .tubes = Field(3011, T::kUint32),
+                .passed = {},
+                .failed = {},
+                .undecided = {},
+                .held = {},
+                .part_set = {},
+                .acknowledged = Field(3013, T::kUint16),
+                .lot_begun = {}};
+  map.orders = {.part_number = Field(40, T::kUint32),
+                .scan = Field(42, T::kUint16),
+                .hold = Field(43, T::kUint16),
+                .new_lot = {},
+                .acknowledge = Field(44, T::kUint16),
+                .identity = hal::TextField{45, hal::RegisterSpace::kHolding, 31, {}}};
   map.row_stride = 8;
   map.row_length_mm = Field(0, T::kInt32, 0.001);
   map.row_rotation_deg = Field(2, T::kInt32, 0.001);

@@ -5,6 +5,7 @@
 
 #include "hal/bend_program.h"
 #include "hal/bender_link.h"
+#include "hal/register_map.h"
 
 namespace bendloop::test {
 
@@ -15,6 +16,9 @@ class BenderUnderTest {
   virtual hal::BenderLink& link() = 0;
   virtual hal::ProgramBlock Active() = 0;
   virtual hal::ProgramBlock Staged() = 0;
+  virtual void Say(const hal::PlcOrders& orders) = 0;
+  virtual hal::CellReport Heard() = 0;
+  virtual const hal::RegisterMap& map() const = 0;
   virtual void Misbehave(const std::string& command) = 0;
 };
 

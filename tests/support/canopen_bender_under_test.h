@@ -34,6 +34,19 @@ inline hal::RegisterMap ObjectMap(const hal::RegisterMap& row) {
   map.reply_sequence = at(0x2001, 2, T::kUint32);
   map.reply = at(0x2001, 3, T::kUint8);
   map.reply_code = at(0x2001, 4, T::kUint16);
+  const auto text = [&](std::uint16_t entry, std::uint8_t sub) {
+    hal::TextField field{next, hal::RegisterSpace::kHolding, 32, {entry, sub}};
+    next = static_cast<std::uint16_t>(next + field.registers());
+    return field;
+  };
+  map.report = {};
+  map.report.state = at(0x2030, 1, T::kUint8);
+  map.report.sequence = at(0x2031, 1, T::kUint32);
+  map.report.part_number = at(0x2031, 2, T::kUint32);
+  map.report.identity = text(0x2031, 3);
+  map.orders = {};
+  map.orders.hold = at(0x2040, 1, T::kUint8);
+  map.orders.identity = text(0x2040, 2);
   std::uint16_t index = 0x2010;
   for (hal::ProgramArea* area : {&map.active, &map.staging}) {
     *area = {at(index, 1, T::kUint32), at(index, 2, T::kUint32), at(index, 3, T::kUint16),
@@ -50,7 +63,8 @@ inline hal::RegisterMap ObjectMap(const hal::RegisterMap& row) {
 class CanopenBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
   explicit CanopenBenderUnderTest(const hal::RegisterMap& map, const std::string& interface = "",
-                                  drivers::SdoServer::Options sdo = {}) {
+                                  drivers::SdoServer::Options sdo = {})
+      : SimulatedBenderUnderTest(map) {
     auto simulated = SimulatorOptions(map);
     simulated.canopen.emplace();
     simulated.canopen->interface = interface.empty() ? "pair" : interface;

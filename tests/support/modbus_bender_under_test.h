@@ -50,6 +50,9 @@ class SimulatedBenderUnderTest : public BenderUnderTest {
   hal::BenderLink& link() override { return *link_; }
   hal::ProgramBlock Active() override { return bender_->Active(); }
   hal::ProgramBlock Staged() override { return bender_->Staged(); }
+  void Say(const hal::PlcOrders& orders) override { bender_->Say(orders); }
+  hal::CellReport Heard() override { return bender_->Heard(); }
+  const hal::RegisterMap& map() const override { return map_; }
   void Misbehave(const std::string& command) override {
     const auto done = bender_->Misbehave(command);
     EXPECT_TRUE(done) << done.error().message;
@@ -57,7 +60,10 @@ class SimulatedBenderUnderTest : public BenderUnderTest {
   drivers::SimulatedBender& bender() { return *bender_; }
 
  protected:
+  explicit SimulatedBenderUnderTest(hal::RegisterMap map) : map_(std::move(map)) {}
+
   hal::SteadyClock clock_;
+  hal::RegisterMap map_;
   std::unique_ptr<drivers::SimulatedBender> bender_;
   std::unique_ptr<hal::BenderLink> link_;
 };
@@ -65,7 +71,8 @@ class SimulatedBenderUnderTest : public BenderUnderTest {
 // The Modbus link, on loopback.
 class ModbusBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
-  explicit ModbusBenderUnderTest(const hal::RegisterMap& map, bool rtu = false) {
+  explicit ModbusBenderUnderTest(const hal::RegisterMap& map, bool rtu = false)
+      : SimulatedBenderUnderTest(map) {
     bender_ = StartBender(SimulatorOptions(map, rtu));
     link_ = drivers::MakeModbusBender(map, LinkOptions(*bender_), clock_);
   }

@@ -25,7 +25,7 @@ drivers::IsotpChannel Channel() { return {"vcan0", 0x18da10f1, 0x7e8}; }
 
 class IsotpBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
-  explicit IsotpBenderUnderTest(const hal::RegisterMap& map) {
+  explicit IsotpBenderUnderTest(const hal::RegisterMap& map) : SimulatedBenderUnderTest(map) {
     auto simulated = SimulatorOptions(map);
     simulated.can = Channel();
     bender_ = StartBender(std::move(simulated));
