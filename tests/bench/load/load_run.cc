@@ -15,6 +15,7 @@
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/daemon/part_keeper.h"
+#include "firmware-host/ledger/moment.h"
 #include "tests/bench/load/load_source.h"
 
 namespace bendloop::bench {
@@ -95,7 +96,7 @@ class LoadCell {
         cell_(cell),
         plan_(std::move(plan)),
         store_(std::move(store)),
-        keeper_(store_, cell.record.directory, plan_.config_digest) {
+        keeper_(store_, cell.record.directory, plan_.config_digest, alarms_) {
     for (const double off_deg : {kBentOffDeg, -kBentOffDeg}) {
       hal::Tube tube{plan_.pipe_radius_mm, plan_.nominal, {}};
       for (auto& row : tube.program.rows) {
@@ -129,6 +130,7 @@ class LoadCell {
   const host::PartPlan plan_;
   hal::SteadyClock clock_;
   host::StateStore store_;
+  host::AlarmBoard alarms_{[] { return host::SystemMoment().unix_ms; }};
   host::PartKeeper keeper_;
   host::StatusBoard board_;
   std::unique_ptr<host::BenderDesk> desk_;
