@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/fit/bowed_fit.h"
 #include "pipeline/fit/correlations.h"
 #include "pipeline/fit/coverage.h"
 #include "pipeline/fit/easing_fit.h"
@@ -81,6 +82,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
                                    final.options.reach_mm, tube.blocks, workers);
   final.options.easing = FindEasing(structure, tube.blocks, final.options);
   final.fit = FitSurface(structure.tube, tube.blocks, final.options);
+  FitBows(tube.blocks, final.options, final.fit);
   if (!tube.registration.passes.empty()) {
     Widen(tube.registration.covariance, final.options.free_pipe_radius, final.fit);
   }

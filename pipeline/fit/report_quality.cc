@@ -3,12 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
-#include <span>
 #include <string>
 #include <vector>
 
-#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/math/text.h"
 #include "pipeline/points/input_checks.h"
@@ -34,20 +31,8 @@ struct Doubts {
 };
 constexpr Doubts kDoubts;
 
-// What bows do to the lines that are fitted, from random tubes with bows of L/2000 to L/300
-// (tests/bench, real kinds).
-struct BowSettings {
-  // [sigma] A bow of less may be noise.
-  double noise_sigmas = 3.0;
-  // Of the bow's height over the straight's length, or of its height: 1 sigma.
-  double turn = 1.0, across = 0.5;
-  // Slighter bends have hardly a corner; what is left of it is bounded by the fit's own sigma.
-  double least_sine = 0.05;
-};
-constexpr BowSettings kBows;
-
-// The same of easings, from tubes eased by 0.4 to 1.5 pipe radii: sigmas grow by `more` where the
-// easing's standard deviation is `usual` pipe radii, and by its fourth power.
+// What easings leave of the sigmas, from tubes eased by 0.4 to 1.5 pipe radii: sigmas grow by
+// `more` where the easing's standard deviation is `usual` pipe radii, and by its fourth power.
 struct EasedSettings {
   double usual = 0.7, more = 0.5;
 };
@@ -81,23 +66,6 @@ void DoubtBend(std::size_t bend, const std::string& which_straight, Measurement&
                                  "that end again");
 }
 
-// What the bow of each straight leaves of its line: of the angle, and of the place across.
-struct LineDoubt {
-  double turn_rad = 0, across_mm = 0;
-};
-std::vector<LineDoubt> LineDoubts(std::span<const StraightForm> straights) {
-  std::vector<LineDoubt> doubts;
-  for (const StraightForm& straight : straights) {
-    LineDoubt& doubt = doubts.emplace_back();
-    const double noise_mm = kBows.noise_sigmas * straight.sigma_mm;
-    if (!(straight.length_mm > 0) || straight.height_mm < noise_mm) continue;
-    const double height_mm =
-        std::sqrt(straight.height_mm * straight.height_mm - noise_mm * noise_mm);
-    doubt = {kBows.turn * height_mm / straight.length_mm, kBows.across * height_mm};
-  }
-  return doubts;
-}
-
 // The kernel of an easing has two numbers here, and a shape that nobody knows: the further it
 // reaches, the more that moves what is beside it.
 void WidenByEasing(Measurement& measurement) {
@@ -115,46 +83,6 @@ void WidenByEasing(Measurement& measurement) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     rows[i].length_mm *= times[i];
     rows[i].rotation_deg *= times[i];
-  }
-}
-
-// Lines and arcs that follow each other cannot follow bowed straights: where a straight's spine
-// leaves its best-fit line, the fit leaves the line by a part of it.
-void WidenByBows(Measurement& measurement) {
-  const auto& rows = measurement.tube.program.rows;
-  const std::vector<LineDoubt> doubts = LineDoubts(measurement.straights);
-  if (doubts.size() != rows.size()) return;
-  const auto widen = [](double& sigma, std::initializer_list<double> by) {
-    for (const double one : by) sigma = std::hypot(sigma, one);
-  };
-  const auto sine = [&rows](std::size_t bend) {
-    return std::max(kBows.least_sine,
-                    std::abs(std::sin(rows[bend].angle_deg / hal::kDegreesPerRadian)));
-  };
-  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
-    hal::BendRow& sigma = measurement.sigma.rows[i];
-    const LineDoubt &before = doubts[i], &after = doubts[i + 1];
-    widen(sigma.angle_deg,
-          {before.turn_rad * hal::kDegreesPerRadian, after.turn_rad * hal::kDegreesPerRadian});
-    const double half_cosine =
-        std::cos(0.5 * std::min(rows[i].angle_deg / hal::kDegreesPerRadian, 3.0));
-    const double lever = std::max(kBows.least_sine, 1.0 / half_cosine - 1.0);
-    // The corner moves by it, and the arc that is to fit in has another radius: its tangent points
-    // lie nearer to the corner, or further from it.
-    const double across_mm = std::hypot(before.across_mm, after.across_mm);
-    const double radius_mm = across_mm / lever;
-    const double tangent_mm = radius_mm * std::sqrt(1.0 / (half_cosine * half_cosine) - 1.0);
-    if (sigma.bend_radius_mm) widen(*sigma.bend_radius_mm, {radius_mm});
-    for (double* length : {&sigma.length_mm, &measurement.sigma.rows[i + 1].length_mm}) {
-      widen(*length, {across_mm / sine(i), tangent_mm});
-    }
-    if (i == 0) continue;
-    const double of_first = doubts[i - 1].turn_rad / sine(i - 1),
-                 of_last = after.turn_rad / sine(i);
-    const double of_middle = before.turn_rad * (1.0 / sine(i - 1) + 1.0 / sine(i));
-    widen(sigma.rotation_deg,
-          {of_first * hal::kDegreesPerRadian, of_middle * hal::kDegreesPerRadian,
-           of_last * hal::kDegreesPerRadian});
   }
 }
 
@@ -257,7 +185,6 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
 void ReportForm(const SurfaceForm& form, Measurement& measurement) {
   measurement.straights = form.straights;
   WidenByEasing(measurement);
-  WidenByBows(measurement);
   measurement.dents = form.dents;
   measurement.pipe_radius_sigma_mm =
       std::hypot(measurement.pipe_radius_sigma_mm, std::sqrt(form.sides_mm2));

@@ -376,6 +376,11 @@ void Widen(const Eigen::MatrixXd& covariance, bool free_pipe_radius, SurfaceFit&
   SetSigmas(parameters, fit);
 }
 
+void SetCovariance(Eigen::MatrixXd covariance, bool free_pipe_radius, SurfaceFit& fit) {
+  fit.covariance = std::move(covariance);
+  SetSigmas(TubeParameters(fit.tube, free_pipe_radius, fit.flattening, fit.easing), fit);
+}
+
 // A part of many points leads so near to the solution that all of them hardly need more than one
 // step.
 SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks,

@@ -71,6 +71,9 @@ void SetForm(const FormDeviation& form, SurfaceFit& fit);
 // Adds what else is unknown of the parameters of lines and arcs to the fit's covariance and sigmas.
 void Widen(const Eigen::MatrixXd& covariance, bool free_pipe_radius, SurfaceFit& fit);
 
+// The covariance of all TubeParameters, and the sigmas that follow from it.
+void SetCovariance(Eigen::MatrixXd covariance, bool free_pipe_radius, SurfaceFit& fit);
+
 // Least squares of the orthogonal distance of the tube's surface from the points, in the LRA
 // parameters (start pose across the first tangent, lengths, rotations, angles, bend radii, pipe
 // radius, flattening and easing of the bends) by Levenberg-Marquardt with analytic Jacobians and

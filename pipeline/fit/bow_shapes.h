@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+
+#include "pipeline/fit/surface_sums.h"
+
+namespace bendloop::pipeline {
+
+// What bows a straight: Legendre polynomials of its length, the second and the third, which have no
+// part of its best-fit line. Each in y and z of the straight's frame.
+constexpr int kBowModes = 4;
+
+// Of a segment's frame (its local state, surface_sums.h) by the modes of a straight.
+using BowMotion = Eigen::Matrix<double, kLocalState, kBowModes>;
+
+// A shape across the straight, by its length from -1 to 1, with its slope by that.
+struct BowShape {
+  double off, slope;
+};
+inline std::array<BowShape, 2> BowShapesAt(double x) {
+  return {BowShape{1.5 * x * x - 0.5, 3.0 * x},
+          BowShape{(2.5 * x * x - 1.5) * x, 7.5 * x * x - 1.5}};
+}
+// The best-fit lines of both over the middle, from -c to c.
+inline std::array<BowShape, 2> BowLinesOf(double c) {
+  return {BowShape{0.5 * (c * c - 1.0), 0.0}, BowShape{0.0, 1.5 * (c * c - 1.0)}};
+}
+
+// The motion of a line's frame (at its start) that puts its place `along_mm` off by `off` and turns
+// it by `slope`, for modes in y and z of each shape. What the shapes do at the straight's start is
+// taken off: there it goes on where the bend before it ended.
+inline BowMotion BowMotionOf(const std::array<BowShape, 2>& shapes, double along_mm,
+                             double length_mm) {
+  const auto start = BowShapesAt(-1.0);
+  const double part = along_mm / length_mm;
+  BowMotion field = BowMotion::Zero();
+  for (std::size_t s = 0; s < 2; ++s) {
+    const double by_mm = 2.0 / length_mm;
+    const double off = shapes[s].off - start[s].off - 2.0 * start[s].slope * part;
+    const double slope = (shapes[s].slope - start[s].slope) * by_mm;
+    const auto column = static_cast<Eigen::Index>(2 * s);
+    field(1, column) = off - slope * along_mm;
+    field(5, column) = slope;
+    field(2, column + 1) = off - slope * along_mm;
+    field(4, column + 1) = -slope;
+  }
+  return field;
+}
+
+}  // namespace bendloop::pipeline

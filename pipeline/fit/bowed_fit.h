@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "pipeline/fit/surface_fit.h"
+#include "pipeline/fit/surface_points.h"
+
+namespace bendloop::pipeline {
+
+// Straights that bow, together with the lines and arcs of a fit: a bowed straight hands on another
+// place and direction to the bend behind it, so that lines and arcs alone meet neither. Where the
+// samples insist on bows, or places of the tube disagree by more than the fit believes, `fit`
+// becomes the tube whose straights are the best-fit lines of the bowed ones, with the covariance
+// that this leaves. `options`: of the final fit.
+void FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options, SurfaceFit& fit);
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/place_sums.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/fit/surface_pass.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// Points at a time: what they need stays small, however many there are.
+constexpr std::size_t kPointsOfRound = 32'768;
+constexpr std::size_t kMostRounds = 1024;
+
+// Where on the segment a point of its own frame lies.
+double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment) {
+  if (!segment.is_arc()) return points.x[i];
+  const double middle = 0.5 * segment.angle_rad();
+  const double phi = std::atan2(points.x[i], -points.y[i]);
+  return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
+}
+
+// The places of one segment among all.
+struct PlaceRange {
+  std::size_t first = 0, count = 1;
+  double step_mm = 1;
+};
+
+}  // namespace
+
+std::vector<PlaceSum> SumPlaces(const EasedSpine& spine, std::span<const SegmentFrame> frames,
+                                double pipe_radius_mm, double place_mm,
+                                std::span<const PointBlock> blocks, double reach_mm,
+                                double sigma_mm) {
+  std::vector<PlaceSum> places;
+  std::vector<PlaceRange> ranges;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const double length_mm = spine.segments[k].length_mm;
+    const auto count = static_cast<std::size_t>(std::max(1.0, std::round(length_mm / place_mm)));
+    const double step_mm = length_mm / static_cast<double>(count);
+    ranges.push_back({places.size(), count, step_mm});
+    for (std::size_t i = 0; i < count; ++i) {
+      places.push_back({k, (static_cast<double>(i) + 0.5) * step_mm, CondensedSum::Zero()});
+    }
+  }
+  SurfaceAssignment points;
+  std::vector<SegmentPoints> parts;
+  for (const BlockRange& round : EvenRounds(blocks, kPointsOfRound, kMostRounds)) {
+    AssignPoints(frames, pipe_radius_mm, blocks.subspan(round.begin, round.end - round.begin),
+                 reach_mm, points);
+    for (std::size_t k = 0; k < frames.size(); ++k) {
+      const SegmentPoints& of_segment = points.segments[k];
+      const PlaceRange& range = ranges[k];
+      parts.resize(std::max(parts.size(), range.count));
+      for (std::size_t i = 0; i < range.count; ++i) parts[i].Clear(of_segment.weighted);
+      const auto last = static_cast<double>(range.count - 1);
+      for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(of_segment.size); ++i) {
+        const double at = AlongOf(of_segment, i, spine.segments[k]) / std::max(1e-9, range.step_mm);
+        parts[static_cast<std::size_t>(std::clamp(std::floor(at), 0.0, last))].Add(of_segment, i);
+      }
+      for (std::size_t i = 0; i < range.count; ++i) {
+        if (parts[i].size == 0) continue;
+        places[range.first + i].sum += SumOfRows(parts[i], frames[k], pipe_radius_mm, sigma_mm);
+      }
+    }
+  }
+  return places;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/surface_sums.h"
+#include "pipeline/tube/easing.h"
+
+namespace bendloop::pipeline {
+
+// A short piece of a segment, all round, and what its points say of the segment's frame.
+struct PlaceSum {
+  std::size_t segment = 0;
+  double along_mm = 0;  // of its middle, from the segment's start
+  CondensedSum sum = CondensedSum::Zero();
+};
+
+// Of all points near the surface, place after place along the spine, each about `place_mm` long.
+// `frames`: of the spine's segments. `sigma_mm` gives the weights.
+std::vector<PlaceSum> SumPlaces(const EasedSpine& spine, std::span<const SegmentFrame> frames,
+                                double pipe_radius_mm, double place_mm,
+                                std::span<const PointBlock> blocks, double reach_mm,
+                                double sigma_mm);
+
+}  // namespace bendloop::pipeline
