@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
+#include <span>
 
 #include "firmware-host/report/html.h"
 #include "firmware-host/result/words.h"
@@ -214,6 +216,60 @@ std::string FitBody(const RunResult& run) {
   return html + List(TogetherLines(run), "notes") + List(m.warnings, "notes");
 }
 
+// Columns of one of the tables below.
+std::string HeadOf(std::initializer_list<const char*> columns) {
+  std::string html = "<table><thead><tr>";
+  for (const char* column : columns) html += "<th class=\"n\">" + std::string(column) + "</th>";
+  return html + "</tr></thead><tbody>";
+}
+
+std::string StraightnessTable(std::span<const pipeline::StraightForm> straights) {
+  std::string rows;
+  for (std::size_t i = 0; i < straights.size(); ++i) {
+    const pipeline::StraightForm& straight = straights[i];
+    if (!(straight.length_mm > 0)) continue;
+    // As the trade says it; of what may be noise nothing is said.
+    const bool is_seen = straight.height_mm > 2.0 * straight.sigma_mm;
+    rows += "<tr>" + Number(static_cast<double>(i + 1), 0) + Number(straight.height_mm) +
+            Number(straight.sigma_mm) + "<td class=\"n\">" +
+            (is_seen ? "L/" + Fixed(straight.length_mm / straight.height_mm, 0) : "") +
+            "</td></tr>";
+  }
+  if (rows.empty()) return "";
+  return "<p>Straightness, against the best-fit line</p>" +
+         HeadOf({"straight", "height <small>mm</small>", "&#177;", "of its length"}) + rows +
+         "</tbody></table>";
+}
+
+std::string EasingTable(std::span<const pipeline::BendEasing> easings) {
+  if (easings.empty()) return "";
+  std::string html = "<p>Length over which a bend's curvature rises, and falls again</p>" +
+                     HeadOf({"bend", "easing <small>mm</small>", "&#177;"});
+  for (std::size_t i = 0; i < easings.size(); ++i) {
+    html += "<tr>" + Number(static_cast<double>(i + 1), 0) + Number(easings[i].length_mm, 2) +
+            Number(easings[i].length_sigma_mm, 2) + "</tr>";
+  }
+  return html + "</tbody></table>";
+}
+
+std::string DentTable(std::span<const pipeline::DentFound> dents) {
+  if (dents.empty()) return "";
+  std::string html =
+      "<p>Dents</p>" + HeadOf({"along <small>mm</small>", "around <small>deg</small>",
+                               "depth <small>mm</small>", "&#177;", "size <small>mm</small>"});
+  for (const pipeline::DentFound& dent : dents) {
+    html += "<tr>" + Number(dent.along_mm, 1) + Number(dent.around_deg, 0) +
+            Number(dent.depth_mm, 2) + Number(dent.sigma_mm, 2) + Number(dent.size_mm, 1) + "</tr>";
+  }
+  return html + "</tbody></table>";
+}
+
+// What the tube is beside lines, arcs and one section.
+std::string FormBody(const RunResult& run) {
+  const auto& m = run.measurement;
+  return StraightnessTable(m.straights) + EasingTable(m.bend_easings) + DentTable(m.dents);
+}
+
 std::string TimingBody(const RunResult& run) {
   double most = 0;
   for (const auto& stage : run.measurement.timing) most = std::max(most, stage.ms);
@@ -313,7 +369,8 @@ std::string RowsHtml(const RunResult& run) {
 
 std::string CardsHtml(const RunResult& run) {
   return Card("Inspection", InspectionBody(run)) + Card("Correction", CorrectionBody(run)) +
-         Card("Interlocks", InterlocksBody(run)) + Card("Fit", FitBody(run)) + Developers(run);
+         Card("Interlocks", InterlocksBody(run)) + Card("Form", FormBody(run)) +
+         Card("Fit", FitBody(run)) + Developers(run);
 }
 
 }  // namespace bendloop::host

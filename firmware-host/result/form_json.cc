@@ -35,11 +35,15 @@ Json FormJson(const pipeline::Measurement& m) {
   }
   if (!m.bend_easings.empty()) {
     Json list = Json::array();
-    for (const pipeline::BendEasing& easing : m.bend_easings) {
-      list.push_back({{"length_mm", Number(easing.length_mm)},
-                      {"length_sigma_mm", Number(easing.length_sigma_mm)}});
+    for (std::size_t i = 0; i < m.bend_easings.size(); ++i) {
+      list.push_back({{"length_mm", Number(m.bend_easings[i].length_mm)},
+                      {"length_sigma_mm", Number(m.bend_easings[i].length_sigma_mm)}});
+      if (i < m.easing.variance_mm2.size()) {
+        list.back()["variance_mm2"] = Number(m.easing.variance_mm2[i]);
+      }
     }
     json["easings"] = std::move(list);
+    if (!m.easing.empty()) json["easing_reach"] = Number(m.easing.reach);
   }
   if (!m.dents.empty()) {
     Json list = Json::array();
@@ -76,7 +80,11 @@ void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
       const JsonReader item = list.Item(i);
       m.bend_easings.push_back(
           {item.NumberOr("length_mm", 0), item.NumberOr("length_sigma_mm", 0)});
+      // Older results have the length alone: the variance is its square over 12.
+      const double length_mm = m.bend_easings.back().length_mm;
+      m.easing.variance_mm2.push_back(item.NumberOr("variance_mm2", length_mm * length_mm / 12.0));
     }
+    m.easing.reach = json.NumberOr("easing_reach", pipeline::kUsualReach);
   }
   if (json.Has("dents")) {
     const JsonReader list = json.At("dents");

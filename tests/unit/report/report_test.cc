@@ -51,6 +51,20 @@ TEST(ReportHtml, LoadsNothingFromAnywhere) {
   EXPECT_GT(Count(html, "MIT License"), 0u);
 }
 
+TEST(ReportHtml, TellsStraightnessEasingsAndDents) {
+  RunResult run = SampleRun();
+  run.measurement.straights = {{0.12, 0.01, 80}, {0, 0, 0}, {0.3, 0.02, 60}};
+  run.measurement.bend_easings = {{8, 0.5}, {7.5, 0.25}};
+  run.measurement.dents = {{40, -90, 0.5, 0.02, 6, {1, 2, 3}}};
+  const std::string html = CardsHtml(run);
+  // 0.3 mm of 60 mm; the straight in the middle is too short to tell.
+  EXPECT_EQ(Count(html, ">L/200<"), 1u);
+  EXPECT_EQ(Count(html, ">L/"), 2u);
+  EXPECT_EQ(Count(html, "<td class=\"n\">7.50</td><td class=\"n\">0.25</td>"), 1u);
+  EXPECT_EQ(Count(html, "<p>Dents</p>"), 1u);
+  EXPECT_EQ(Count(CardsHtml(SampleRun()), "<h3>Form</h3>"), 0u);
+}
+
 TEST(ReportHtml, IsTheSameBytesEachTime) {
   const std::vector<RunResult> runs = {SampleRun(1), SampleRun(2)};
   EXPECT_EQ(ReportHtml(runs), ReportHtml(runs));
