@@ -6,6 +6,7 @@
 #include <fstream>
 #include <thread>
 
+#include "drivers/simulated_scanner/simulated_scanner.h"
 #include "firmware-host/cli/demo/child_process.h"
 #include "firmware-host/daemon/status_client.h"
 #include "program.h"
@@ -18,11 +19,14 @@ using namespace std::chrono_literals;
 // A cell whose scanner and bender are not there: nobody listens on port 1.
 class DaemonAlone : public ::testing::Test {
  protected:
-  DaemonAlone() {
+  DaemonAlone() { WriteCell(1); }
+
+  void WriteCell(int scanner_port) {
     std::ofstream(scratch_ / "cell.toml")
         << "schema = \"bendloop.cell/1\"\nname = \"alone\"\n"
         << "part = \"" BENDLOOP_SOURCE_DIR "/config/parts/demo.toml\"\nstate_dir = \"state\"\n"
-        << "[scanner]\nkind = \"stream\"\nport = 1\n[bender]\nlink = \"modbus-tcp\"\nport = 1\n"
+        << "[scanner]\nkind = \"stream\"\nport = " << scanner_port
+        << "\n[bender]\nlink = \"modbus-tcp\"\nport = 1\n"
         << "register_map = \"" BENDLOOP_SOURCE_DIR "/config/register-maps/default.toml\"\n";
   }
 
@@ -44,6 +48,7 @@ class DaemonAlone : public ::testing::Test {
   }
 
   Scratch scratch_;
+  hal::SteadyClock clock_;
 };
 
 TEST_F(DaemonAlone, WaitsForItsScannerAnswersAndStopsCleanly) {
@@ -53,6 +58,31 @@ TEST_F(DaemonAlone, WaitsForItsScannerAnswersAndStopsCleanly) {
   EXPECT_EQ(scratch_.Bendloop("status --config " + (scratch_ / "cell.toml").string()).code, 0);
   EXPECT_EQ(daemon->Stop(20s), 0);  // SIGTERM
   EXPECT_FALSE(std::filesystem::exists(scratch_ / "state/status.json"));
+}
+
+// A name that clears the screen, begins a line of its own and colours what follows.
+TEST_F(DaemonAlone, AScannersNameMovesNoCursorInTheLog) {
+  const drivers::WireIdentity named{"arm\x1b[2J\n2026 error forged\x07",
+                                    "\x9b"
+                                    "31m\r7",
+                                    "1\x7f", "", 1000};
+  auto scanner = drivers::SimulatedScanner::Listen(0, named, clock_);
+  ASSERT_TRUE(scanner) << scanner.error().message;
+  WriteCell((*scanner)->port());
+  auto daemon = Start();
+  ASSERT_TRUE(daemon) << daemon.error().message;
+  const auto log = [this] { return Slurp(scratch_ / "bendloopd.log"); };
+  const auto deadline = std::chrono::steady_clock::now() + 30s;
+  while (log().find("forged") == std::string::npos && std::chrono::steady_clock::now() < deadline) {
+    ASSERT_TRUE((*scanner)->Poll(10ms));
+  }
+  EXPECT_EQ(daemon->Stop(20s), 0);
+  EXPECT_THAT(log(), ::testing::HasSubstr("arm?[2J?2026 error forged?"));
+  for (const char c : log()) {
+    ASSERT_TRUE(c == '\n' || (static_cast<unsigned char>(c) >= 0x20 && c != 0x7f))
+        << "byte " << static_cast<int>(static_cast<unsigned char>(c)) << " in\n"
+        << log();
+  }
 }
 
 TEST_F(DaemonAlone, OneDaemonAStateDirectory) {

@@ -42,5 +42,25 @@ TEST(Demo, LeavesOtherPeoplesFilesAlone) {
   EXPECT_EQ(Slurp(out + "/notes.txt"), "keep");
 }
 
+// On a disk of 1 MB: the end comes at once, with the daemon's reason.
+TEST(Demo, EndsWithTheReasonWhenTheDiskIsFull) {
+  const Scratch scratch;
+  const std::string disk = (scratch / "disk").string();
+  std::filesystem::create_directory(disk);
+  // In a mount namespace of its own, which ends with it.
+  const std::string inside = "mount -t tmpfs -o size=1m tmpfs " + disk;
+  if (std::system(("unshare -rm sh -c '" + inside + "' >/dev/null 2>&1").c_str()) != 0) {
+    GTEST_SKIP() << "no mount namespaces here";
+  }
+  const std::string log = (scratch / "log").string();
+  const std::string line = "unshare -rm sh -c '" + inside +
+                           " && timeout -k 5 60 " BENDLOOP_BIN_DIR "/bendloop demo --out " + disk +
+                           "/demo' >" + log + " 2>&1 </dev/null";
+  const int status = std::system(line.c_str());
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 4) << Slurp(log);  // 124: it waited
+  EXPECT_THAT(Slurp(log), ::testing::ContainsRegex("bendloop demo: .*(full|No space left)"));
+}
+
 }  // namespace
 }  // namespace bendloop::testing
