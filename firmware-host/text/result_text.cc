@@ -84,6 +84,14 @@ Cell ValueCell(const ShownValue& shown) {
   return {shown.text, shown.is_known ? Style::kPlain : Style::kWarning};
 }
 
+// "0.5", as it stands in the part file: digits that say nothing cost a long tube's row its line.
+std::string LimitText(double tolerance) {
+  std::string text = Fixed(tolerance, kDecimals);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
 void AddAxis(Table& table, std::string row, RowValueKind kind, const pipeline::Deviation& d,
              const ShownValue& measured, const pipeline::AxisCorrection* correction) {
   static constexpr const char* kNames[] = {"length", "rotation", "angle", "CLR"};
@@ -97,7 +105,7 @@ void AddAxis(Table& table, std::string row, RowValueKind kind, const pipeline::D
                              ValueCell(measured),
                              ShowSigma(d.sigma),
                              {Signed(d.deviation, SigmaDecimals(d.sigma, kDecimals)), mark.style},
-                             d.tolerance ? Fixed(*d.tolerance, kDecimals) : "-",
+                             d.tolerance ? LimitText(*d.tolerance) : "-",
                              {mark.text, mark.style}};
   if (correction) {
     cells.emplace_back(Fixed(correction->corrected, kDecimals));

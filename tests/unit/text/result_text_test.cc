@@ -20,7 +20,7 @@ TEST(ComparisonText, PutsNominalMeasuredAndCorrectedSideBySide) {
   const std::string text = ComparisonText(SampleRun(1, 1.5), false);
   // Bend 2: 45 nominal, 46.5 measured, OUT of 0.5, corrected by 0.8 of 1.5.
   EXPECT_THAT(text, testing::ContainsRegex("angle +deg +45\\.000 +46\\.500 +0\\.015 +\\+1\\.500 +"
-                                           "0\\.500 +OUT +43\\.800 +-1\\.200"));
+                                           "0\\.5 +OUT +43\\.800 +-1\\.200"));
   EXPECT_THAT(text, testing::ContainsRegex("4 +length .*50\\.300 .*\\+0\\.000\n"));
   EXPECT_THAT(text, HasSubstr("\n  deadband: L4\n"));
   EXPECT_THAT(text, Not(HasSubstr("\x1b")));
@@ -29,6 +29,10 @@ TEST(ComparisonText, PutsNominalMeasuredAndCorrectedSideBySide) {
 TEST(ComparisonText, FitsAnEightyColumnTerminal) {
   RunResult run = SampleRun(1, 1.5);
   run.inspection->rows[1].rotation_deg.state = pipeline::ToleranceState::kUndecided;
+  pipeline::Deviation& longest = run.inspection->rows[2].length_mm;
+  longest.nominal += 1'200;
+  longest.measured += 1'200;
+  run.correction->rows[2].length_mm.corrected += 1'200;
   for (const std::string& text : {ComparisonText(run, false), RunText(run, false, 80)}) {
     std::istringstream in(text);
     for (std::string line; std::getline(in, line);) EXPECT_LE(line.size(), 80u) << line;
