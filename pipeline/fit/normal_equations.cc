@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "pipeline/math/dense_solve.h"
+
 namespace bendloop::pipeline {
 namespace {
 
@@ -70,7 +72,7 @@ Eigen::MatrixXd NormalEquations::Covariance(const TubeParameters& parameters, co
   }
   Eigen::MatrixXd informed = scaled;
   informed.diagonal() += variance * scale.cwiseQuotient(range).cwiseAbs2();
-  const Eigen::MatrixXd inverse = informed.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  const Eigen::MatrixXd inverse = SolveSymmetric(informed, Eigen::MatrixXd::Identity(size, size));
   Eigen::MatrixXd covariance = variance * scale.asDiagonal() * inverse * scale.asDiagonal();
   for (Eigen::Index i = 0; i < size; ++i) {
     if (scale[i] == 0) covariance(i, i) = range[i] * range[i];  // no more is known than before
@@ -136,7 +138,7 @@ Eigen::VectorXd BoundedStep(const NormalEquations& equations, const FitBounds& b
       matrix(i, i) = 1.0;
       right[i] = step[i];
     }
-    const Eigen::VectorXd solved = matrix.ldlt().solve(right);
+    const Eigen::VectorXd solved = SolveSymmetric(matrix, right);
     if (!solved.allFinite()) return Eigen::VectorXd::Zero(size);
     bool again = false;
     for (Eigen::Index i = 0; i < size; ++i) {

@@ -9,6 +9,7 @@
 #include "hal/angles.h"
 #include "pipeline/fit/normal_equations.h"
 #include "pipeline/fit/surface_sums.h"
+#include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
@@ -107,7 +108,7 @@ class PassFit {
     const Joint before = Linearize(parameters, SpineOf(tube.program, tube.X_WT, easing), 0);
     Joint joint = before;
     for (int i = 0; i < kRegistration.steps; ++i) {
-      const Eigen::VectorXd step = joint.matrix.ldlt().solve(joint.right);
+      const Eigen::VectorXd step = SolveSymmetric(joint.matrix, joint.right);
       if (!step.allFinite()) return false;
       const int n = parameters.size();
       const Eigen::VectorXd to = bounds.Inside(parameters.Initial() + step.head(n));
@@ -241,8 +242,8 @@ class PassFit {
   void SetCovariance(const Joint& joint, const TubeParameters& parameters) {
     const int n = parameters.size();
     const double variance = joint.squares / std::max(1.0, joint.weight);
-    const Eigen::MatrixXd together = joint.matrix.inverse().topLeftCorner(n, n);
-    const Eigen::MatrixXd alone = joint.matrix.topLeftCorner(n, n).inverse();
+    const Eigen::MatrixXd together = Inverse(joint.matrix).topLeftCorner(n, n);
+    const Eigen::MatrixXd alone = Inverse(joint.matrix.topLeftCorner(n, n));
     covariance_ = variance * (together - alone);
   }
 

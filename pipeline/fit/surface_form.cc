@@ -10,6 +10,7 @@
 
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/circle_sectors.h"
+#include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
@@ -119,8 +120,8 @@ class LongBends {
         right += off_mm * row;
       }
       const Matrix full = matrix.selfadjointView<Eigen::Lower>();
-      covariance_ = full.inverse() * noise_mm * noise_mm;
-      numbers_ = full.ldlt().solve(right);
+      covariance_ = Inverse(full) * noise_mm * noise_mm;
+      numbers_ = SolveSymmetric(full, right);
     }
   }
 
@@ -137,7 +138,8 @@ class LongBends {
           at(i)[2] * numbers_.segment<2>(4) + at(i)[3] * numbers_.segment<2>(6);
       spread += off * off.transpose();
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(spread);
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+    eigen.computeDirect(spread);
     const Eigen::Vector2d direction = eigen.eigenvectors().col(1);
     Eigen::Vector4d low = Eigen::Vector4d::Zero(), high = Eigen::Vector4d::Zero();
     double lowest = 1e300, highest = -1e300;
@@ -180,7 +182,7 @@ class Sides {
       matrix += count_[i] * Of(i) * Of(i).transpose();
       right += sum_mm_[i] * Of(i);
     }
-    const Eigen::Vector3d across = matrix.ldlt().solve(right);
+    const Eigen::Vector3d across = SolveSymmetric(matrix, right);
     double beyond_mm2 = 0, sides = 0;
     for (std::size_t i = 0; i < kSides; ++i) {
       if (count_[i] < kForm.least_of_side) continue;

@@ -47,7 +47,8 @@ class Squares {
  public:
   void Add(const LateralPlace& place, double noise_mm2) {
     if (place.samples < kLateral.few_samples) return;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(place.information);
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
+    eigen.computeDirect(place.information);
     for (const int i : {0, 1}) {
       const double information = eigen.eigenvalues()[i];
       if (information < kLateral.known_direction * eigen.eigenvalues()[1]) continue;

@@ -9,6 +9,7 @@
 
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/tube_parameters.h"
+#include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -96,8 +97,9 @@ std::vector<TubePiece> PiecesOf(const std::vector<hal::SpineSegment>& segments,
 // plane from here on), and a straight may stand in it.
 constexpr int kArcModes = 4;
 using Modes = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kArcModes>;
-using ModeMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kArcModes, kArcModes>;
-using ModeVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kArcModes, 1>;
+// Of a line's two modes the first two: the others are 0, as of modes that no sample feels.
+using ModeMatrix = Eigen::Matrix<double, kArcModes, kArcModes>;
+using ModeVector = Eigen::Matrix<double, kArcModes, 1>;
 
 Modes ModesAt(const hal::SpineSegment& segment, double along_mm, const Eigen::Vector3d& origin) {
   const Eigen::Vector3d at = segment.PointAt(along_mm);
@@ -150,13 +152,13 @@ class ScaledEquations {
 // Where the squared distances are least, of what the samples feel.
 ModeVector LeastStep(const ModeMatrix& free, const ModeVector& pull) {
   const ModeVector size = free.diagonal().cwiseMax(1e-30).cwiseSqrt().cwiseInverse();
-  Eigen::SelfAdjointEigenSolver<ModeMatrix> eigen(free.rows());
-  eigen.compute(size.asDiagonal() * free * size.asDiagonal());
+  const EigenSystem eigen = SymmetricEigen(size.asDiagonal() * free * size.asDiagonal());
   const ModeVector inverse =
-      (eigen.eigenvalues().array() > kScore.hardly_felt)
-          .select(eigen.eigenvalues().cwiseMax(kScore.negligible).cwiseInverse(), 0.0);
-  return -(size.asDiagonal() * eigen.eigenvectors() * inverse.asDiagonal() *
-           eigen.eigenvectors().transpose() * size.asDiagonal() * pull);
+      (eigen.values.array() > kScore.hardly_felt)
+          .select(eigen.values.cwiseMax(kScore.negligible).cwiseInverse(), 0.0);
+  const ModeVector along = eigen.vectors.transpose() * pull.cwiseProduct(size);
+  const ModeVector step = eigen.vectors * inverse.cwiseProduct(along);
+  return -step.cwiseProduct(size);
 }
 
 class MissingBendScore {
@@ -190,11 +192,14 @@ class MissingBendScore {
     for (const BendPlace& place : places) {
       const auto of_place = cross.middleCols(place.column, place.modes.cols());
       const Suffix& rest = suffix_[place.piece];
-      all.push_back(
-          BendAt(place,
-                 place.modes.transpose() * rest.information * place.modes -
-                     of_place.transpose() * answers.middleCols(place.column, place.modes.cols()),
-                 place.modes.transpose() * rest.slope - of_place.transpose() * at_rest));
+      const Eigen::Index modes = place.modes.cols();
+      ModeMatrix free = ModeMatrix::Zero();
+      free.topLeftCorner(modes, modes) =
+          Eigen::MatrixXd(place.modes.transpose() * rest.information * place.modes) -
+          of_place.transpose() * answers.middleCols(place.column, modes);
+      ModeVector pull = ModeVector::Zero();
+      pull.head(modes) = place.modes.transpose() * rest.slope - of_place.transpose() * at_rest;
+      all.push_back(BendAt(place, free, pull));
     }
     return all;
   }
