@@ -17,6 +17,8 @@
 namespace bendloop::drivers {
 namespace {
 
+constexpr int kShortestFrame = 4;  // bytes; fewer are a line's noise when it switches its direction
+
 class RtuCarrier final : public ModbusCarrier {
  public:
   RtuCarrier(const hal::RegisterMap& map, const ModbusBenderOptions& options, hal::Clock& clock)
@@ -34,7 +36,16 @@ class RtuCarrier final : public ModbusCarrier {
 
  protected:
   int socket() const override { return context_.socket(); }
-  void Close() override { context_.Close(); }
+  // Bytes that wait now were not asked for by us: a second answer, or another master's question or
+  // answer. What may still come after them could be taken for ours.
+  void Close() override {
+    int pending = 0;
+    const int line = context_.socket();
+    if (line >= 0 && ioctl(line, FIONREAD, &pending) == 0 && pending >= kShortestFrame) {
+      quiet_at_ = clock_.Now() + response_timeout_;
+    }
+    context_.Close();
+  }
 
   hal::Result<void> ReadRange(const RegisterRange& range, std::uint16_t* to) override {
     const auto read = range.space == hal::RegisterSpace::kHolding ? modbus_read_registers

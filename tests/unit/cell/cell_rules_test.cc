@@ -55,6 +55,12 @@ TEST(ServiceTimes, AreThoseOfTheShippedUnit) {
   EXPECT_THAT(unit, HasSubstr("\nWatchdogSec=" + seconds(shipped.watchdog)));
   EXPECT_THAT(unit, HasSubstr("\nTimeoutStopSec=" + seconds(shipped.stop)));
   EXPECT_TRUE(CheckWatchdog(shipped));
+  // What the drivers open: scanners on USB, benders on serial lines.
+  EXPECT_THAT(unit, HasSubstr("\nDevicePolicy=closed\n"));
+  for (const char* device : {"usb_device", "ttyS", "ttyAMA", "ttyUSB", "ttyACM"}) {
+    EXPECT_THAT(unit, HasSubstr("\nDeviceAllow=char-" + std::string(device) + " rw\n"));
+  }
+  EXPECT_THAT(unit, HasSubstr("\nSupplementaryGroups=dialout\n"));
 }
 
 TEST(ServiceTimes, AWatchdogThatACellThatIsWellCannotFeedIsRefused) {

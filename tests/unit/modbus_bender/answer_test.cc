@@ -265,30 +265,50 @@ Bytes Bare(Bytes good) {
 
 INSTANTIATE_TEST_SUITE_P(
     Rtu, RtuAnswer,
-    testing::Values(BadAnswer{"WrongUnit",
-                              [](Bytes good) {
-                                good[0] = 2;
-                                return ScriptedAnswer{WithCrc(Bare(good))};
-                              },
-                              "answer from another unit"},
-                    BadAnswer{"WrongCrc", [](Bytes good) { return Patched(good, 4, 0x55); },
-                              "no valid answer: Invalid CRC"},
-                    BadAnswer{"WrongFunction",
-                              [](Bytes good) {
-                                good[1] = 4;
-                                return ScriptedAnswer{WithCrc(Bare(good))};
-                              },
-                              "no valid answer: Invalid data"},
-                    BadAnswer{"Exception",
-                              [](Bytes) {
-                                return ScriptedAnswer{WithCrc({kUnit, 0x83, 2})};
-                              },
-                              "(function 3): the bender answers exception 2, illegal data address"},
-                    BadAnswer{"FewerRegisters",
-                              [](Bytes) {
-                                return ScriptedAnswer{WithCrc({kUnit, 3, 4, 1, 2, 3, 4})};
-                              },
-                              "no valid answer: Invalid data"}),
+    testing::Values(  // Another master's question to our bender, and its answer: as long as ours.
+        BadAnswer{"AnotherMastersExchange",
+                  [](Bytes good) {
+                    for (const Bytes& heard : {WithCrc({kUnit, 3, 0, 9, 0, 3}),
+                                               WithCrc({kUnit, 3, 6, 9, 9, 9, 9, 9, 9})}) {
+                      good.insert(good.end(), heard.begin(), heard.end());
+                    }
+                    return ScriptedAnswer{good};
+                  },
+                  ""},
+        // The other way round: heard first, it is not ours, and ours is not the next one's.
+        BadAnswer{"AnotherUnitsExchangeFirst",
+                  [](Bytes good) {
+                    Bytes heard = WithCrc({2, 3, 0, 9, 0, 3});
+                    const Bytes answer = WithCrc({2, 3, 6, 9, 9, 9, 9, 9, 9});
+                    heard.insert(heard.end(), answer.begin(), answer.end());
+                    heard.insert(heard.end(), good.begin(), good.end());
+                    return ScriptedAnswer{heard};
+                  },
+                  "bender /dev/pts/"},
+        BadAnswer{"WrongUnit",
+                  [](Bytes good) {
+                    good[0] = 2;
+                    return ScriptedAnswer{WithCrc(Bare(good))};
+                  },
+                  "answer from another unit"},
+        BadAnswer{"WrongCrc", [](Bytes good) { return Patched(good, 4, 0x55); },
+                  "no valid answer: Invalid CRC"},
+        BadAnswer{"WrongFunction",
+                  [](Bytes good) {
+                    good[1] = 4;
+                    return ScriptedAnswer{WithCrc(Bare(good))};
+                  },
+                  "no valid answer: Invalid data"},
+        BadAnswer{"Exception",
+                  [](Bytes) {
+                    return ScriptedAnswer{WithCrc({kUnit, 0x83, 2})};
+                  },
+                  "(function 3): the bender answers exception 2, illegal data address"},
+        BadAnswer{"FewerRegisters",
+                  [](Bytes) {
+                    return ScriptedAnswer{WithCrc({kUnit, 3, 4, 1, 2, 3, 4})};
+                  },
+                  "no valid answer: Invalid data"}),
     NameOf);
 
 }  // namespace
