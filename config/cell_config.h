@@ -103,6 +103,7 @@ struct BenderConfig {
   std::chrono::milliseconds response_timeout{500};
   std::chrono::milliseconds byte_timeout{0};       // between two bytes; 0: response_timeout alone
   std::chrono::milliseconds commit_timeout{5000};  // until the bender acknowledges
+  bool allow_non_atomic = false;  // send to a controller without a commit register, too
 };
 
 struct CorrectionLimits {

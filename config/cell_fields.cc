@@ -89,6 +89,7 @@ void VisitBender(FieldVisitor& v, BenderConfig& bender) {
   Milliseconds(v, "byte_timeout_ms", bender.byte_timeout, 0, 60000);
   Milliseconds(v, "heartbeat_timeout_ms", bender.heartbeat_timeout, 0, 60000);
   Milliseconds(v, "commit_timeout_ms", bender.commit_timeout, 10, 600000);
+  v.Bool("allow_non_atomic", bender.allow_non_atomic);
 }
 
 void VisitCorrection(FieldVisitor& v, CorrectionConfig& correction) {

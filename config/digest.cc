@@ -36,6 +36,7 @@ std::string EffectiveText(const CellConfig& cell) {
                      "bender.response_timeout_ms",
                      "bender.byte_timeout_ms",
                      "bender.commit_timeout_ms",
+                     "bender.allow_non_atomic",
                      "parts_dir",
                      "register_map_file.report",
                      "register_map_file.orders"});

@@ -219,6 +219,24 @@ hal::Result<CellConfig> ParseCell(std::string_view toml, std::string_view name,
   return ParseDocument(toml, name, FileKind::kCell, directory, VisitCell, CheckCell, CellConfig());
 }
 
+namespace {
+
+// Found out on the shop floor otherwise, part after part.
+hal::Result<void> CheckCommitRegister(const CellConfig& cell, const std::string& map_place) {
+  const BenderConfig& bender = cell.bender;
+  const bool sends = bender.link != BenderKind::kNone && cell.correction.enabled;
+  if (!sends || bender.register_map.commit || bender.allow_non_atomic) return {};
+  return hal::Fail(
+      hal::ErrorKind::kBadInput,
+      map_place +
+          ": found a map without a commit register, with which no program can be exchanged in one "
+          "step: every correction would be refused; expected 'commit' in the map, or, with the "
+          "weaker guarantee of drivers/README.md (\"A PLC without a commit register\"), "
+          "allow_non_atomic = true in [bender], or enabled = false in [correction]");
+}
+
+}  // namespace
+
 hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
   const hal::Result<std::string> text = ReadTextFile(file);
   if (!text) return hal::Fail(text.error());
@@ -271,9 +289,9 @@ hal::Result<CellConfig> LoadCell(const std::filesystem::path& file) {
     }
   }
   if (!problems.empty()) return hal::Fail(hal::ErrorKind::kBadInput, problems);
-  if (hal::Result<void> fits = FitMap(cell->bender, dictionary, map_place); !fits) {
-    return hal::Fail(fits.error());
-  }
+  hal::Result<void> fits = FitMap(cell->bender, dictionary, map_place);
+  if (fits) fits = CheckCommitRegister(*cell, map_place);
+  if (!fits) return hal::Fail(fits.error());
   if (hal::Result<void> together = CheckTogether(*cell, tubes_place); !together) {
     return hal::Fail(together.error());
   }

@@ -116,6 +116,7 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.interlocks.oldest_session_s = locks.max_session_age_s;
 
   plan.commit.reply_timeout = cell.bender.commit_timeout;
+  plan.commit.allow_non_atomic = cell.bender.allow_non_atomic;
   return plan;
 }
 

@@ -341,6 +341,27 @@ TEST_F(CellFiles, CountedTubesNeedACountInTheMap) {
   EXPECT_TRUE(LoadCell(Write("cell.toml", With(toml, "counted", "auto"))));
 }
 
+// Every correction would be refused: said before the first, and not part after part.
+TEST_F(CellFiles, AMapWithoutACommitRegisterMustBeAllowed) {
+  std::string map = ReadAll(ShippedConfig() / "register-maps/default.toml");
+  const std::size_t commit = map.find("\nsequence       = { address = 2000");
+  ASSERT_NE(commit, std::string::npos);
+  Write("map.toml", map.erase(commit + 1, map.find('\n', commit + 1) - commit));
+  Write("part.toml", ReadAll(ShippedConfig() / "parts/demo.toml"));
+  const std::string bender = "link = \"modbus-tcp\"\nregister_map = \"map.toml\"";
+  const std::string toml = With(kMinimal, "link = \"none\"", bender);
+  const auto refused = LoadCell(Write("cell.toml", toml));
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message,
+              AllOf(HasSubstr("cell.toml:8: key 'bender.register_map'"),
+                    HasSubstr("without a commit register"), HasSubstr("allow_non_atomic = true")));
+  const auto allowed =
+      LoadCell(Write("cell.toml", With(toml, bender, bender + "\nallow_non_atomic = true")));
+  ASSERT_TRUE(allowed) << allowed.error().message;
+  EXPECT_TRUE(allowed->bender.allow_non_atomic);
+  EXPECT_TRUE(LoadCell(Write("cell.toml", toml + "[correction]\nenabled = false\n")));
+}
+
 TEST_F(CellFiles, ValidateSaysWhatAFileIs) {
   const auto other = ValidateFile(Write("other.toml", "schema = \"bendloop.cel/1\"\n"));
   ASSERT_FALSE(other);
