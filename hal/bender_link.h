@@ -34,6 +34,8 @@ class BenderLink {
   // The program that the bender would bend now, as it holds it. Values come rounded to the
   // carrier's resolution.
   virtual Result<ProgramBlock> ReadActive() = 0;
+  // The same, whether or not its crc fits its rows; the crc is the controller's.
+  virtual Result<ProgramBlock> ReadActiveAsItStands() { return ReadActive(); }
   // `program` as the carrier would give it back: rounded to its resolution, with the crc that the
   // carrier's encoding gives. kBadInput if a value does not fit (names row and value).
   virtual Result<ProgramBlock> Encode(const ProgramBlock& block) = 0;

@@ -107,6 +107,10 @@ class RegisterBender final : public hal::BenderLink {
     return block;
   }
 
+  hal::Result<hal::ProgramBlock> ReadActiveAsItStands() override {
+    return ReadProgram(map_.active, 0);
+  }
+
   hal::Result<hal::ProgramBlock> Encode(const hal::ProgramBlock& block) override {
     if (auto ok = CheckRegisterMap(map_); !ok) return hal::Fail(ok.error());
     if (auto ok = EncodeProgram(map_, map_.staging, block, image_); !ok) {
@@ -130,6 +134,13 @@ class RegisterBender final : public hal::BenderLink {
       return hal::Fail(Named(ok.error()));
     }
     if (auto ok = carrier_->Write({RangeOf(map_.staging.row_count)}, image_); !ok) return ok;
+    // Rows that change under a count that it did not take could be bent.
+    if (auto ok = carrier_->Read({RangeOf(map_.staging.row_count)}, image_); !ok) return ok;
+    const auto taken = GetInteger(map_, map_.staging.row_count, "row_count", image_);
+    if (!taken || *taken != 0) {
+      return hal::Fail(Named({ErrorKind::kDevice, PlaceOf(map_.staging.row_count) +
+                                                      ": row count 0 was written and not kept"}));
+    }
     return carrier_->Write(ranges, image_);
   }
 

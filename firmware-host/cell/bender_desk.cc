@@ -55,6 +55,11 @@ class BenderDesk::ObservedLink final : public hal::BenderLink {
     has_state_ = false;
     return active;
   }
+  // Not for the ledger: what has no crc that fits has bent nothing yet.
+  hal::Result<hal::ProgramBlock> ReadActiveAsItStands() override {
+    has_state_ = false;
+    return Go().ReadActiveAsItStands();
+  }
   hal::Result<hal::ProgramBlock> Encode(const hal::ProgramBlock& block) override {
     return link_->Encode(block);
   }
@@ -146,6 +151,7 @@ BenderReading BenderDesk::Read() {
   auto active = link_->ReadActive();
   if (!active) return {std::nullopt, active.error().message};
   if (!ledger_problem_.empty()) return {std::nullopt, ledger_problem_};
+  if (!options_.read_only) protocol_->ObserveActive(*active);
   return {pipeline::BenderFacts{*state, std::move(*active)}, ""};
 }
 
@@ -262,6 +268,18 @@ std::optional<CommitAttempt> BenderDesk::LastAttempt() const {
   const auto last = journal_.Last();
   if (!last || !*last || (*last)->step != CommitStep::kCommitted) return std::nullopt;
   return **last;
+}
+
+std::string BenderDesk::Locked() const {
+  const std::lock_guard lock(mutex_);
+  if (protocol_) return protocol_->Locked();
+  const auto open = journal_.OpenBreach();
+  return open && *open ? **open : "";
+}
+
+hal::Result<void> BenderDesk::Acknowledge(const std::string& who) {
+  const std::lock_guard lock(mutex_);
+  return protocol_ ? protocol_->Acknowledge(who) : journal_.Acknowledge(who);
 }
 
 unsigned BenderDesk::LargestPartNumber() const {

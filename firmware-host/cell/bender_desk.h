@@ -94,6 +94,9 @@ class BenderDesk {
   std::optional<CommitAttempt> LastAttempt() const;
   // 7 when "part-0007" is the last scan that the journal knows.
   unsigned LargestPartNumber() const;
+  // The bender broke a rule and nobody has acknowledged: nothing is sent. Empty: it may be.
+  std::string Locked() const;
+  hal::Result<void> Acknowledge(const std::string& who);
   // Takes over the number of a recorded run.
   void NoteSequence(std::uint32_t sequence);
 

@@ -28,9 +28,10 @@ hal::Result<void> CheckWatchdog(const ServiceTimes& service) {
 std::string WhyStopIsTooShort(const config::CellConfig& cell, const ServiceTimes& service) {
   const config::BenderConfig& bender = cell.bender;
   if (bender.link == config::BenderKind::kNone) return "";
-  // The acknowledgement, then what is active and what disarms the commit, each at the last moment.
+  // The answer, then what is active (asked twice where its crc does not fit) and what makes the
+  // commit void, each at the last moment.
   const std::chrono::nanoseconds commit =
-      bender.connect_timeout + bender.commit_timeout + 3 * bender.response_timeout;
+      bender.connect_timeout + bender.commit_timeout + 5 * bender.response_timeout;
   const std::chrono::nanoseconds all = commit + kLastWrites;
   if (all <= service.stop) return "";
   return "a stop in the middle of a commit may last " + MsText(all) +

@@ -15,6 +15,7 @@ namespace bendloop::host {
 // chose it, parsing sets `run` to what does the work and returns the exit code.
 using Run = std::function<int()>;
 
+CLI::App* AddAcknowledgeCommand(CLI::App& app, Run& run);
 CLI::App* AddCheckCommand(CLI::App& app, Run& run);
 CLI::App* AddDemoCommand(CLI::App& app, Run& run);
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run);

@@ -55,6 +55,7 @@ int Main(int argc, char** argv) {
   AddLotCommand(app, run);
   AddUndoCommand(app, run);
   AddFirstProgramCommand(app, run);
+  AddAcknowledgeCommand(app, run);
   try {
     app.parse(WordsOf(argc, argv));
   } catch (const CLI::ParseError& error) {

@@ -61,6 +61,14 @@ that open to the nominal, straights shorter by what their bends will add. Sendin
 protocol, to an idle bender that holds a program of this part; a new lot begins.
 Exit codes: 1 refused, nothing was sent; 3 a bad file; 4 no answer from daemon or bender.)";
 
+constexpr const char* kAcknowledgeFooter = R"(
+Examples:
+  bendloop acknowledge --config cell.toml
+
+Somebody has seen the alarms. A bender that was seen to break a rule of drivers/README.md gets no
+program from then on, restarts or not: look at what it holds, have its PLC mended, then acknowledge.
+Exit codes: 3 a bad file; 4 no answer from the daemon.)";
+
 int Tell(const SetterAnswer& answer, bool json) {
   if (answer.error && !json) return Report({*answer.error, answer.text});
   const int code = answer.error ? hal::ExitCode(*answer.error) : 0;
@@ -283,6 +291,18 @@ CLI::App* AddUndoCommand(CLI::App& app, Run& run) {
   AddPatience(command, arguments);
   command->callback(
       [arguments, &run] { run = [arguments] { return Ask(SetterWish::kUndo, *arguments); }; });
+  return command;
+}
+
+CLI::App* AddAcknowledgeCommand(CLI::App& app, Run& run) {
+  auto arguments = std::make_shared<SetterArguments>();
+  CLI::App* command = app.add_subcommand("acknowledge", "Send corrections again after an alarm");
+  command->footer(kAcknowledgeFooter);
+  AddConfig(command, arguments);
+  AddPatience(command, arguments);
+  command->callback([arguments, &run] {
+    run = [arguments] { return Ask(SetterWish::kAcknowledge, *arguments); };
+  });
   return command;
 }
 

@@ -64,6 +64,50 @@ hal::Result<void> CommitJournal::NoteSequence(std::uint32_t sequence) {
   return database_.Transact(kWriting, [&] { return InsertSequence(database_, sequence); });
 }
 
+hal::Result<void> CommitJournal::NoteVoid(std::uint32_t sequence) {
+  return database_.Transact(kWriting, [&]() -> hal::Result<void> {
+    if (auto done = InsertSequence(database_, sequence); !done) return done;
+    return Write(database_, "INSERT INTO void(sequence) VALUES(?)", database_.last_id());
+  });
+}
+
+hal::Result<bool> CommitJournal::IsVoid(std::uint32_t sequence) const {
+  auto query = database_.Prepare(
+      "SELECT 1 FROM void WHERE sequence = (SELECT max(id) FROM sequence WHERE number = ?)");
+  if (!query) return hal::Fail(query.error());
+  query->Bind(sequence);
+  const Outcome outcome = query->Step();
+  if (outcome == Outcome::kFailed) return hal::Fail(database_.Failed(kReading));
+  return outcome == Outcome::kRow;
+}
+
+hal::Result<void> CommitJournal::NoteBreach(const std::string& cause, const std::string& detail) {
+  return database_.Transact(kWriting, [&] {
+    return Write(database_, "INSERT OR IGNORE INTO breach(unix_ms, cause, detail) VALUES(?, ?, ?)",
+                 UnixMilliseconds(), cause, detail);
+  });
+}
+
+hal::Result<std::optional<std::string>> CommitJournal::OpenBreach() const {
+  auto query = database_.Prepare(
+      "SELECT detail FROM breach WHERE id > (SELECT ifnull(max(breach), 0) FROM acknowledgement)"
+      " ORDER BY id LIMIT 1");
+  if (!query) return hal::Fail(query.error());
+  const Outcome outcome = query->Step();
+  if (outcome == Outcome::kEnd) return std::nullopt;
+  if (outcome != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
+  return std::string(query->Text(0));
+}
+
+hal::Result<void> CommitJournal::Acknowledge(const std::string& who) {
+  return database_.Transact(kWriting, [&] {
+    return Write(database_,
+                 "INSERT INTO acknowledgement(unix_ms, breach, who)"
+                 " SELECT ?, ifnull(max(id), 0), ? FROM breach",
+                 UnixMilliseconds(), who);
+  });
+}
+
 hal::Result<std::optional<CommitAttempt>> CommitJournal::Last() const {
   auto query = database_.Prepare(
       "SELECT attempt.id, session, base, next, step.step, step.detail FROM attempt"

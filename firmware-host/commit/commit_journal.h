@@ -55,6 +55,17 @@ class CommitJournal {
   hal::Result<std::uint32_t> LastSequence() const;
   // Notes a sequence number that was used outside an attempt.
   hal::Result<void> NoteSequence(std::uint32_t sequence);
+  // The same for what is staged to be never committed: it makes an earlier commit void.
+  hal::Result<void> NoteVoid(std::uint32_t sequence);
+  // Was the number given out for this, the last time that it was given out?
+  hal::Result<bool> IsVoid(std::uint32_t sequence) const;
+
+  // The bender was seen to break a rule. Each cause counts once, however often it is seen.
+  hal::Result<void> NoteBreach(const std::string& cause, const std::string& detail);
+  // The first breach since somebody acknowledged, in words; nullopt: none, programs may be sent.
+  hal::Result<std::optional<std::string>> OpenBreach() const;
+  // Of all breaches so far.
+  hal::Result<void> Acknowledge(const std::string& who);
 
  private:
   explicit CommitJournal(drivers::Database database) : database_(std::move(database)) {}

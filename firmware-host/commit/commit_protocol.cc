@@ -39,6 +39,13 @@ std::string Rejection(const hal::BenderState& state) {
          " (see the bender's manual)";
 }
 
+std::string WhyLocked(const std::string& breach) {
+  return "nothing was sent: corrections are locked since the bender broke a rule of "
+         "drivers/README.md, " +
+         breach +
+         "; look at the program that it holds, have the PLC mended, then 'bendloop acknowledge'";
+}
+
 }  // namespace
 
 CommitProtocol::CommitProtocol(hal::BenderLink& link, CommitJournal& journal, hal::Clock& clock,
@@ -53,6 +60,7 @@ void CommitProtocol::Observe(const hal::BenderState& state) {
 CommitReport CommitProtocol::Commit(const CommitRequest& request) {
   if (auto refusal = CheckBefore(request)) return *refusal;
   if (auto refusal = CheckUnchanged(request.base)) return *refusal;
+  if (const std::string locked = Locked(); !locked.empty()) return Refused(WhyLocked(locked));
 
   CommitAttempt attempt{0, request.session, request.base, {}, CommitStep::kBegun, ""};
   const auto sequence = FreshSequence();
@@ -67,25 +75,37 @@ CommitReport CommitProtocol::Commit(const CommitRequest& request) {
   const auto id = journal_.Begin(attempt);
   if (!id) return Refused("nothing was sent: " + id.error().message);
   attempt.id = *id;
-  // Without a commit register staging has touched the active program: look what is left of it.
-  const auto stop = [&](const CommitReport& report) {
-    return info_.atomic_commit ? Finish(attempt, report) : Settle(attempt, report.reason);
-  };
-  if (auto refusal = StageAndVerify(attempt)) return stop(*refusal);
+  facts_ = {};
+  if (auto refusal = StageAndVerify(attempt)) return StopBefore(attempt, *refusal);
 
   // Whatever happened on the shop floor while we staged: look again, then commit at once.
   const auto state = link_.ReadState();
-  if (!state) return stop(Failed(state.error().message));
-  if (const std::string why = WhyNotReady(*state); !why.empty()) return stop(NotNow(Refused(why)));
+  if (!state) return StopBefore(attempt, Failed(state.error().message));
+  if (const std::string why = WhyNotReady(*state); !why.empty()) {
+    return StopBefore(attempt, NotNow(Refused(why)));
+  }
   if (info_.atomic_commit) {
-    if (auto refusal = CheckUnchanged(request.base)) return Finish(attempt, *refusal);
+    if (auto refusal = CheckUnchanged(request.base)) return StopBefore(attempt, *refusal);
   }
   if (auto ok = journal_.Append(attempt.id, CommitStep::kCommitting, ""); !ok) {
-    return stop(Refused("the commit was not sent: " + ok.error().message));
+    return StopBefore(attempt, Refused("the commit was not sent: " + ok.error().message));
   }
   attempt.step = CommitStep::kCommitting;
+  facts_.committed = true;
   const auto written = link_.Commit(attempt.next.sequence);
   return AwaitReply(attempt, written ? "" : written.error().message);
+}
+
+// The commit was not written. A bender that keeps the rules holds the old program still; what is
+// left in staging is made the old program's, for one that does not.
+CommitReport CommitProtocol::StopBefore(const CommitAttempt& attempt, CommitReport report) {
+  // Without a commit register staging has touched the active program: look what is left of it.
+  if (!info_.atomic_commit) return Settle(attempt, report.reason);
+  if (const auto active = LookAtActive(attempt); active && facts_.activated) {
+    return Settle(attempt, report.reason);
+  }
+  (void)Disarm(attempt);
+  return Finish(attempt, std::move(report));
 }
 
 CommitProtocol::Refusal CommitProtocol::CheckBefore(const CommitRequest& request) {
@@ -140,6 +160,7 @@ CommitProtocol::Refusal CommitProtocol::CheckAlive(hal::BenderState& state) {
 CommitProtocol::Refusal CommitProtocol::CheckUnchanged(const hal::ProgramBlock& base) {
   const auto active = link_.ReadActive();
   if (!active) return NotNow(Failed(active.error().message));
+  ObserveActive(*active);
   if (*active == base) return std::nullopt;
   CommitReport report = Refused("other program active: the part was bent by " + Describe(base) +
                                 "; the bender now holds " + Describe(*active) + " (" +
@@ -170,88 +191,176 @@ hal::Result<std::uint32_t> CommitProtocol::FreshSequence() {
       info_.max_sequence);
 }
 
+void CommitProtocol::NoteAnswer(const CommitAttempt& attempt, const hal::BenderState& state) {
+  if (state.reply_sequence != attempt.next.sequence || state.reply == hal::CommitReply::kNone) {
+    return;
+  }
+  facts_.answer = state.reply;
+  facts_.reply_code = state.reply == hal::CommitReply::kRejected ? state.reply_code : 0;
+}
+
+hal::Result<hal::ProgramBlock> CommitProtocol::LookAtActive(const CommitAttempt& attempt) {
+  const auto note = [&](const hal::ProgramBlock& active) {
+    const bool is_void = journal_.IsVoid(active.sequence).value_or(false) &&
+                         active.sequence != attempt.base.sequence;
+    NoteActive(active, attempt.base, attempt.next, is_void, facts_);
+  };
+  auto active = link_.ReadActive();
+  if (active) {
+    note(*active);
+    return active;
+  }
+  // It did not answer, or what it holds does not fit its crc: is it ours, spoiled?
+  auto raw = link_.ReadActiveAsItStands();
+  if (!raw) return active;
+  CommitFacts before = facts_;
+  note(*raw);
+  if (facts_.read_back == ReadBack::kSpoiled) {
+    facts_.difference += " (and its crc does not fit its rows)";
+    return raw;
+  }
+  facts_ = before;
+  return active;
+}
+
 CommitReport CommitProtocol::AwaitReply(const CommitAttempt& attempt, std::string why) {
   const auto deadline = clock_.Now() + options_.reply_timeout;
   for (;;) {
     const auto state = link_.ReadState();
     if (!state) why = state.error().message;
-    const bool answered = state && state->reply_sequence == attempt.next.sequence &&
-                          state->reply != hal::CommitReply::kNone;
-    if (answered || (state && !info_.atomic_commit)) {
-      const auto active = link_.ReadActive();
+    if (state) NoteAnswer(attempt, *state);
+    const bool answered = facts_.answer != hal::CommitReply::kNone;
+    if (state && (answered || !info_.atomic_commit)) {
+      const auto active = LookAtActive(attempt);
       if (!active) why = active.error().message;
       if (active && *active == attempt.next) {
         return Finish(attempt, {CommitOutcome::kCommitted, "", 0, *active});
       }
-      if (active && answered && state->reply == hal::CommitReply::kRejected &&
-          *active == attempt.base) {
+      if (active && *active == attempt.base) {
         // Not left in staging, where a repeated commit could still find it.
-        return Settle(attempt, Rejection(*state), CommitOutcome::kRefused);
+        if (facts_.answer == hal::CommitReply::kRejected) {
+          return Settle(attempt, Rejection(*state), CommitOutcome::kRefused);
+        }
+        facts_.answered_early = answered;
       }
     }
     if (clock_.Now() >= deadline) break;
     clock_.SleepFor(options_.poll_period);
   }
-  if (why.empty()) {
-    why = "the bender did not acknowledge the commit within " +
-          std::to_string(options_.reply_timeout.count()) + " ms";
+  const std::string within = " within " + std::to_string(options_.reply_timeout.count()) + " ms";
+  if (!ProvenBreach(facts_).empty()) {
+    why.clear();  // says more
+  } else if (why.empty() && facts_.answer == hal::CommitReply::kNone) {
+    why = "the bender did not answer the commit" + within;
+  } else if (why.empty()) {
+    why = "the bender answered, and the new program did not become active" + within;
   }
   return Settle(attempt, why);
 }
 
 // The commit may have been executed, lost, or may still be on its way. Reads what is active; if it
 // is not the new program, makes sure that it cannot become so later, and looks again.
-CommitReport CommitProtocol::Settle(const CommitAttempt& attempt, const std::string& why,
+CommitReport CommitProtocol::Settle(const CommitAttempt& attempt, std::string why,
                                     CommitOutcome otherwise) {
+  facts_.committed = attempt.step == CommitStep::kCommitting;
   const auto unknown = [&](const std::string& trouble) {
     return CommitReport{CommitOutcome::kUnknown,
-                        why + "; it is not known yet whether the bender holds the old program (" +
+                        why + (why.empty() ? "" : "; ") +
+                            "it is not known yet whether the bender holds the old program (" +
                             Describe(attempt.base) + ") or the new one (" + Describe(attempt.next) +
                             "): " + trouble,
                         attempt.next.sequence,
                         {}};
   };
-  auto active = link_.ReadActive();
+  if (const auto state = link_.ReadState()) NoteAnswer(attempt, *state);
+  auto active = LookAtActive(attempt);
   if (!active) return unknown(active.error().message);
   if (*active != attempt.next && attempt.step == CommitStep::kCommitting && info_.atomic_commit) {
     if (auto ok = Disarm(attempt); !ok) return unknown(ok.error().message);
-    active = link_.ReadActive();
+    active = LookAtActive(attempt);
     if (!active) return unknown(active.error().message);
   }
   CommitReport report{otherwise, why, 0, *active};
+  const auto add = [&](const std::string& text) {
+    report.reason += (report.reason.empty() ? "" : "; ") + text;
+  };
+  const std::string breach = info_.atomic_commit ? ProvenBreach(facts_) : "";
+  if (!breach.empty()) add("the bender broke a rule of drivers/README.md, " + breach);
   if (*active == attempt.next) {
-    report = {CommitOutcome::kCommitted, "", 0, *active};
+    report.outcome = CommitOutcome::kCommitted;
+    if (breach.empty()) report.reason.clear();
   } else if (*active == attempt.base) {
-    report.reason += "; the old program is active (" + Describe(*active) + ")";
+    add("the old program is active (" + Describe(*active) + ")");
   } else if (active->program.rows.empty()) {
-    report.reason +=
-        "; the bender holds a disabled program (row count 0) and will bend nothing: "
-        "load the program at its panel";
+    add("the bender holds a disabled program (row count 0) and will bend nothing: "
+        "load the program at its panel");
   } else {
-    report.reason += "; the bender holds another program (" + Describe(*active) + ")";
+    add("the bender holds another program (" + Describe(*active) + ")");
   }
   return Finish(attempt, report);
 }
 
-// A commit that arrives late names a sequence that is no longer staged, and is rejected.
+// A commit that arrives late names a sequence that is no longer staged, and is rejected; a bender
+// that does not compare finds the old program's own rows.
 hal::Result<void> CommitProtocol::Disarm(const CommitAttempt& attempt) {
   const auto sequence = FreshSequence();
   if (!sequence) return hal::Fail(sequence.error());
-  if (auto ok = journal_.NoteSequence(*sequence); !ok) return ok;
-  hal::ProgramBlock block = attempt.next;  // known to fit
+  if (auto ok = journal_.NoteVoid(*sequence); !ok) return ok;
+  hal::ProgramBlock block = attempt.base;
   block.sequence = *sequence;
+  // A program that was loaded at the panel need not fit; the new one does.
+  const auto encoded = link_.Encode(block);
+  if (!encoded || encoded->program != attempt.base.program) {
+    block = attempt.next;
+    block.sequence = *sequence;
+  }
   return link_.Stage(block);
 }
 
 CommitReport CommitProtocol::Finish(const CommitAttempt& attempt, CommitReport report) {
   report.sequence = attempt.next.sequence;
+  report.facts = facts_;
+  if (info_.atomic_commit) report.breach = ProvenBreach(facts_);
+  if (!report.breach.empty()) {
+    // First, so that no crash loses it.
+    NoteBreach("attempt " + std::to_string(attempt.id), report.breach);
+    if (report.reason.empty()) {
+      report.reason = "the bender broke a rule of drivers/README.md, " + report.breach;
+    }
+  }
   const CommitStep step = report.outcome == CommitOutcome::kCommitted ? CommitStep::kCommitted
                                                                       : CommitStep::kNotCommitted;
-  if (auto ok = journal_.Append(attempt.id, step, report.reason); !ok) {
+  const std::string detail = report.reason + (report.reason.empty() ? "" : "; ") + Describe(facts_);
+  if (auto ok = journal_.Append(attempt.id, step, detail); !ok) {
     // The bender's state is known all the same; the next start asks it again.
     report.reason += (report.reason.empty() ? "" : "; ") + ok.error().message;
   }
   return report;
+}
+
+void CommitProtocol::NoteBreach(const std::string& cause, const std::string& breach) {
+  // A disk that does not take it must not unlock the bender while we live.
+  if (!journal_.NoteBreach(cause, breach)) lost_breach_ = breach;
+}
+
+void CommitProtocol::ObserveActive(const hal::ProgramBlock& active) {
+  if (std::exchange(seen_sequence_, active.sequence) == active.sequence) return;
+  if (!journal_.IsVoid(active.sequence).value_or(false)) return;
+  CommitFacts facts;
+  facts.read_back = ReadBack::kVoid;
+  NoteBreach("void " + std::to_string(active.sequence), ProvenBreach(facts));
+}
+
+std::string CommitProtocol::Locked() const {
+  const auto open = journal_.OpenBreach();
+  if (!open) return open.error().message;
+  return *open ? **open : lost_breach_;
+}
+
+hal::Result<void> CommitProtocol::Acknowledge(const std::string& who) {
+  auto done = journal_.Acknowledge(who);
+  if (done) lost_breach_.clear();
+  return done;
 }
 
 std::optional<CommitReport> CommitProtocol::Resume(std::string* session) {
@@ -271,6 +380,7 @@ std::optional<CommitReport> CommitProtocol::Resume(std::string* session) {
         {}};
   }
   info_ = *info;
+  facts_ = {};
   return Settle(attempt, attempt.step == CommitStep::kCommitting
                              ? "the commit was interrupted"
                              : "interrupted before the commit was sent");

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "firmware-host/commit/commit_facts.h"
 #include "firmware-host/commit/commit_journal.h"
 #include "hal/bend_program.h"
 #include "hal/bender_link.h"
@@ -44,6 +45,8 @@ struct CommitReport {
   // Refused or failed by nothing but the moment: bender not idle, or no answer before anything was
   // sent. The same request may be made again.
   bool may_be_repeated = false;
+  std::optional<CommitFacts> facts = {};  // of a program that was staged at least
+  std::string breach = {};                // the rule that the bender was seen to break; empty: none
 };
 
 const char* Name(CommitOutcome outcome);
@@ -67,6 +70,13 @@ class CommitProtocol {
   // The report's session is in `session`.
   std::optional<CommitReport> Resume(std::string* session = nullptr);
 
+  // Tells of an active program that somebody read: one that was never committed is a breach.
+  void ObserveActive(const hal::ProgramBlock& active);
+
+  // After a breach nothing is sent until somebody acknowledges. The breach in words; empty: none.
+  std::string Locked() const;
+  hal::Result<void> Acknowledge(const std::string& who);
+
  private:
   using Refusal = std::optional<CommitReport>;  // empty: go on
 
@@ -76,16 +86,25 @@ class CommitProtocol {
   Refusal StageAndVerify(const CommitAttempt& attempt);
   hal::Result<std::uint32_t> FreshSequence();
   CommitReport AwaitReply(const CommitAttempt& attempt, std::string why);
-  CommitReport Settle(const CommitAttempt& attempt, const std::string& why,
+  CommitReport Settle(const CommitAttempt& attempt, std::string why,
                       CommitOutcome otherwise = CommitOutcome::kFailed);
+  // What it can still be called before the commit was written.
+  CommitReport StopBefore(const CommitAttempt& attempt, CommitReport report);
   hal::Result<void> Disarm(const CommitAttempt& attempt);
   CommitReport Finish(const CommitAttempt& attempt, CommitReport report);
+  void NoteAnswer(const CommitAttempt& attempt, const hal::BenderState& state);
+  // Reads the active program, and compares it with the attempt's.
+  hal::Result<hal::ProgramBlock> LookAtActive(const CommitAttempt& attempt);
+  void NoteBreach(const std::string& cause, const std::string& breach);
 
   hal::BenderLink& link_;
   CommitJournal& journal_;
   hal::Clock& clock_;
   CommitOptions options_;
   hal::BenderInfo info_;
+  CommitFacts facts_;                // of the attempt that is under way
+  std::string lost_breach_;          // that the journal did not take
+  std::uint32_t seen_sequence_ = 0;  // of the active program, when somebody looked last
   std::optional<std::uint32_t> last_heartbeat_;
   std::optional<std::chrono::nanoseconds> heartbeat_changed_;
 };

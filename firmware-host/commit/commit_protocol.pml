@@ -7,8 +7,27 @@
 // or after its effect, late or repeated, a torn staging, a journal that cannot be written, a crash
 // of ours, a reboot of the bender, a deed of another master.
 //
+// Two benders that break a rule: IGNORES_NUMBER takes whatever is staged, whatever number was committed (in one
+// attempt, without another master: two commits it cannot tell apart), REJECTS_AND_ACTIVATES answers "rejected" to what
+// it takes. The void is the old program's rows, and a breach that was seen locks.
+//
 // holds with: -DFAULTS=3
+// holds with: -DFAULTS=4 -DIGNORES_NUMBER
+// holds with: -DFAULTS=2 -DREJECTS_AND_ACTIVATES
 // fails with: -DFAULTS=3
+
+#ifdef MUTANT_VOID_WITH_NEW_ROWS
+#define IGNORES_NUMBER
+#endif
+#ifdef MUTANT_LOCK_AFTER_THE_END
+#define REJECTS_AND_ACTIVATES
+#endif
+#ifdef IGNORES_NUMBER
+#define ATTEMPTS 1
+#define FITS(number) (staged != NONE)
+#else
+#define FITS(number) (staged == number)
+#endif
 
 #ifndef FAULTS
 #define FAULTS 3
@@ -53,13 +72,15 @@ bool crash, quiet, foreign;
 bool was_sent[NUMBERS];
 bool was_swapped[NUMBERS];
 bool was_denied[NUMBERS];
+byte void_with[NUMBERS];  // the program whose rows the void has; NONE: the old one's
+bool breach_told, locked;  // locked: in the journal
 
 inline Activate(number) {
   d_step {
     if
     :: number != commit_register ->  // acts on a change of the register only
        commit_register = number;
-       accepted = (staged == number && number != SEQUENCE(bends) && bends != OTHER_PART && !busy
+       accepted = (FITS(number) && staged != SEQUENCE(bends) && bends != OTHER_PART && !busy
 #ifndef MUTANT_NO_CRC
                    && !staged_torn
 #endif
@@ -67,10 +88,14 @@ inline Activate(number) {
        if
        :: accepted ->
           assert(!staged_torn);          // never a mixed program
-          assert(!was_swapped[number]);  // never twice
-          assert(!was_denied[number]);   // "not committed" stays true
-          was_swapped[number] = (number > BASE);
-          bends = number;
+          assert(!was_swapped[staged]);  // never twice
+          assert(!was_denied[staged]);   // "not committed" stays true
+          assert(void_with[staged] == NONE || !was_denied[void_with[staged]]);
+          was_swapped[staged] = (staged > BASE);
+          bends = staged;
+#ifdef REJECTS_AND_ACTIVATES
+          accepted = false;
+#endif
 #ifndef MUTANT_STAGED_STAYS
           staged = NONE
 #endif
@@ -172,7 +197,8 @@ Start:
     :: open && !quiet -> goto Settle
     :: open && !quiet -> quiet = true
     :: open && quiet -> assert(!settled); settled = true; goto Settle
-    :: !open && attempts > 0 -> attempts--; goto Attempt
+    :: !open && attempts > 0 && !locked -> attempts--; goto Attempt
+    :: !open && attempts > 0 && locked -> attempts = 0
     :: !open -> goto Quiet
     od;
 
@@ -193,6 +219,7 @@ Attempt:
     :: failed -> goto Start
     :: else
     fi;
+    assert(!breach_told);  // what was told locks
     atomic { open = true; step = begun; next = fresh; last_sequence = fresh };
     Stage(next);
     if
@@ -230,7 +257,11 @@ Attempt:
        atomic {
          answered = (!failed && reply_sequence == next);
          if
-         :: answered && bends == next -> Finish(committed); goto Start
+         :: answered && bends == next ->
+            if
+            :: !accepted -> goto Breach
+            :: else -> Finish(committed); goto Start
+            fi
          :: answered && !accepted && bends == base ->
 #ifdef MUTANT_LEAVE_STAGED
             Finish(not_committed);
@@ -244,11 +275,21 @@ Attempt:
     :: goto Settle  // the time is up
     od;
 
+Breach:
+#ifndef MUTANT_LOCK_AFTER_THE_END
+    locked = true;
+#endif
+    atomic { Finish(committed); breach_told = !open };
+    locked = true;
+    goto Start;
+
 Settle:
     Read();
     if
     :: failed -> goto Start  // unknown
-    :: !failed && bends == next -> Finish(committed); goto Start
+    :: !failed && bends == next && reply_sequence == next && !accepted -> goto Breach
+    :: !failed && bends == next && (reply_sequence != next || accepted) ->
+       Finish(committed); goto Start
     :: else
     fi;
 #ifndef MUTANT_NO_DISARM
@@ -261,6 +302,9 @@ Settle:
        :: else
        fi;
        last_sequence = fresh;
+#ifdef MUTANT_VOID_WITH_NEW_ROWS
+       void_with[fresh] = next;
+#endif
        Stage(fresh);
        if
        :: failed -> goto Start
@@ -292,7 +336,12 @@ Quiet:
   // After the last fault one look at the bender settles everything.
   atomic {
     if
+#ifdef IGNORES_NUMBER
+    // A commit that comes twice takes the void, too, and brings the old program back.
+    :: !foreign && next != NONE -> assert(step == committed || bends != next)
+#else
     :: !foreign && next != NONE -> assert((step == committed) == (bends == next))
+#endif
     :: else
     fi
   }
@@ -339,6 +388,8 @@ end:
   :: atomic { TROUBLE; foreign = true; bends = OTHER_PART; staged_torn = true }
   :: atomic { TROUBLE; foreign = true; bends = BASE }
   :: atomic { TROUBLE; foreign = true; staged = THEIRS; staged_torn = false }
+#ifndef IGNORES_NUMBER
   :: atomic { TROUBLE; foreign = true; Activate(THEIRS) }
+#endif
   od
 }

@@ -10,7 +10,8 @@ namespace {
 constexpr int kApplicationId = 0x424C434A;       // "BLCJ"
 constexpr std::chrono::seconds kBusyTimeout{2};  // for another process that writes
 
-// Version 2 added the ledger: program, change, tube and scan.
+// Version 2 added the ledger: program, change, tube and scan; version 3 void, breach and
+// acknowledgement.
 constexpr char kSchema[] =
     "CREATE TABLE IF NOT EXISTS attempt(id INTEGER PRIMARY KEY, session TEXT NOT NULL,"
     " base TEXT NOT NULL, next TEXT NOT NULL);"
@@ -25,11 +26,16 @@ constexpr char kSchema[] =
     " count INTEGER, program INTEGER, epoch INTEGER NOT NULL, doubt TEXT NOT NULL);"
     "CREATE TABLE IF NOT EXISTS scan(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
     " session TEXT NOT NULL, tube INTEGER, state TEXT NOT NULL, detail TEXT NOT NULL);"
+    "CREATE TABLE IF NOT EXISTS void(sequence INTEGER PRIMARY KEY);"  // sequence.id
+    "CREATE TABLE IF NOT EXISTS breach(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    " cause TEXT NOT NULL UNIQUE, detail TEXT NOT NULL);"
+    "CREATE TABLE IF NOT EXISTS acknowledgement(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    " breach INTEGER NOT NULL, who TEXT NOT NULL);"
     "CREATE INDEX IF NOT EXISTS attempt_session ON attempt(session);"
     "CREATE INDEX IF NOT EXISTS step_attempt ON step(attempt);"
     "CREATE INDEX IF NOT EXISTS scan_session ON scan(session);"
     "CREATE INDEX IF NOT EXISTS scan_tube ON scan(tube);"
-    "PRAGMA user_version = 2;";
+    "PRAGMA user_version = 3;";
 
 // Whose file it is, and what is missing in it.
 hal::Result<void> CheckOrCreate(const drivers::Database& database) {

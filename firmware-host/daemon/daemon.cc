@@ -99,6 +99,7 @@ class Daemon::Impl {
   void Viewed(const pipeline::LiveView& view);
   void ServePeople();
   void ShowLot();
+  void ShowLock();
 
   const DaemonOptions options_;
   const config::CellConfig cell_;
@@ -162,6 +163,7 @@ hal::Result<void> Daemon::Impl::Prepare() {
 
 // What the last run left open: a commit whose end was not seen, a correction that waited.
 void Daemon::Impl::SettleWhatIsOpen() {
+  ShowLock();
   keeper_.NameAfter(desk_->LargestPartNumber());
   if (const auto settled = desk_->Resume()) {
     alarms_.board().Begin(AlarmCode::kUncleanEnd, settled->session + ": " + settled->report.reason);
@@ -383,6 +385,7 @@ void Daemon::Impl::BenderHeard(const BenderReading& heard) {
 }
 
 void Daemon::Impl::ServePeople() {
+  ShowLock();
   alarms_.Look(board_.Get());
   keeper_.KeepAlarms(alarms_.TakeNews());
   SetterDesk desk({&plan_, desk_.get(), [this] { return keeper_.Lot(); },
@@ -390,11 +393,18 @@ void Daemon::Impl::ServePeople() {
                    store_.requests_log()});
   SetterBox(store_.directory()).Serve([&](const SetterRequest& request) {
     const SetterAnswer answer = desk.Grant(request);
+    if (request.wish == SetterWish::kAcknowledge && !answer.error) alarms_.board().Acknowledge();
     spdlog::warn("{} asked for '{}': {}{}", request.who, Name(request.wish),
                  answer.error ? "refused, " : "", answer.text);
     ShowLot();
     return answer;
   });
+}
+
+// A bender that broke a rule gets nothing before somebody has acknowledged, restarts or not.
+void Daemon::Impl::ShowLock() {
+  const std::string breach = desk_->Locked();
+  if (!breach.empty()) alarms_.board().Begin(AlarmCode::kRulesBroken, breach);
 }
 
 void Daemon::Impl::ShowLot() {

@@ -18,7 +18,8 @@ constexpr std::pair<SetterWish, const char*> kNames[] = {
     {SetterWish::kHoldLot, "lot hold"},
     {SetterWish::kReleaseLot, "lot release"},
     {SetterWish::kUndo, "undo"},
-    {SetterWish::kFirstProgram, "first-program"}};
+    {SetterWish::kFirstProgram, "first-program"},
+    {SetterWish::kAcknowledge, "acknowledge"}};
 
 SetterAnswer No(hal::ErrorKind kind, std::string why) { return {kind, std::move(why)}; }
 SetterAnswer No(const hal::Error& error) { return {error.kind, error.message}; }
@@ -59,6 +60,8 @@ SetterAnswer SetterDesk::Do(const SetterRequest& request) {
       return HoldLot(false);
     case SetterWish::kUndo:
       return Undo(request);
+    case SetterWish::kAcknowledge:
+      return Acknowledge(request);
     case SetterWish::kFirstProgram:
       break;
   }
@@ -127,6 +130,13 @@ SetterAnswer SetterDesk::Undo(const SetterRequest& request) {
   answer.text += held.error ? "; the lot could not be held: " + held.text
                             : "; the lot is held until 'bendloop lot release'";
   return answer;
+}
+
+SetterAnswer SetterDesk::Acknowledge(const SetterRequest& request) {
+  const std::string breach = ports_.desk->Locked();
+  if (auto done = ports_.desk->Acknowledge(request.who); !done) return No(done.error());
+  if (breach.empty()) return {std::nullopt, "acknowledged; no rule was broken, nothing was locked"};
+  return {std::nullopt, "acknowledged, and corrections are sent again; it was: " + breach};
 }
 
 SetterAnswer SetterDesk::SendFirstProgram(const SetterRequest& request) {

@@ -15,8 +15,16 @@
 namespace bendloop::host {
 
 // What a setter asks of the correction.
-enum class SetterWish : std::uint8_t { kNewLot, kHoldLot, kReleaseLot, kUndo, kFirstProgram };
-const char* Name(SetterWish wish);  // "lot new", "lot hold", "lot release", "undo", "first-program"
+enum class SetterWish : std::uint8_t {
+  kNewLot,
+  kHoldLot,
+  kReleaseLot,
+  kUndo,
+  kFirstProgram,
+  kAcknowledge
+};
+// "lot new", "lot hold", "lot release", "undo", "first-program", "acknowledge"
+const char* Name(SetterWish wish);
 std::optional<SetterWish> WishNamed(const std::string& name);
 
 struct SetterRequest {
@@ -52,6 +60,7 @@ class SetterDesk {
   SetterAnswer NewLot();
   SetterAnswer HoldLot(bool held);
   SetterAnswer Undo(const SetterRequest& request);
+  SetterAnswer Acknowledge(const SetterRequest& request);
   SetterAnswer SendFirstProgram(const SetterRequest& request);
   SetterAnswer Send(const SetterRequest& request, const hal::ProgramBlock& base,
                     const hal::BendProgram& program);

@@ -49,6 +49,12 @@ Json BenderJson(const CommitReport& report) {
   Json json = {
       {"outcome", Word(report.outcome)}, {"reason", report.reason}, {"sequence", report.sequence}};
   json["active"] = report.active ? ProgramBlockJson(*report.active) : Json(nullptr);
+  if (report.facts) {
+    json["answer"] = Word(report.facts->answer);
+    json["activated"] = report.facts->activated;
+    json["read_back"] = Word(report.facts->read_back);
+  }
+  if (!report.breach.empty()) json["breach"] = report.breach;
   return json;
 }
 
@@ -58,6 +64,13 @@ CommitReport ReadBender(const JsonReader& json) {
   report.reason = json.TextOr("reason");
   report.sequence = json.At("sequence").Count32();
   if (json.Has("active")) report.active = ReadProgramBlock(json.At("active"));
+  if (json.Has("answer")) {
+    report.facts.emplace();
+    report.facts->answer = ReadWord<hal::CommitReply>(json.At("answer"));
+    report.facts->activated = json.At("activated").Bool();
+    report.facts->read_back = ReadWord<ReadBack>(json.At("read_back"));
+  }
+  report.breach = json.TextOr("breach");
   return report;
 }
 

@@ -60,6 +60,24 @@ struct Words<CommitOutcome> {
 };
 
 template <>
+struct Words<hal::CommitReply> {
+  using E = hal::CommitReply;
+  static constexpr const char* kExpected = "\"none\", \"accepted\" or \"rejected\"";
+  static constexpr std::pair<E, std::string_view> kTable[] = {
+      {E::kNone, "none"}, {E::kAccepted, "accepted"}, {E::kRejected, "rejected"}};
+};
+
+template <>
+struct Words<ReadBack> {
+  using E = ReadBack;
+  static constexpr const char* kExpected =
+      "\"not_read\", \"as_sent\", \"old\", \"spoiled\", \"void\" or \"other\"";
+  static constexpr std::pair<E, std::string_view> kTable[] = {
+      {E::kNotRead, "not_read"}, {E::kAsSent, "as_sent"}, {E::kOld, "old"},
+      {E::kSpoiled, "spoiled"},  {E::kVoid, "void"},      {E::kOther, "other"}};
+};
+
+template <>
 struct Words<pipeline::CorrectionFlag> {
   using E = pipeline::CorrectionFlag;
   static constexpr const char* kExpected = "a flag of a correction, such as \"deadband\"";

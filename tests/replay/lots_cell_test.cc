@@ -181,6 +181,34 @@ TEST(LotsCell, TheFirstProgramIsSentByTheSameProtocol) {
   EXPECT_TRUE(cell.Becomes("/lot/number", 2));
 }
 
+// A bender that says no and does it: told, locked over a restart, and sent to again when somebody
+// has acknowledged.
+TEST(LotsCell, ABenderThatBreaksARuleGetsNothingUntilItIsAcknowledged) {
+  LotCell cell;
+  cell.profile_spacing_mm = 2;
+  cell.StartDaemon();
+  cell.Misbehave("break rejects-and-activates");
+  cell.Next();
+  ASSERT_TRUE(cell.last && cell.last->bender);
+  EXPECT_EQ(cell.last->bender->outcome, host::CommitOutcome::kCommitted) << "it is what it bends";
+  EXPECT_THAT(cell.last->bender->breach, HasSubstr("R15: it rejected the program"));
+  cell.Misbehave("behave");
+  cell.StopDaemon();
+  cell.StartDaemon();
+  EXPECT_TRUE(LiveCell::Until([&] {
+    const auto status = host::FetchStatus(cell.scratch() / "state/status.json");
+    return status && status->dump().find("BL4002") != std::string::npos;
+  }));
+  cell.Next();
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  EXPECT_THAT(cell.last->bender->reason, HasSubstr("corrections are locked"));
+  const Ran seen = cell.Ask("acknowledge");
+  EXPECT_EQ(seen.code, 0) << seen.err;
+  EXPECT_THAT(seen.out, HasSubstr("R15"));
+  cell.Next(-0.8);
+  EXPECT_EQ(cell.bender().commits_accepted(), 2u) << cell.last->bender->reason;
+}
+
 TEST(LotsCell, WithoutADaemonRequestsAreGrantedAtOnce) {
   LotCell cell;
   cell.profile_spacing_mm = 2;

@@ -46,6 +46,9 @@ class FaultyLink final : public hal::BenderLink {
   hal::Result<hal::ProgramBlock> ReadActive() override {
     return Call<hal::ProgramBlock>([&] { return link_.ReadActive(); });
   }
+  hal::Result<hal::ProgramBlock> ReadActiveAsItStands() override {
+    return Call<hal::ProgramBlock>([&] { return link_.ReadActiveAsItStands(); });
+  }
   hal::Result<hal::ProgramBlock> Encode(const hal::ProgramBlock& block) override {
     return link_.Encode(block);  // no exchange with the bender
   }

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <chrono>
 #include <functional>
 #include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "drivers/register_bender/field_codec.h"
@@ -104,9 +106,23 @@ class MemoryBender final : public hal::BenderLink {
   void Deliver(std::uint32_t sequence) {
     Put(*map().commit, sequence);
     memory_.SetState(state_);
-    memory_.HandleCommit(reject_code);
+    if (memory_.AfterWrite(drivers::RangeOf(*map().commit))) memory_.HandleCommit(reject_code);
   }
 
+  // What mutants put off is done when its time has come.
+  void Pass(std::chrono::nanoseconds now) {
+    for (auto& later : memory_.TakeLater()) deeds_.push_back({now + later.after, later.deed});
+    for (std::size_t i = 0; i < deeds_.size();) {
+      if (deeds_[i].first > now) {
+        ++i;
+        continue;
+      }
+      const auto deed = std::move(deeds_[i].second);
+      deeds_.erase(deeds_.begin() + static_cast<std::ptrdiff_t>(i));
+      memory_.SetState(state_);
+      deed(memory_);
+    }
+  }
   void Reboot() { memory_.ClearVolatile(); }
   void SetMode(hal::BenderMode mode) { state_.mode = mode; }
   void CountTube() { ++state_.parts_bent; }
@@ -130,6 +146,8 @@ class MemoryBender final : public hal::BenderLink {
   }
 
   drivers::BenderMemory memory_;
+  std::vector<std::pair<std::chrono::nanoseconds, std::function<void(drivers::BenderMemory&)>>>
+      deeds_;
   hal::BenderState state_{.mode = hal::BenderMode::kIdle};
   std::uint32_t staged_rows_ = 0;
   std::map<std::uint32_t, int> commits_;

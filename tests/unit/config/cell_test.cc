@@ -88,7 +88,7 @@ TEST(Cell, NamesFileLineKeyAndTheNearestKey) {
   EXPECT_THAT(ErrorOf(With(kMinimal, "[bender]", "[bendr]")), HasSubstr("did you mean 'bender'?"));
   EXPECT_THAT(ErrorOf(std::string(kMinimal) + "colour = 1"),
               AllOf(HasSubstr("cell.toml:8: key 'bender.colour': found an unknown key, expected "
-                              "one of baud, byte_timeout_ms, "),
+                              "one of allow_non_atomic, baud, byte_timeout_ms, "),
                     Not(HasSubstr("did you mean"))));
   // The unit forgotten.
   EXPECT_THAT(ErrorOf(std::string(kMinimal) + "commit_timeout = 1"),
