@@ -19,6 +19,7 @@
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
+#include "pipeline/inspection/direction.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/spine/oriented_samples.h"
 #include "pipeline/spine/sample_intake.h"
@@ -108,6 +109,8 @@ class Reconstruction::Impl {
   void LookAround(ApproximatedTube& tube) const;
   // What sits on the ends, and what goes on beyond them.
   void LookBeyondEnds(const TubeEnds& ends, double noise_mm, Measurement& measurement) const;
+  // Whether the rows are certainly not those of the nominal.
+  void SayOtherPart(Measurement& measurement) const;
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
   std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
   PointBlock BlockAt(std::int32_t index, bool all_points) const;
@@ -153,6 +156,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportForm(FindForm(fit, measurement.tube, final.noise_mm, tube->blocks, final.options.reach_mm),
              measurement);
   LookBeyondEnds(ends, final.noise_mm, measurement);
+  SayOtherPart(measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.noise_mm = final.noise_mm;
   timer.Done("ends");
@@ -277,6 +281,14 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     }
     ReportEndForm(at_start, FindEndForm(end, r_mm, noise_mm, near, others), measurement);
   }
+}
+
+void Reconstruction::Impl::SayOtherPart(Measurement& measurement) const {
+  if (!options_.nominal) return;
+  const DirectionMatch match =
+      MatchDirection(*options_.nominal, measurement.tube.program, measurement.sigma, {});
+  if (match.state != DirectionState::kMirrored && match.state != DirectionState::kNoMatch) return;
+  measurement.warnings.push_back(match.message);
 }
 
 LiveView Reconstruction::Impl::View() const {

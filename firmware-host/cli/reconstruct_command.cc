@@ -67,10 +67,11 @@ the end at which the scan began: the nominal's order is in a cell's results.)";
 // The one place where a model and a spine method become a measurement.
 hal::Result<pipeline::Measurement> Measure(const ReconstructArguments& arguments,
                                            const std::optional<hal::BendProgram>& nominal,
+                                           std::optional<double> pipe_radius_mm,
                                            const PointCloud& cloud) {
   using pipeline::TubeModel;
   pipeline::ReconstructionOptions options;
-  options.pipe_radius_mm = arguments.pipe_radius_mm;
+  options.pipe_radius_mm = pipe_radius_mm;
   options.nominal = nominal;
   options.spine_method = arguments.spine_method == "shrinking" ? pipeline::SpineMethod::kShrinking
                                                                : pipeline::SpineMethod::kMls;
@@ -99,7 +100,7 @@ std::string SpineCsv(const pipeline::Measurement& measurement) {
 
 // What the numbers alone do not show: points that are not of this tube, a radius that is not its.
 std::vector<std::string> Doubts(const pipeline::Measurement& measurement,
-                                std::optional<double> given_radius_mm) {
+                                std::optional<double> given_radius_mm, bool is_option) {
   std::vector<std::string> doubts;
   const pipeline::FitQuality& fit = measurement.fit;
   const double radius_mm = measurement.tube.pipe_radius_mm;
@@ -112,8 +113,9 @@ std::vector<std::string> Doubts(const pipeline::Measurement& measurement,
                      Fixed(0.5 * radius_mm, 1) + " mm (half the pipe radius)");
   }
   if (given_radius_mm && std::abs(radius_mm - *given_radius_mm) > kRadiusDoubt * *given_radius_mm) {
-    doubts.push_back("--pipe-radius says " + Fixed(*given_radius_mm, 3) + " mm, the points show " +
-                     Fixed(radius_mm, 3) + " mm");
+    doubts.push_back(
+        (is_option ? "--pipe-radius says " : "another part: the nominal's pipe radius is ") +
+        Fixed(*given_radius_mm, 3) + " mm, the points show " + Fixed(radius_mm, 3) + " mm");
   }
   return doubts;
 }
@@ -140,17 +142,28 @@ int Reconstruct(const ReconstructArguments& arguments) {
   const auto units = UnitsFromName(arguments.units);
   if (!units) return Report(units.error());
   std::optional<hal::BendProgram> nominal;
+  std::optional<double> nominal_radius_mm;
   if (!arguments.part.empty()) {
     const auto part = config::LoadPart(arguments.part);
     if (!part) return Report(part.error());
     auto program = NominalProgram(*part);
     if (!program) return Report(program.error());
     nominal = std::move(*program);
+    nominal_radius_mm = part->pipe_radius_mm;
   }
   auto cloud = ReadCloud(arguments.cloud == "-" ? "/dev/stdin" : arguments.cloud, *units);
   if (!cloud) return Report(cloud.error());
   TellNotes(arguments.cloud, *cloud);
-  auto measurement = Measure(arguments, nominal, *cloud);
+  const std::optional<double> radius_mm =
+      arguments.pipe_radius_mm ? arguments.pipe_radius_mm : nominal_radius_mm;
+  auto measurement = Measure(arguments, nominal, radius_mm, *cloud);
+  // Another part may have another radius, and is to be measured all the same.
+  const auto is_bad = [&] {
+    return !measurement && measurement.error().kind == hal::ErrorKind::kBadInput;
+  };
+  if (is_bad() && nominal_radius_mm && !arguments.pipe_radius_mm) {
+    measurement = Measure(arguments, nominal, std::nullopt, *cloud);
+  }
   if (!measurement) {
     hal::Error error = measurement.error();
     if (error.kind == hal::ErrorKind::kBadInput) {
@@ -158,7 +171,7 @@ int Reconstruct(const ReconstructArguments& arguments) {
     }
     return Report(error);
   }
-  for (std::string& doubt : Doubts(*measurement, arguments.pipe_radius_mm)) {
+  for (std::string& doubt : Doubts(*measurement, radius_mm, arguments.pipe_radius_mm.has_value())) {
     measurement->warnings.push_back(std::move(doubt));
   }
   for (const std::string& warning : measurement->warnings) {

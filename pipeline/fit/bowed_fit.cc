@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "pipeline/fit/bow_shapes.h"
@@ -40,6 +41,8 @@ struct BowedSettings {
   // place alone tells of a number; and [standard deviations] of what noise pulls, which is not
   // counted.
   double leverage = 0.5, noise_sigmas = 2.0;
+  // The tube's straights lie as near to the best-fit lines: [times the highest bow], [of r_P].
+  double near_bows = 6.0, near = 0.1;
   int rounds = 2, steps = 3;
   // [degrees] Bends that have a corner.
   double least_deg = 0.3, most_deg = 160;
@@ -47,9 +50,6 @@ struct BowedSettings {
 constexpr BowedSettings kBowed;
 
 constexpr double kHeld = 1e-9;  // 1 sigma of a number that stays 0
-
-using LocalMatrix = Eigen::Matrix<double, kLocalState, kLocalState>;
-using LocalVector = Eigen::Matrix<double, kLocalState, 1>;
 
 LocalMatrix InformationOf(const CondensedSum& sum) {
   return sum.topLeftCorner<kLocalState, kLocalState>();
@@ -135,25 +135,32 @@ class BowedTube {
   // How much less samples are worth than independent ones: of straights and bends.
   const std::array<double, 2>& worth() const { return worth_; }
 
-  // From the step: parameters of the tube whose straights are best-fit lines.
-  void MoveTo(SurfaceFit& fit) const {
+  // From the step: parameters of the tube whose straights are best-fit lines. False: there is none
+  // near them, as where a slight bend has no corner.
+  bool MoveTo(SurfaceFit& fit) const {
     const Eigen::MatrixXd map = TradeMap();
     const Eigen::VectorXd to = TradeAt(step_);
     SurfaceFit moved = fit;
     moved.tube = parameters_.TubeAt(to);
+    if (FarthestEndMm(moved.tube) > kBowed.near_bows * HighestBow() + kBowed.near * r_mm_) {
+      return false;
+    }
     moved.flattening = parameters_.FlatteningAt(to);
     moved.easing = parameters_.EasingAt(to);
     moved.last_start = derivatives_.back().row(0);
     SetCovariance(map * (noise_mm2_ * inverse_ + Disagreement()) * map.transpose(),
                   options_.free_pipe_radius, moved);
     fit = std::move(moved);
+    return true;
   }
 
-  // The tube stays; what places disagree by makes it less certain.
-  void Doubt(SurfaceFit& fit) const {
+  // The tube stays; what places disagree by makes it less certain, and where it would rather be.
+  void Doubt(bool would_move, SurfaceFit& fit) const {
     const int n = parameters_.size();
-    SetCovariance(fit.covariance + Disagreement().topLeftCorner(n, n), options_.free_pipe_radius,
-                  fit);
+    Eigen::MatrixXd covariance = fit.covariance + Disagreement().topLeftCorner(n, n);
+    const Eigen::VectorXd aside = step_.head(n);
+    if (would_move) covariance += aside * aside.transpose();
+    SetCovariance(std::move(covariance), options_.free_pipe_radius, fit);
   }
 
  private:
@@ -205,25 +212,12 @@ class BowedTube {
     ranks_.clear();
     inverses_.clear();
     for (const PlaceSum& place : places_) {
-      const LocalMatrix information = InformationOf(place.sum);
-      const LocalVector scale = information.diagonal().unaryExpr(
-          [](double d) { return d > 0 ? 1.0 / std::sqrt(d) : 0.0; });
-      const Eigen::SelfAdjointEigenSolver<LocalMatrix> eigen(scale.asDiagonal() * information *
-                                                             scale.asDiagonal());
-      const double least = 1e-6 * eigen.eigenvalues()[kLocalState - 1];
-      LocalVector inverse = LocalVector::Zero();
-      double rank = 0;
-      for (int i = 0; i < kLocalState; ++i) {
-        if (!(eigen.eigenvalues()[i] > least)) continue;
-        inverse[i] = 1.0 / eigen.eigenvalues()[i];
-        rank += 1;
-      }
-      const LocalMatrix turned = scale.asDiagonal() * eigen.eigenvectors();
-      inverses_.push_back(turned * inverse.asDiagonal() * turned.transpose());
-      ranks_.push_back(rank);
+      const PlaceInverse inverse = InverseOf(place.sum);
+      inverses_.push_back(inverse.of_felt);
+      ranks_.push_back(inverse.rank);
       const LocalVector pull = PullOf(place.sum);
       squares_mm2 += place.sum(kLocalState, kLocalState) - pull.dot(inverses_.back() * pull);
-      weight += std::max(0.0, place.sum(kPipeRadiusState, kPipeRadiusState) - rank);
+      weight += std::max(0.0, place.sum(kPipeRadiusState, kPipeRadiusState) - inverse.rank);
     }
     noise_mm2_ = std::max(1e-12, squares_mm2 / std::max(1.0, weight));
   }
@@ -425,6 +419,21 @@ class BowedTube {
     return to;
   }
 
+  // How far the ends of the tube's straights lie beside the best-fit lines, at most.
+  double FarthestEndMm(const hal::Tube& tube) const {
+    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+    const std::vector<Line> lines = LinesAt(step_);
+    double most_mm = 0;
+    for (std::size_t line = 0; line < lines.size(); ++line) {
+      const hal::SpineSegment& straight = segments[2 * line];
+      for (const double along_mm : {0.0, straight.length_mm}) {
+        const Eigen::Vector3d off = straight.PointAt(along_mm) - lines[line].point;
+        most_mm = std::max(most_mm, off.cross(lines[line].direction).norm());
+      }
+    }
+    return most_mm;
+  }
+
   Eigen::VectorXd TradeAt(const Eigen::VectorXd& numbers) const {
     return WithPose(numbers, RowsAt(numbers));
   }
@@ -485,11 +494,10 @@ void FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& option
     const double freedom = static_cast<double>(kBowModes * tube.bows());
     const double more = with_bows - tube.Gain();
     if (round == 0 && more < freedom + kBowed.insist * std::sqrt(2.0 * freedom)) {
-      tube.Doubt(fit);
-      return;
+      return tube.Doubt(false, fit);
     }
     tube.Solve(true);
-    tube.MoveTo(fit);
+    if (!tube.MoveTo(fit)) return tube.Doubt(true, fit);
     if (round == 0) enough = Thinned(blocks, StrideTo(points, kBowed.enough_points));
     wide_mm = kBowed.wide * tube.HighestBow();
   }

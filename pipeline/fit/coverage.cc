@@ -5,12 +5,14 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "pipeline/fit/nearest_lanes.h"
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/math/magnitude_histogram.h"
+#include "pipeline/math/text.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -20,6 +22,8 @@ struct DescriptionSettings {
   double outlier = kNoWeight;
   // [of r_P] So far beyond its ends points are still the tube's: a burr, noise. By trial.
   double margin = 0.2;
+  // [of all points] More outliers are told.
+  double many_outliers = 0.1;
   // Points that are kept for deviations and pictures. By trial.
   std::size_t most_kept = 20'000;
   // [of r_P] Resolution of coverage and spine. Three neighbours tell whether a place is covered, so
@@ -48,6 +52,7 @@ struct Bins {
 struct Description {
   std::vector<std::uint32_t> count;  // by place along the spine
   std::vector<double> sum_mm;        // of their distances
+  std::vector<std::uint32_t> off;    // of points beside the tube, by place
   MagnitudeHistogram magnitudes;
   double sum2_mm2 = 0;
   std::size_t points = 0;
@@ -56,6 +61,7 @@ struct Description {
   void Add(const Description& other) {
     for (std::size_t bin = 0; bin < count.size(); ++bin) {
       count[bin] += other.count[bin];
+      off[bin] += other.off[bin];
       sum_mm[bin] += other.sum_mm[bin];
     }
     magnitudes.Add(other.magnitudes);
@@ -80,6 +86,7 @@ class Describer {
         out_(description) {
     out_.count.assign(bins.count, 0);
     out_.sum_mm.assign(bins.count, 0.0);
+    out_.off.assign(bins.count, 0);
   }
 
   // `index`: of the block's first point among all.
@@ -115,12 +122,16 @@ class Describer {
             : std::clamp(nearest_.Local(c).x[i], frames_[k].low_mm, frames_[k].high_mm);
     const double s = segments_[k].from_start_mm + along_mm;
     const double margin_mm = kDescription.margin * pipe_radius_mm_;
-    if (!(std::abs(d) <= reach_mm_) || s < -margin_mm || s > length_mm_ + margin_mm) return;
+    if (s < -margin_mm || s > length_mm_ + margin_mm) return;
+    const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm_) * inverse_bin_);
+    if (!(std::abs(d) <= reach_mm_)) {
+      if (d < pipe_radius_mm_) ++out_.off[bin];  // further out it is beside another part
+      return;
+    }
     out_.magnitudes.Add(d);
     out_.sum2_mm2 += d * d;
     ++out_.points;
     if (keep) out_.surface.push_back({point, d});
-    const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm_) * inverse_bin_);
     ++out_.count[bin];
     out_.sum_mm[bin] += d;
   }
@@ -165,6 +176,33 @@ void SetDistances(const Description& points, std::size_t all_samples, FitQuality
       points.points == 0 ? 0.0 : std::sqrt(points.sum2_mm2 / static_cast<double>(points.points));
   fit.p95_abs_distance_mm = points.magnitudes.Quantile(0.95);
   fit.median_abs_distance_mm = points.magnitudes.Quantile(0.5);
+}
+
+// More outliers than fliers and a neighbour's edge make are told, with where they lie.
+void SayOutliers(const Bins& bins, const Description& points, Measurement& measurement) {
+  const auto outliers = static_cast<double>(measurement.fit.outliers);
+  const double all = outliers + static_cast<double>(measurement.fit.samples);
+  if (!(outliers > kDescription.many_outliers * all)) return;
+  double beside = 0;
+  for (const std::uint32_t count : points.off) beside += count;
+  std::string where = "away from it: take away what stands about the tube";
+  if (beside > 0.5 * outliers) {
+    // From where to where the middle four fifths of them lie.
+    double before = 0;
+    std::size_t from = bins.count - 1, to = 0;
+    for (std::size_t bin = 0; bin < bins.count; ++bin) {
+      if (before <= 0.9 * beside) to = bin;
+      before += points.off[bin];
+      if (before >= 0.1 * beside) from = std::min(from, bin);
+    }
+    const auto at = [&](std::size_t bin) {
+      return Fixed(std::min(static_cast<double>(bin) * bins.bin_mm, bins.length_mm), 0);
+    };
+    where = "right beside it, from " + at(from) + " to " + at(to + 1) +
+            " mm along it: what is there has another shape, or something touches the tube";
+  }
+  measurement.warnings.push_back(Fixed(100.0 * outliers / all, 0) +
+                                 " % of the points do not lie on the tube, most of them " + where);
 }
 
 // A place is covered when samples lie within a pipe radius along the spine: laser lines further
@@ -223,6 +261,7 @@ void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples
   const Bins bins(spine, tube.pipe_radius_mm);
   Description points = Describe(blocks, spine, tube.pipe_radius_mm, sigma_mm, bins, workers);
   SetDistances(points, all_samples, measurement.fit);
+  SayOutliers(bins, points, measurement);
   SetCoverage(bins, points.count, measurement);
   SetSpine(bins, spine.segments, points, measurement);
   measurement.surface = std::move(points.surface);

@@ -15,6 +15,9 @@ struct EasingSettings {
   double start = 0.3;
   // [sigma] From which on samples insist, as for oval bends.
   double insist = 6.0;
+  // Steps, and what they must have gained by then [variances], for more steps. By trial.
+  int first_steps = 3;
+  double promising = 12.0;
 };
 constexpr EasingSettings kEasingFit;
 
@@ -36,11 +39,19 @@ Easing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> block
   const SurfaceFit sharp = FitSurface(structure.tube, few, options);
   const double start_mm = kEasingFit.start * structure.tube.pipe_radius_mm;
   options.easing.variance_mm2.assign(bends, start_mm * start_mm);
-  const SurfaceFit eased = FitSurface(sharp.tube, few, options);
-  const double gain =
-      CostOf(sharp, eased.sigma_mm, options) - CostOf(eased, eased.sigma_mm, options);
-  return gain > kEasingFit.insist * kEasingFit.insist * eased.design_effect ? eased.easing
-                                                                            : Easing{};
+  const auto gain = [&](const SurfaceFit& eased) {
+    return CostOf(sharp, eased.sigma_mm, options) - CostOf(eased, eased.sigma_mm, options);
+  };
+  // Most tubes' bends are sharp, and the first steps show it.
+  const int most_steps = options.max_steps;
+  options.max_steps = kEasingFit.first_steps;
+  const SurfaceFit first = FitSurface(sharp.tube, few, options);
+  if (gain(first) < kEasingFit.promising * first.design_effect) return {};
+  options.max_steps = most_steps;
+  options.easing = first.easing;
+  const SurfaceFit eased = FitSurface(first.tube, few, options);
+  return gain(eased) > kEasingFit.insist * kEasingFit.insist * eased.design_effect ? eased.easing
+                                                                                   : Easing{};
 }
 
 }  // namespace bendloop::pipeline

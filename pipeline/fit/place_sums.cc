@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/fit/place_sums.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -13,6 +14,7 @@ namespace {
 // Points at a time: what they need stays small, however many there are.
 constexpr std::size_t kPointsOfRound = 32'768;
 constexpr std::size_t kMostRounds = 1024;
+constexpr double kFelt = 1e-6;  // of the direction that points feel most: less is not felt
 
 // Where on the segment a point of its own frame lies.
 double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment) {
@@ -29,6 +31,25 @@ struct PlaceRange {
 };
 
 }  // namespace
+
+PlaceInverse InverseOf(const CondensedSum& sum) {
+  const LocalMatrix information = sum.topLeftCorner<kLocalState, kLocalState>();
+  const LocalVector scale =
+      information.diagonal().unaryExpr([](double d) { return d > 0 ? 1.0 / std::sqrt(d) : 0.0; });
+  const Eigen::SelfAdjointEigenSolver<LocalMatrix> eigen(scale.asDiagonal() * information *
+                                                         scale.asDiagonal());
+  const double least = kFelt * eigen.eigenvalues()[kLocalState - 1];
+  LocalVector inverse = LocalVector::Zero();
+  PlaceInverse result;
+  for (int i = 0; i < kLocalState; ++i) {
+    if (!(eigen.eigenvalues()[i] > least)) continue;
+    inverse[i] = 1.0 / eigen.eigenvalues()[i];
+    result.rank += 1;
+  }
+  const LocalMatrix turned = scale.asDiagonal() * eigen.eigenvectors();
+  result.of_felt = turned * inverse.asDiagonal() * turned.transpose();
+  return result;
+}
 
 std::vector<PlaceSum> SumPlaces(const EasedSpine& spine, std::span<const SegmentFrame> frames,
                                 double pipe_radius_mm, double place_mm,

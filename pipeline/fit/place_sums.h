@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -17,6 +18,16 @@ struct PlaceSum {
   double along_mm = 0;  // of its middle, from the segment's start
   CondensedSum sum = CondensedSum::Zero();
 };
+
+using LocalMatrix = Eigen::Matrix<double, kLocalState, kLocalState>;
+using LocalVector = Eigen::Matrix<double, kLocalState, 1>;
+
+// Of what its points tell of the segment's frame, in the directions that they feel.
+struct PlaceInverse {
+  LocalMatrix of_felt = LocalMatrix::Zero();
+  double rank = 0;
+};
+PlaceInverse InverseOf(const CondensedSum& sum);
 
 // Of all points near the surface, place after place along the spine, each about `place_mm` long.
 // `frames`: of the spine's segments. `sigma_mm` gives the weights.

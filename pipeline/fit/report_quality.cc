@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/math/text.h"
 #include "pipeline/points/input_checks.h"
@@ -28,6 +29,9 @@ struct Doubts {
   double moved = 6.0;
   // [of r_P] 1 sigma of the distances; beyond it only noisy wires are tubes.
   double rough = 0.04;
+  // [of r_P] and [times that of independent points] 1 sigma of the distances, and the variance of
+  // what places have in common: a noisy wire is as rough, but place by place on its surface.
+  double off_together = 0.05, together = 10.0;
 };
 constexpr Doubts kDoubts;
 
@@ -35,6 +39,13 @@ constexpr Doubts kDoubts;
 // `more` where the easing's standard deviation is `usual` pipe radii, and by its fourth power.
 struct EasedSettings {
   double usual = 0.7, more = 0.5;
+  // [of the easing's variance] What its kernel's shape leaves of it where it is a pipe radius long,
+  // and more in bends whose arcs are no longer than the easing is.
+  double part = 0.06, of_short_arcs = 0.5;
+  // The same of bends that have no room to ease further, by this much more of the variance: they
+  // run into each other, and what they ease over is not known.
+  double crowded = 0.5, crowded_from = 1.1;
+  double widest_rad = 2.6;  // of wider bends the corner runs away
 };
 constexpr EasedSettings kEased;
 
@@ -66,30 +77,76 @@ void DoubtBend(std::size_t bend, const std::string& which_straight, Measurement&
                                  "that end again");
 }
 
+// 1 sigma of a bend's arc [mm] that easings leave. Smoothed curvature tells the arc by its variance
+// along the spine, which is arc^2 / 12 and that of the easing: what is not known of the one is not
+// known of the other.
+double ArcDoubtMm(const hal::BendProgram& program, const Easing& easing, std::size_t bend,
+                  double pipe_radius_mm) {
+  const double variance_mm2 = easing.variance_mm2[bend];
+  const double arc_mm = std::max(1e-3, program.rows[bend].bend_radius_mm.value_or(0.0) *
+                                           program.rows[bend].angle_deg / hal::kDegreesPerRadian);
+  Easing more = easing;
+  more.variance_mm2[bend] *= kEased.crowded_from;
+  const bool is_crowded =
+      EasingWithin(program, more).variance_mm2[bend] < 0.99 * more.variance_mm2[bend];
+  const double part = kEased.part + kEased.of_short_arcs * variance_mm2 / (arc_mm * arc_mm);
+  double unknown_mm2 = part * variance_mm2 * variance_mm2 / (pipe_radius_mm * pipe_radius_mm);
+  if (is_crowded) {
+    // As much as the tube's other bends ease over.
+    const double usual_mm2 =
+        *std::max_element(easing.variance_mm2.begin(), easing.variance_mm2.end());
+    unknown_mm2 = std::max(kEased.crowded * variance_mm2, usual_mm2 - variance_mm2);
+  }
+  return std::min(6.0 * unknown_mm2 / arc_mm, std::sqrt(12.0 * unknown_mm2));
+}
+
 // The kernel of an easing has two numbers here, and a shape that nobody knows: the further it
 // reaches, the more that moves what is beside it.
 void WidenByEasing(Measurement& measurement) {
   auto& rows = measurement.sigma.rows;
+  const hal::BendProgram& program = measurement.tube.program;
   const auto& variance_mm2 = measurement.easing.variance_mm2;
   const double r_mm = measurement.tube.pipe_radius_mm;
-  std::vector<double> times(rows.size(), 1.0);
+  std::vector<double> times(rows.size(), 1.0), more_mm(rows.size(), 0.0);
   for (std::size_t i = 0; i < variance_mm2.size() && i + 1 < rows.size(); ++i) {
     const double eased = variance_mm2[i] / (kEased.usual * kEased.usual * r_mm * r_mm);
     const double of_bend = 1.0 + kEased.more * eased * eased;
+    const double angle = program.rows[i].angle_deg / hal::kDegreesPerRadian;
+    const double radius_mm =
+        ArcDoubtMm(program, measurement.easing, i, r_mm) / std::max(1e-3, angle);
     rows[i].angle_deg *= of_bend;
-    if (rows[i].bend_radius_mm) *rows[i].bend_radius_mm *= of_bend;
-    for (const std::size_t beside : {i, i + 1}) times[beside] = std::max(times[beside], of_bend);
+    if (rows[i].bend_radius_mm) {
+      rows[i].bend_radius_mm = std::hypot(*rows[i].bend_radius_mm * of_bend, radius_mm);
+    }
+    // The corner stays, and the tangent points move along the straights beside it.
+    const double tangent_mm = radius_mm * std::tan(0.5 * std::min(angle, kEased.widest_rad));
+    for (const std::size_t beside : {i, i + 1}) {
+      times[beside] = std::max(times[beside], of_bend);
+      more_mm[beside] = std::hypot(more_mm[beside], tangent_mm);
+    }
   }
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    rows[i].length_mm *= times[i];
+    rows[i].length_mm = std::hypot(rows[i].length_mm * times[i], more_mm[i]);
     rows[i].rotation_deg *= times[i];
   }
+}
+
+// Place by place beside the model, by more than benders leave.
+bool LiesOffTogether(const SurfaceFit& fit) {
+  return fit.sigma_mm > kDoubts.off_together * fit.tube.pipe_radius_mm &&
+         fit.design_effect > kDoubts.together;
 }
 
 }  // namespace
 
 hal::Result<void> CheckShowsTube(const SurfaceFit& fit) {
   const double r_mm = fit.tube.pipe_radius_mm;
+  if (fit.tube.program.bend_count() == 0 && LiesOffTogether(fit)) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "no tube: the points lie " + Mm(fit.sigma_mm) +
+                         " (1 sigma) off one of pipe radius " + Mm(r_mm) +
+                         ", those of a place together: a coil, a flat or another shape");
+  }
   if (fit.pipe_radius_sigma_mm < kDoubts.vague_radius * r_mm ||
       fit.sigma_mm < kDoubts.rough * r_mm) {
     return {};
@@ -129,6 +186,12 @@ void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const Hal
         ", clear from 10 on): " +
         (nominal_bends == bends ? "it is the nominal's, which the samples alone do not show"
                                 : "compare it with the drawing, or scan again with more points"));
+  }
+  if (LiesOffTogether(fit)) {
+    measurement.warnings.push_back(
+        "the points lie " + Mm(fit.sigma_mm) +
+        " (1 sigma) off the tube, those of a place together: "
+        "this is no tube of lines and arcs, and its values are as uncertain as that");
   }
   measurement.halves_differ_sigma = halves.sigmas;
   if (halves.sigmas > kDoubts.halves_differ) {

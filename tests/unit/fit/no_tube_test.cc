@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "pipeline/reconstruction.h"
+#include "tests/support/real_tube.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+const hal::SteadyClock kClock;
+
+TEST(NoTube, ACoilIsNoStraightPipeAsWideAsAllOfIt) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> turn(0, 2 * std::numbers::pi);
+  std::normal_distribution<double> noise(0, 0.05);
+  constexpr double kCoil_mm = 37, kPipe_mm = 3, kPitch_mm = 14;
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < 60'000; ++i) {
+    const double along = 12 * turn(random), around = turn(random);
+    const Eigen::Vector3d out(std::cos(along), std::sin(along), 0), up(0, 0, 1);
+    const double r_mm = kPipe_mm + noise(random);
+    points.push_back((kCoil_mm + r_mm * std::cos(around)) * out +
+                     (kPitch_mm * along / (2 * std::numbers::pi) + r_mm * std::sin(around)) * up);
+  }
+  const auto found = Reconstruct(points, {}, kClock);
+  if (found) {
+    EXPECT_LT(found->tube.pipe_radius_mm, 2 * kPipe_mm);
+    EXPECT_GT(found->tube.program.bend_count(), 0U);
+  } else {
+    EXPECT_EQ(found.error().kind, hal::ErrorKind::kBadInput);
+  }
+}
+
+TEST(NoTube, PointsBesideTheTubeAreToldWithTheirPlace) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{80, 0, 60, 15}, {100, 0, 0, {}}};
+  std::mt19937_64 random(1);
+  auto points = tests::ScanRealTube(tube, {}, {.points = 12'000}, random).points_W;
+  // A wall about the first straight, 2 mm off it, from 30 to 50 mm.
+  std::uniform_real_distribution<double> along(30, 50), around(0, 2 * std::numbers::pi);
+  for (int i = 0; i < 3000; ++i) {
+    const double turn = around(random);
+    points.emplace_back(along(random), 7.0 * std::cos(turn), 7.0 * std::sin(turn));
+  }
+  ReconstructionOptions options;
+  options.pipe_radius_mm = 5;
+  const auto found = Reconstruct(points, options, kClock);
+  ASSERT_TRUE(found) << found.error().message;
+  bool is_told = false;
+  for (const std::string& warning : found->warnings) {
+    is_told |= warning.find("do not lie on the tube, most of them right beside it") != warning.npos;
+  }
+  EXPECT_TRUE(is_told);
+}
+
+TEST(NoTube, AnotherPartThanTheNominalsIsSaidToBeOne) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{45, 0, 60, 15}, {55, 80, 35, 12}, {40, -120, 90, 17}, {50, 0, 0, {}}};
+  std::mt19937_64 random(1);
+  const auto points = tests::ScanRealTube(tube, {}, {}, random).points_W;
+  const auto says = [&](const hal::BendProgram& nominal, const std::string& what) {
+    ReconstructionOptions options;
+    options.nominal = nominal;
+    const auto found = Reconstruct(points, options, kClock);
+    if (!found) return false;
+    bool said = false;
+    for (const std::string& warning : found->warnings) said |= warning.find(what) != warning.npos;
+    return said;
+  };
+  EXPECT_FALSE(says(tube.program, "part"));
+  hal::BendProgram mirrored = tube.program;
+  for (hal::BendRow& row : mirrored.rows) row.rotation_deg = -row.rotation_deg;
+  EXPECT_TRUE(says(mirrored, "mirror image"));
+  hal::BendProgram other = tube.program;
+  other.rows[1].angle_deg = 75;
+  EXPECT_TRUE(says(other, "not the part"));
+  hal::BendProgram fewer = tube.program;
+  fewer.rows.erase(fewer.rows.begin() + 1);
+  EXPECT_TRUE(says(fewer, "the nominal has 2"));
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
