@@ -50,15 +50,28 @@ std::string EffectiveText(const CellConfig& cell) {
   return writer.text();
 }
 
-std::string Digest(const CellConfig& cell) {
+namespace {
+
+std::string Fnv1a(const std::string& effective) {
   static constexpr char kHex[] = "0123456789abcdef";
   std::uint64_t hash = 0xcbf29ce484222325;
-  for (const char c : EffectiveText(cell)) {
+  for (const char c : effective) {
     hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
   }
   std::string text(16, '0');
   for (std::size_t i = 0; i < 16; ++i) text[i] = kHex[hash >> (60 - 4 * i) & 15];
   return text;
+}
+
+}  // namespace
+
+std::string Digest(const CellConfig& cell) { return Fnv1a(EffectiveText(cell)); }
+
+std::string Digest(const hal::RegisterMap& map) {
+  TextWriter writer;
+  hal::RegisterMap copy = map;
+  VisitRegisterMap(writer, copy);
+  return Fnv1a(writer.text());
 }
 
 }  // namespace bendloop::config

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "config/cell_config.h"
+#include "hal/register_map.h"
 
 namespace bendloop::config {
 
@@ -15,5 +16,8 @@ std::string EffectiveText(const CellConfig& cell);
 
 // FNV-1a, 64 bits, of EffectiveText: 16 hexadecimal digits, the session's `config_digest`.
 std::string Digest(const CellConfig& cell);
+
+// The same of a register map alone.
+std::string Digest(const hal::RegisterMap& map);
 
 }  // namespace bendloop::config

@@ -16,6 +16,7 @@ namespace bendloop::host {
 using Run = std::function<int()>;
 
 CLI::App* AddAcknowledgeCommand(CLI::App& app, Run& run);
+CLI::App* AddAcceptanceCommand(CLI::App& app, Run& run);
 CLI::App* AddCheckCommand(CLI::App& app, Run& run);
 CLI::App* AddDemoCommand(CLI::App& app, Run& run);
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run);

@@ -51,6 +51,7 @@ int Main(int argc, char** argv) {
   AddConvertCommand(app, run, std::cin, std::cout, std::cerr);
   AddCheckCommand(app, run);
   AddDoctorCommand(app, run);
+  AddAcceptanceCommand(app, run);
   AddStatusCommand(app, run);
   AddLotCommand(app, run);
   AddUndoCommand(app, run);

@@ -45,7 +45,7 @@ unsigned LargestNumber(const fs::path& directory) {
 
 }  // namespace
 
-hal::Result<StateStore> StateStore::Open(const fs::path& directory) {
+hal::Result<StateStore> StateStore::Open(const fs::path& directory, StateUser user) {
   std::error_code error;
   fs::create_directories(directory / "results", error);
   if (!error) fs::create_directories(directory / "requests", error);
@@ -67,7 +67,14 @@ hal::Result<StateStore> StateStore::Open(const fs::path& directory) {
                          ": another bendloopd or replay works with this state directory; stop "
                          "it or give this one its own state_dir");
   }
-  return StateStore(directory, lock);
+  StateStore store(directory, lock);
+  if (user == StateUser::kCell && fs::exists(store.acceptance(), error)) {
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     store.acceptance().string() +
+                         ": an acceptance run was cut, and the bender may hold a program of its; "
+                         "'bendloop acceptance --restore --config CELL.toml' puts back the cell's");
+  }
+  return store;
 }
 
 StateStore::StateStore(StateStore&& other) noexcept

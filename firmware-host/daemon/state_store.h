@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -11,9 +12,16 @@
 
 namespace bendloop::host {
 
+// Who opens a state directory.
+enum class StateUser : std::uint8_t {
+  kCell,        // whoever measures and corrects
+  kAcceptance,  // the robot that tries the bender's PLC
+};
+
 // The state directory: what outlives the process. Held by one process at a time.
 //   lock               taken while a daemon, or a replay on the real bender, runs
 //   journal.db         every program on its way to the bender, every tube bent, every scan's fate
+//   acceptance.json    the program that an acceptance run must put back, while it runs
 //   history.db         every part
 //   lot.json           what the lot has taught so far
 //   status.json        where the running daemon answers
@@ -24,13 +32,16 @@ namespace bendloop::host {
 //   sessions/          recordings, unless the cell file says otherwise
 class StateStore {
  public:
-  // Creates the directory and takes the lock. kDevice when it cannot be written or is taken.
-  static hal::Result<StateStore> Open(const std::filesystem::path& directory);
+  // Creates the directory and takes the lock. kDevice when it cannot be written or is taken; for
+  // the cell also when an acceptance run was cut, because the bender may hold a program of its.
+  static hal::Result<StateStore> Open(const std::filesystem::path& directory,
+                                      StateUser user = StateUser::kCell);
   StateStore(StateStore&& other) noexcept;
   StateStore& operator=(StateStore&&) = delete;
   ~StateStore();
 
   std::filesystem::path journal() const { return directory_ / "journal.db"; }
+  std::filesystem::path acceptance() const { return directory_ / "acceptance.json"; }
   std::filesystem::path history() const { return directory_ / "history.db"; }
   std::filesystem::path status() const { return directory_ / "status.json"; }
   std::filesystem::path socket() const { return directory_ / "status.sock"; }

@@ -86,12 +86,16 @@ class CanopenBenderUnderTest final : public SimulatedBenderUnderTest {
       const auto frame = (*ear)->Receive(std::chrono::seconds(1));
       up = frame && *frame && (*frame)->data[0] == 0;
     }
-    link_ = interface.empty() ? drivers::MakeCanopenBender(
-                                    map, options_, clock_,
-                                    [this]() -> hal::Result<std::unique_ptr<drivers::CanPort>> {
-                                      return drivers::AdoptCanSocket(dup(ours_));
-                                    })
-                              : drivers::MakeCanopenBender(map, options_, clock_);
+    map_ = map;
+    link_ = drivers::MakeRegisterBender(map, Carrier());
+  }
+  // The link's objects alone: another client of the same bender.
+  std::unique_ptr<drivers::RegisterCarrier> Carrier() {
+    if (ours_ < 0) return drivers::MakeCanopenCarrier(map_, options_, clock_);
+    return drivers::MakeCanopenCarrier(map_, options_, clock_,
+                                       [this]() -> hal::Result<std::unique_ptr<drivers::CanPort>> {
+                                         return drivers::AdoptCanSocket(dup(ours_));
+                                       });
   }
   ~CanopenBenderUnderTest() override {
     if (ours_ >= 0) close(ours_);
@@ -99,6 +103,7 @@ class CanopenBenderUnderTest final : public SimulatedBenderUnderTest {
 
  private:
   drivers::CanopenBenderOptions options_{.node_id = 5, .vendor_id = 0x1234};
+  hal::RegisterMap map_;
   int ours_ = -1;
 };
 
