@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "config/load.h"
 #include "drivers/modbus_bender/modbus_bender.h"
 #include "firmware-host/acceptance/robot.h"
 #include "tests/support/child_process.h"
@@ -41,10 +42,11 @@ TEST(AcceptancePeers, APymodbusPlcPasses) {
   ASSERT_EQ(std::sscanf(line->c_str(), "listening %d", &port), 1) << *line;
 
   hal::SteadyClock clock;
-  // As config/register-maps/default.toml; python on a loaded machine takes its time.
+  // Python on a loaded machine takes its time.
   drivers::ModbusBenderOptions options = LinkOptions(static_cast<std::uint16_t>(port));
   options.response_timeout = std::chrono::seconds(10);
-  const hal::RegisterMap map = PlainMap();
+  const hal::RegisterMap map =
+      config::LoadRegisterMap(BENDLOOP_SOURCE_DIR "/config/register-maps/default.toml").value();
   host::Plc plc(map, drivers::MakeModbusCarrier(map, options, clock), clock);
   const TemporaryFolder folder;
   TypedHands hands(process);

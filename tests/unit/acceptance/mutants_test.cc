@@ -75,7 +75,6 @@ struct Link {
   friend void PrintTo(const Link& link, std::ostream* out) { *out << link.name; }
 
   const char* name;
-  bool all;
   bool rtu;
   bool canopen;
 };
@@ -114,8 +113,8 @@ class AcceptanceMutantsOn : public testing::TestWithParam<Link> {
 TEST_P(AcceptanceMutantsOn, AreFound) {
   std::vector<RuleMutantFacts> tried;
   for (const RuleMutantFacts& facts : drivers::RuleMutants()) {
-    // That each is found TCP shows; on the others, that the link makes no difference.
-    if (GetParam().all || tried.empty() || facts.rule > tried.back().rule) tried.push_back(facts);
+    // That each is found the memory shows; here, that the link makes no difference.
+    if (tried.empty() || facts.rule > tried.back().rule) tried.push_back(facts);
   }
   constexpr int kAtOnce = 6;
   std::atomic<std::size_t> next{0};
@@ -132,9 +131,8 @@ TEST_P(AcceptanceMutantsOn, AreFound) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Links, AcceptanceMutantsOn,
-                         testing::Values(Link{"Tcp", true, false, false},
-                                         Link{"Rtu", false, true, false},
-                                         Link{"Canopen", false, false, true}),
+                         testing::Values(Link{"Tcp", false, false}, Link{"Rtu", true, false},
+                                         Link{"Canopen", false, true}),
                          [](const auto& link) { return std::string(link.param.name); });
 
 }  // namespace

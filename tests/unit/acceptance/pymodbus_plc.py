@@ -23,8 +23,10 @@ HEAD_SIZE, ROWS_AT, STRIDE, MAX_ROWS = 7, 10, 8, 40
 AREA_SIZE = ROWS_AT + MAX_ROWS * STRIDE
 NOT_READY, IDLE, BENDING, IN_FAULT = 0, 1, 2, 3
 ACCEPTED, REJECTED = 1, 2
-READABLE = [(0, 9), (ACTIVE, HEAD_SIZE), (ACTIVE + ROWS_AT, MAX_ROWS * STRIDE),
-            (STAGING, HEAD_SIZE), (STAGING + ROWS_AT, MAX_ROWS * STRIDE), (COMMIT, 2)]
+# The cell's orders (9 to 30) and report (3000 to 3039) are there; nobody gives orders here.
+READABLE = [(0, 31), (ACTIVE, HEAD_SIZE), (ACTIVE + ROWS_AT, MAX_ROWS * STRIDE),
+            (STAGING, HEAD_SIZE), (STAGING + ROWS_AT, MAX_ROWS * STRIDE), (COMMIT, 2),
+            (3000, 40)]
 WRITABLE = READABLE[3:]
 LONGEST_MM, LARGEST_DEG = 3000, 190  # what this machine's mechanics allow
 
@@ -33,7 +35,7 @@ class Plc(ModbusSequentialDataBlock):
     """All holding registers, and the PLC's program: it runs once for each request."""
 
     def __init__(self):
-        super().__init__(0, [0] * 2048)
+        super().__init__(0, [0] * 3072)
         self.last_commit = 0
         self.runs = True
         self.begun = time.monotonic()
