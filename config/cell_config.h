@@ -166,6 +166,8 @@ struct CellConfig {
   std::string name;
   std::filesystem::path part_file;
   PartConfig part;  // loaded from part_file
+  // Of the parts that the PLC may set by their numbers; empty: none but `part`.
+  std::filesystem::path parts_dir;
   std::filesystem::path state_dir = "/var/lib/bendloop";
   ScannerConfig scanner;
   ScanConfig scan;

@@ -124,6 +124,7 @@ void VisitInterlocks(FieldVisitor& v, InterlockConfig& interlocks) {
 void VisitCell(FieldVisitor& v, CellConfig& cell) {
   v.Text("name", cell.name, Need::kRequired);
   v.Path("part", cell.part_file, Need::kRequired);
+  v.Path("parts_dir", cell.parts_dir);
   v.Path("state_dir", cell.state_dir);
   v.Table("scanner", Need::kRequired, [&](FieldVisitor& t) { VisitScanner(t, cell.scanner); });
   v.Table("scan", Need::kOptional, [&](FieldVisitor& t) { VisitScan(t, cell.scan); });

@@ -24,6 +24,9 @@ hal::Result<CellConfig> LoadCell(const std::filesystem::path& file);
 hal::Result<PartConfig> LoadPart(const std::filesystem::path& file);
 hal::Result<hal::RegisterMap> LoadRegisterMap(const std::filesystem::path& file);
 
+// Whether the bender's register map can carry the cell's part; kBadInput says what does not fit.
+hal::Result<void> CheckPartFits(const CellConfig& cell);
+
 // From text; `name` stands for the file in messages. ParseCell resolves paths against `directory`
 // but opens nothing: the part and the register map stay empty.
 hal::Result<CellConfig> ParseCell(std::string_view toml, std::string_view name,

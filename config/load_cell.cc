@@ -161,6 +161,27 @@ hal::Result<void> FitMap(BenderConfig& bender, const std::optional<ObjectDiction
 // What only the cell's files together show. `tubes_place`: of its key, for a message.
 hal::Result<void> CheckTogether(const CellConfig& cell, const std::string& tubes_place) {
   if (cell.bender.link == BenderKind::kNone) return {};
+  if (cell.scan.tubes == TubeSource::kCounted && !cell.bender.register_map.parts_bent) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     tubes_place +
+                         ": found 'counted', expected a register map with state.parts_bent "
+                         "(register map " +
+                         cell.bender.register_map_file.string() + " has none)");
+  }
+  return CheckPartFits(cell);
+}
+
+}  // namespace
+
+TubeSource TubesOf(const CellConfig& cell) {
+  if (cell.scan.tubes != TubeSource::kAuto) return cell.scan.tubes;
+  // Nobody bends with a bender that the daemon simulates, and nothing can be harmed.
+  if (!IsReal(cell.bender.link)) return TubeSource::kEachScan;
+  return cell.bender.register_map.parts_bent ? TubeSource::kCounted : TubeSource::kAuto;
+}
+
+hal::Result<void> CheckPartFits(const CellConfig& cell) {
+  if (cell.bender.link == BenderKind::kNone) return {};
   const hal::RegisterMap& map = cell.bender.register_map;
   const auto fail = [&](const std::string& what) {
     return hal::Fail(hal::ErrorKind::kBadInput, cell.part_file.string() + ": " + what +
@@ -173,34 +194,12 @@ hal::Result<void> CheckTogether(const CellConfig& cell, const std::string& tubes
     return fail("found a part of " + std::to_string(rows) + " rows, expected at most " +
                 std::to_string(map.max_rows) + ", which the bender holds");
   }
-  const hal::RegisterType type = map.active.part_number.type;
-  const std::uint32_t most = type == hal::RegisterType::kUint16  ? 0xffff
-                             : type == hal::RegisterType::kUint8 ? 0xff
-                             : type == hal::RegisterType::kInt16 ? 0x7fff
-                             : type == hal::RegisterType::kInt32 ? 0x7fffffff
-                                                                 : 0xffffffff;
-  if (cell.scan.tubes == TubeSource::kCounted && !map.parts_bent) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     tubes_place +
-                         ": found 'counted', expected a register map with state.parts_bent "
-                         "(register map " +
-                         cell.bender.register_map_file.string() + " has none)");
-  }
+  const double most = hal::RawRangeOf(map.active.part_number.type).max;
   if (cell.part.part_number > most) {
     return fail("found part_number " + std::to_string(cell.part.part_number) +
-                ", expected at most " + std::to_string(most) +
-                ", which the bender's register holds");
+                ", expected at most " + NumberText(most) + ", which the bender's register holds");
   }
   return {};
-}
-
-}  // namespace
-
-TubeSource TubesOf(const CellConfig& cell) {
-  if (cell.scan.tubes != TubeSource::kAuto) return cell.scan.tubes;
-  // Nobody bends with a bender that the daemon simulates, and nothing can be harmed.
-  if (!IsReal(cell.bender.link)) return TubeSource::kEachScan;
-  return cell.bender.register_map.parts_bent ? TubeSource::kCounted : TubeSource::kAuto;
 }
 
 std::optional<UsbId> ParseUsbId(const std::string& text) {

@@ -1,5 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <map>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "config/load.h"
@@ -61,6 +67,51 @@ void CheckSchema(TomlDocument& document, FieldVisitor& v, FileKind kind) {
                       std::string(Name(kind)) + " file");
 }
 
+namespace {
+
+// What the PLC could set and would not get: a part's file that is spoilt, or a number that stands
+// in two.
+hal::Result<void> CheckPartsDir(const CellConfig& cell) {
+  if (cell.parts_dir.empty()) return {};
+  std::string problems;
+  const auto add = [&](const std::string& what) {
+    problems += (problems.empty() ? "" : "\n") + what;
+  };
+  std::error_code error;
+  std::vector<std::filesystem::path> files{cell.part_file};
+  for (std::filesystem::directory_iterator it(cell.parts_dir, error), end; !error && it != end;
+       it.increment(error)) {
+    std::error_code none;
+    if (it->path().extension() != ".toml") continue;
+    if (!std::filesystem::equivalent(it->path(), cell.part_file, none)) files.push_back(it->path());
+  }
+  if (error) {
+    add(cell.file.string() + ": key 'parts_dir': found '" + cell.parts_dir.string() +
+        "', which cannot be read: " + error.message());
+  }
+  std::sort(files.begin() + 1, files.end());
+  std::map<std::uint32_t, std::filesystem::path> numbers;
+  for (const std::filesystem::path& file : files) {
+    CellConfig of_part = cell;
+    auto part = LoadPart(file);
+    if (!part) {
+      add(part.error().message);
+      continue;
+    }
+    of_part.part = std::move(*part);
+    of_part.part_file = file;
+    if (auto fits = CheckPartFits(of_part); !fits) add(fits.error().message);
+    const auto [known, is_new] = numbers.emplace(of_part.part.part_number, file);
+    if (is_new) continue;
+    add(file.string() + ": key 'part_number': found " + std::to_string(known->first) +
+        ", expected another one than " + known->second.string() + " has");
+  }
+  if (problems.empty()) return {};
+  return hal::Fail(hal::ErrorKind::kBadInput, problems);
+}
+
+}  // namespace
+
 hal::Result<FileKind> ValidateFile(const std::filesystem::path& file) {
   if (file.extension() == ".eds" || file.extension() == ".EDS") {
     const hal::Result<ObjectDictionary> eds = LoadObjectDictionary(file);
@@ -76,7 +127,11 @@ hal::Result<FileKind> ValidateFile(const std::filesystem::path& file) {
     if (!loaded) return hal::Fail(loaded.error());
     return kind;
   };
-  if (schema == Schema(FileKind::kCell)) return outcome(FileKind::kCell, LoadCell(file));
+  if (schema == Schema(FileKind::kCell)) {
+    const auto cell = LoadCell(file);
+    if (!cell) return hal::Fail(cell.error());
+    return outcome(FileKind::kCell, CheckPartsDir(*cell));
+  }
   if (schema == Schema(FileKind::kPart)) return outcome(FileKind::kPart, LoadPart(file));
   if (schema == Schema(FileKind::kRegisterMap)) {
     return outcome(FileKind::kRegisterMap, LoadRegisterMap(file));

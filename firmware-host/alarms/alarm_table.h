@@ -64,6 +64,7 @@ enum class AlarmCode : std::uint16_t {
   kBlockNotTaken = 4013,
   kHeldByPlc = 4014,
   kIdentityUnreadable = 4015,
+  kScanHeld = 4016,
 
   kResultNotKept = 5001,
   kHistoryNotKept = 5002,

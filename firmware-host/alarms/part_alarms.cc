@@ -184,9 +184,10 @@ AlarmCode AlarmOf(InterlockKind kind) {
 RaisedAlarms AlarmsOf(const RunResult& result) { return Complaints(result).All(); }
 
 RaisedAlarms AlarmsOf(const std::string& session, const hal::Error& why) {
-  const bool is_broken = why.kind == hal::ErrorKind::kDevice;
-  return {
-      {is_broken ? AlarmCode::kScanBroken : AlarmCode::kNotMeasured, session + ": " + why.message}};
+  AlarmCode code = AlarmCode::kNotMeasured;
+  if (why.kind == hal::ErrorKind::kDevice) code = AlarmCode::kScanBroken;
+  if (why.kind == hal::ErrorKind::kRefused) code = AlarmCode::kScanHeld;
+  return {{code, session + ": " + why.message}};
 }
 
 }  // namespace bendloop::host

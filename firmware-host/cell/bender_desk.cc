@@ -9,6 +9,12 @@
 #include "firmware-host/cell/bender_carrier.h"
 
 namespace bendloop::host {
+namespace {
+
+// Of tubes used up: a tube that is scanned again is one of the last.
+constexpr std::size_t kMostIdentities = 256;
+
+}  // namespace
 
 namespace {
 
@@ -69,6 +75,7 @@ class BenderDesk::ObservedLink final : public hal::BenderLink {
     has_state_ = false;
     return Go().Commit(sequence);
   }
+  hal::Result<void> Report(const hal::CellReport& report) override { return Go().Report(report); }
 
  private:
   hal::BenderLink& Go() {
@@ -142,8 +149,10 @@ hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::Open(const config::BenderCo
 BenderReading BenderDesk::Read() {
   if (!link_) return {std::nullopt, "the cell has no bender"};
   if (!connected_) {
-    if (const auto info = link_->Connect(); !info) return {std::nullopt, info.error().message};
+    const auto info = link_->Connect();
+    if (!info) return {std::nullopt, info.error().message};
     connected_ = true;
+    takes_report_ = info->takes_report;
   }
   const auto state = link_->ReadState();
   if (!state) return {std::nullopt, state.error().message};
@@ -171,6 +180,12 @@ BenderReading BenderDesk::Look() {
     now = Read();
   }
   return now;
+}
+
+hal::Result<void> BenderDesk::Report(const hal::CellReport& report) {
+  const std::lock_guard lock(mutex_);
+  if (!connected_ || !takes_report_ || options_.read_only) return {};
+  return link_->Report(report);
 }
 
 CommitReport BenderDesk::Commit(const CommitRequest& request) {
@@ -224,7 +239,38 @@ std::vector<SettledCommit> BenderDesk::TakeSettled() {
 
 TubeMatch BenderDesk::Match(const ScanToMatch& scan) const {
   const std::lock_guard lock(mutex_);
-  return ledger_.Match(scan);
+  ScanToMatch by_count = scan;
+  by_count.identity.reset();
+  TubeMatch match = ledger_.Match(by_count);
+  if (!scan.identity) return match;
+  for (const auto& [session, identity] : identities_) {
+    if (identity != *scan.identity || session == scan.session) continue;
+    // Whatever was bent since: it is that tube once more.
+    match = {};
+    match.checks.push_back(
+        {pipeline::InterlockKind::kNewTube, false,
+         "the tube says that it is '" + identity + "', which was scanned as " + session,
+         "the same tube must not be corrected twice; scan the next one"});
+    match.repeats = session;
+    return match;
+  }
+  if (!match.repeats) return match;
+  const auto known = std::find_if(identities_.begin(), identities_.end(),
+                                  [&](const auto& tube) { return tube.first == *match.repeats; });
+  if (known == identities_.end()) return match;
+  // By the count it is that tube once more, by its name another one.
+  by_count.identity = scan.identity;
+  by_count.expected_identity = known->second;
+  match = ledger_.Match(by_count);
+  match.repeats.reset();
+  return match;
+}
+
+void BenderDesk::NoteIdentity(const std::string& session, const std::string& identity) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(identities_, [&](const auto& tube) { return tube.first == session; });
+  identities_.emplace_back(session, identity);
+  if (identities_.size() > kMostIdentities) identities_.pop_front();
 }
 
 TubeMatch BenderDesk::MatchRecorded(const std::string& session, std::int64_t tube) const {

@@ -3,12 +3,14 @@
 
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "config/cell_config.h"
@@ -69,6 +71,9 @@ class BenderDesk {
   // Told before each exchange of a commit: it goes on. From the thread that commits.
   void set_progress(std::function<void()> progress) { progress_ = std::move(progress); }
 
+  // Shows the PLC what it reads of the cell (hal::BenderLink::Report); never between the steps of a
+  // commit. Does nothing where it reads nothing, or where nothing may be sent.
+  hal::Result<void> Report(const hal::CellReport& report);
   // State and active program; the ledger takes note, and a commit whose end is open is settled.
   BenderReading Look();
   CommitReport Commit(const CommitRequest& request);
@@ -79,7 +84,10 @@ class BenderDesk {
   // What Look and Commit have settled since.
   std::vector<SettledCommit> TakeSettled();
 
+  // What the tube says of itself (`identity`) is compared with the tubes used before.
   TubeMatch Match(const ScanToMatch& scan) const;
+  // The name of a tube that was used up.
+  void NoteIdentity(const std::string& session, const std::string& identity);
   TubeMatch MatchRecorded(const std::string& session, std::int64_t tube) const;
   hal::Result<void> Use(const std::string& session, const TubeMatch& match);
   hal::Result<void> PassOver(const std::string& session, const TubeMatch& match);
@@ -122,7 +130,9 @@ class BenderDesk {
   std::unique_ptr<hal::BenderLink> link_;
   std::unique_ptr<CommitProtocol> protocol_;
   bool connected_ = false;
-  bool is_open_ = true;  // a commit's end may be
+  bool takes_report_ = false;
+  std::deque<std::pair<std::string, std::string>> identities_;  // session and tube, newest last
+  bool is_open_ = true;                                         // a commit's end may be
   bool commits_ = false;
   std::string ledger_problem_;
   std::vector<SettledCommit> settled_;

@@ -20,7 +20,8 @@ std::chrono::nanoseconds PauseAfter(const BenderReading& look, std::chrono::nano
   return std::clamp<std::chrono::nanoseconds>(took, kCyclePeriod, kPeriod);
 }
 
-BenderFollower::BenderFollower(BenderDesk& desk) : desk_(desk), thread_([this] { Run(); }) {}
+BenderFollower::BenderFollower(BenderDesk& desk, PlcReporter* reporter)
+    : desk_(desk), reporter_(reporter), thread_([this] { Run(); }) {}
 
 BenderFollower::~BenderFollower() {
   {
@@ -39,6 +40,15 @@ void BenderFollower::LookNow() {
   wake_.notify_all();
 }
 
+std::optional<BenderReading> BenderFollower::LookWithin(std::chrono::nanoseconds patience) {
+  std::unique_lock lock(mutex_);
+  const std::uint64_t before = begun_;
+  look_now_ = true;
+  wake_.notify_all();
+  if (!answered_.wait_for(lock, patience, [&] { return ended_ > before; })) return std::nullopt;
+  return latest_;
+}
+
 std::optional<BenderReading> BenderFollower::TakeNews() {
   const std::lock_guard lock(mutex_);
   return std::exchange(news_, std::nullopt);
@@ -49,13 +59,22 @@ void BenderFollower::Run() {
   std::unique_lock lock(mutex_);
   while (!stop_) {
     look_now_ = false;
+    const std::uint64_t number = ++begun_;
     lock.unlock();
     const std::int64_t asked_ns = desk_.Now().boot_ns;
     BenderReading now = desk_.Look();
     const std::chrono::nanoseconds took(desk_.Now().boot_ns - asked_ns);
     lock.lock();
     const auto pause = PauseAfter(now, took);
+    latest_ = now;
     news_ = std::move(now);
+    ended_ = number;
+    answered_.notify_all();
+    if (reporter_ != nullptr && latest_->facts) {
+      lock.unlock();
+      reporter_->Write(desk_);
+      lock.lock();
+    }
     wake_.wait_for(lock, pause, [this] { return stop_ || look_now_; });
   }
 }

@@ -3,11 +3,13 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <mutex>
 #include <optional>
 #include <thread>
 
 #include "firmware-host/cell/bender_desk.h"
+#include "firmware-host/cell/plc_reporter.h"
 
 namespace bendloop::host {
 
@@ -21,14 +23,16 @@ std::chrono::nanoseconds PauseAfter(const BenderReading& look, std::chrono::nano
 // it must not depend on what the cell is doing. Each look is bounded by the link's timeouts.
 class BenderFollower {
  public:
-  // `desk` outlives it.
-  explicit BenderFollower(BenderDesk& desk);
+  // Both outlive it; what `reporter` has for the PLC is written after a look that was answered.
+  explicit BenderFollower(BenderDesk& desk, PlcReporter* reporter = nullptr);
   ~BenderFollower();
   BenderFollower(const BenderFollower&) = delete;
   BenderFollower& operator=(const BenderFollower&) = delete;
 
   // A look at once: a scan begins.
   void LookNow();
+  // The same, waiting for its answer; empty: there was none in that time.
+  std::optional<BenderReading> LookWithin(std::chrono::nanoseconds patience);
   // The latest look, once.
   std::optional<BenderReading> TakeNews();
 
@@ -36,9 +40,14 @@ class BenderFollower {
   void Run();
 
   BenderDesk& desk_;
+  PlcReporter* const reporter_;
   std::mutex mutex_;  // of all below
   std::condition_variable wake_;
+  std::condition_variable answered_;
   std::optional<BenderReading> news_;
+  std::optional<BenderReading> latest_;
+  std::uint64_t begun_ = 0;  // looks
+  std::uint64_t ended_ = 0;
   bool look_now_ = false;
   bool stop_ = false;
   std::thread thread_;

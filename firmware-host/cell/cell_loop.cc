@@ -27,6 +27,8 @@ constexpr auto kSilence = 2s;
 constexpr auto kFitBound = 60s;
 // People wait for no less.
 constexpr auto kServePeriod = 200ms;
+// For what the PLC says when a scan begins; the ring takes what comes meanwhile.
+constexpr auto kOrdersPatience = 300ms;
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
 
@@ -44,16 +46,16 @@ bool IsCovered(const pipeline::LiveView& view, const PartPlan& plan) {
 }  // namespace
 
 CellLoop::CellLoop(const PartPlan& plan, CellPorts ports, const CellLoopOptions& options)
-    : plan_(plan),
+    : plan_(std::make_shared<const PartPlan>(plan)),
       ports_(std::move(ports)),
       options_(options),
       scan_(options.scan),
       life_(*ports_.clock),
-      waiting_(plan_, *ports_.desk, *ports_.clock, life_) {
+      waiting_(*ports_.desk, *ports_.clock, life_) {
   if (!options_.scan.is_live || !ports_.desk->has_bender()) return;
   // Each exchange of a commit is a step of its own.
   ports_.desk->set_progress([this, bound = ports_.desk->exchange_bound()] { life_.Expect(bound); });
-  follower_.emplace(*ports_.desk);
+  follower_.emplace(*ports_.desk, ports_.reporter);
 }
 
 CellLoop::~CellLoop() {
@@ -62,8 +64,14 @@ CellLoop::~CellLoop() {
   ports_.desk->set_progress({});
 }
 
-void CellLoop::Tend() {
+// Tells that the loop lives, and the PLC what is new.
+void CellLoop::Live() {
   if (ports_.alive && life_.InTime()) ports_.alive();
+  if (follower_ && ports_.reporter && ports_.reporter->TakeChanged()) follower_->LookNow();
+}
+
+void CellLoop::Tend() {
+  Live();
   TakeBenderNews();
   ServePeople();
 }
@@ -71,7 +79,7 @@ void CellLoop::Tend() {
 void CellLoop::Watched(const std::function<void()>& work) {
   auto done = std::async(std::launch::async, work);
   while (done.wait_for(kLoopPeriod) != std::future_status::ready) {
-    if (ports_.alive && life_.InTime()) ports_.alive();
+    Live();
   }
   life_.Rest();
   done.get();
@@ -88,7 +96,7 @@ CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::So
   });
   CellEnd end = CellEnd::kStopped;
   while (!stop_.load(std::memory_order_relaxed)) {
-    if (ports_.alive && life_.InTime()) ports_.alive();
+    Live();
     Read(ring);
     Update();
     Write();
@@ -119,6 +127,12 @@ void CellLoop::Update() {
   step_ = ScanStep::kNothing;
   WatchSweep();
   if (step_ != ScanStep::kNothing) return;
+  // Everything that the scanner had sent is in: the PLC's word ends the scan.
+  if (slot_ == nullptr && is_over_ && scan_.phase() == ScanPhase::kScanning) {
+    step_ = scan_.Complete();
+    scan_.Rest();
+    return;
+  }
   if (slot_ == nullptr) return WatchSilence();
   heard_at_ = ports_.clock->Now();
   silent_ = false;
@@ -190,7 +204,10 @@ void CellLoop::WatchSilence() {
 }
 
 void CellLoop::Write() {
-  if (step_ == ScanStep::kEnded) FinishScan();
+  if (step_ == ScanStep::kEnded) {
+    if (held_.empty() && !may_run_) held_ = "the PLC had said that no scan may run (orders.scan)";
+    held_.empty() ? FinishScan() : HoldScan();
+  }
   if (step_ == ScanStep::kBroke) DropScan({hal::ErrorKind::kDevice, scan_.reason()});
 }
 
@@ -199,6 +216,7 @@ void CellLoop::TakeBenderNews() {
   bool is_idle = false;
   if (const auto news = follower_->TakeNews()) {
     is_idle = news->facts && news->facts->state.mode == hal::BenderMode::kIdle;
+    if (news->facts) HeardOrders(news->facts->state.orders);
     ports_.board->Update([&](CellSnapshot& s) {
       s.bender_state = news->facts ? Name(news->facts->state.mode) : news->problem;
       if (!news->facts) return;
@@ -224,6 +242,46 @@ void CellLoop::TakeBenderNews() {
   if (const auto told = waiting_.Tend(is_idle)) TellPart(*told, true);
 }
 
+void CellLoop::HeardOrders(const hal::PlcOrders& orders) {
+  orders_ = orders;
+  if (orders_.hold.value_or(false)) GiveUpWaiting("the PLC holds the cell");
+  if (scan_.phase() != ScanPhase::kScanning || !orders_.scan) return;
+  // It is over only after it was allowed: an older look may still say what was before.
+  if (*orders_.scan == hal::ScanOrder::kMayRun) may_run_ = true;
+  is_over_ = is_over_ || (may_run_ && was_allowed_ && *orders_.scan == hal::ScanOrder::kOver);
+  was_allowed_ = was_allowed_ || *orders_.scan == hal::ScanOrder::kMayRun;
+}
+
+// What the PLC says of the scan that begins: by a look that is asked for now, for what it said a
+// quarter of a second ago may be of the tube before. One that does not answer is taken at its last
+// word.
+void CellLoop::TakeOrdersOfScan() {
+  held_.clear();
+  is_over_ = was_allowed_ = false;
+  may_run_ = true;
+  if (!follower_) return;
+  if (orders_ == hal::PlcOrders{}) {
+    follower_->LookNow();
+  } else {
+    Watched([&] {
+      life_.Expect(kOrdersPatience + kLoopPeriod);
+      const auto now = follower_->LookWithin(kOrdersPatience);
+      if (now && now->facts) orders_ = now->facts->state.orders;
+    });
+  }
+  if (orders_.scan) {
+    was_allowed_ = *orders_.scan == hal::ScanOrder::kMayRun;
+    may_run_ = *orders_.scan != hal::ScanOrder::kOver;
+  }
+  if (!ports_.part_of_scan) return;
+  auto part = ports_.part_of_scan(orders_);
+  if (part) {
+    plan_ = std::move(*part);
+  } else {
+    held_ = part.error().message;
+  }
+}
+
 void CellLoop::ServePeople() {
   if (!ports_.between_parts || waiting_ || scan_.phase() == ScanPhase::kScanning) return;
   const auto now = ports_.clock->Now();
@@ -247,36 +305,38 @@ void CellLoop::GiveUpWaiting(const std::string& why) {
 }
 
 void CellLoop::BeginScan() {
-  if (ports_.recorder && reconstruction_) ports_.recorder->Discard();
-  identity_ = ports_.identify();
-  live_ = {};
-  view_due_ = ports_.clock->Now() + kViewPeriod;
-  reconstruction_.emplace(plan_.reconstruction, *ports_.clock);
+  if (ports_.recorder && (reconstruction_ || !held_.empty())) ports_.recorder->Discard();
   // Which tube this is the ledger tells when the scan has ended: what was bent before now. The
   // nearer a look at the bender is to this moment, the surer that is.
   began_ns_ = ports_.desk->Now().boot_ns;
+  TakeOrdersOfScan();
+  identity_ = ports_.identify();
+  if (orders_.identity) identity_.tube = *orders_.identity;
+  live_ = {};
+  view_due_ = ports_.clock->Now() + kViewPeriod;
+  reconstruction_.reset();
+  if (held_.empty()) reconstruction_.emplace(plan_->reconstruction, *ports_.clock);
   points_at_ns_ = ports_.clock->Now().count();
-  if (follower_) follower_->LookNow();
   if (ports_.recorder) {
-    ports_.recorder->Begin(identity_.session, {{"session", identity_.session},
-                                               {"part", plan_.part},
-                                               {"scanner", scanner_},
-                                               {"start", identity_.start},
-                                               {"software", kSoftware},
-                                               {"config_digest", plan_.config_digest}});
+    Recorder::Meta meta = {{"session", identity_.session}, {"part", plan_->part},
+                           {"scanner", scanner_},          {"start", identity_.start},
+                           {"software", kSoftware},        {"config_digest", plan_->config_digest}};
+    if (!identity_.tube.empty()) meta["identity"] = identity_.tube;
+    ports_.recorder->Begin(identity_.session, std::move(meta));
   }
   ports_.board->Update([&](CellSnapshot& s) {
     s.phase = CellPhase::kScanning;
     s.session = identity_.session;
     s.live = {};
-    s.nominal_length_mm = plan_.nominal_length_mm;
+    s.part = plan_->part;
+    s.nominal_length_mm = plan_->nominal_length_mm;
   });
 }
 
 void CellLoop::GrowScan() {
   if (slot_->kind == SlotKind::kProfile) {
     last_arrival_ns_ = slot_->arrived_ns;
-    reconstruction_->Add(slot_->profile);
+    if (reconstruction_) reconstruction_->Add(slot_->profile);
     if (ports_.recorder) ports_.recorder->Add(slot_->profile);
   } else if (slot_->kind == SlotKind::kEvent && ports_.recorder) {
     ports_.recorder->Add(slot_->event);
@@ -285,7 +345,26 @@ void CellLoop::GrowScan() {
 
 bool CellLoop::NominalIsCovered() {
   if (!options_.scan.ends_by_coverage || scan_.profiles() % kCoveragePeriod != 0) return false;
-  return IsCovered(reconstruction_->View(), plan_);
+  return reconstruction_ && IsCovered(reconstruction_->View(), *plan_);
+}
+
+// A scan that is over and that nothing is made of: recorded, and told why.
+void CellLoop::HoldScan() {
+  reconstruction_.reset();
+  if (ports_.recorder) ports_.recorder->Finish({{"broken", held_}});
+  ++parts_;
+  ports_.board->Update([&](CellSnapshot& s) {
+    ++s.parts;
+    ++s.failed_scans;
+    s.session.clear();
+    s.last = LastPart{identity_.session, "not measured", "", held_};
+  });
+  Watched([&] {
+    life_.Expect(kDiskBound);
+    ports_.scan_failed({identity_, {hal::ErrorKind::kRefused, held_}, scan_.profiles()});
+  });
+  held_.clear();
+  ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kWaiting; });
 }
 
 // The loop waits for it and tells that it lives; each step is bounded by itself.
@@ -325,6 +404,9 @@ void CellLoop::FinishScan() {
     return;
   }
   part.measurement = std::move(*measurement);
+  if (plan_->corrects && ports_.desk->has_bender()) {
+    ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kCommitting; });
+  }
   PartOutcome outcome = Decide(std::move(part));
   const auto decided = ports_.clock->Now();
   // Not before: closing a session keeps the disk busy, and the commit's journal waits for it, too.
@@ -353,9 +435,9 @@ PartOutcome CellLoop::Decide(MeasuredPart part) {
   PartOutcome outcome;
   Watched([&] {
     life_.Expect(2 * ports_.desk->exchange_bound() + kDiskBound);
-    outcome = DecidePart(plan_, part, *ports_.desk);
+    outcome = DecidePart(*plan_, part, *ports_.desk);
   });
-  waiting_.Take(std::move(part), outcome);
+  waiting_.Take(std::move(part), outcome, plan_);
   return outcome;
 }
 
@@ -391,6 +473,7 @@ void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
 
 void CellLoop::DropScan(hal::Error error) {
   reconstruction_.reset();
+  held_.clear();
   if (ports_.recorder) {
     // A scan that broke off late is worth keeping: it shows what went wrong.
     if (scan_.profiles() < options_.scan.min_profiles) {

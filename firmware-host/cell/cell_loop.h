@@ -36,6 +36,11 @@ struct CellPorts {
   BenderDesk* desk = nullptr;
   StatusBoard* board = nullptr;
   Recorder* recorder = nullptr;  // nullptr: nothing is recorded (a replay)
+  // Live, what the PLC is to read of the cell; nullptr: nothing.
+  PlcReporter* reporter = nullptr;
+  // The part of the scan that begins, by what the PLC says; an error where there is none, and the
+  // scan is recorded and held. Empty function: the loop's own part.
+  std::function<hal::Result<std::shared_ptr<const PartPlan>>(const hal::PlcOrders&)> part_of_scan;
   // Names the scan that begins.
   std::function<ScanIdentity()> identify;
   // A replay gives what was recorded with the session; otherwise empty, and the ledger is asked.
@@ -100,7 +105,11 @@ class CellLoop {
 
   // Does `work` beside the loop and waits for it, telling that it lives.
   void Watched(const std::function<void()>& work);
+  void Live();
   void TakeBenderNews();
+  void HeardOrders(const hal::PlcOrders& orders);
+  void TakeOrdersOfScan();
+  void HoldScan();
   void ServePeople();
   void GiveUpWaiting(const std::string& why);
   void BeginScan();
@@ -115,7 +124,7 @@ class CellLoop {
   void DropScan(hal::Error error);
   void PublishCounters(const Acquisition& acquisition, const ProfileRing& ring);
 
-  const PartPlan plan_;
+  std::shared_ptr<const PartPlan> plan_;  // of the running scan, or of the last one
   CellPorts ports_;
   const CellLoopOptions options_;
   std::atomic<bool> stop_{false};
@@ -133,8 +142,14 @@ class CellLoop {
   WaitingPart waiting_;
   std::optional<BenderFollower> follower_;  // live, with a bender
 
+  hal::PlcOrders orders_;  // as last heard
+
   // Of the running scan.
   ScanIdentity identity_;
+  std::string held_;          // why nothing is made of it; empty: something is
+  bool was_allowed_ = false;  // the PLC said that it may run
+  bool may_run_ = true;       // the PLC lets it run, or says nothing of it
+  bool is_over_ = false;      // the PLC says so
   std::optional<pipeline::Reconstruction> reconstruction_;
   std::int64_t began_ns_ = 0;  // by the ledger's clock
   pipeline::LiveView live_;

@@ -23,6 +23,8 @@ const char* Name(CellPhase phase) {
       return "scanning";
     case CellPhase::kDeciding:
       return "deciding";
+    case CellPhase::kCommitting:
+      return "committing";
     case CellPhase::kStopping:
       break;
   }

@@ -21,7 +21,8 @@ enum class CellPhase : std::uint8_t {
   kNoScanner,  // trying to reach it again
   kWaiting,    // for a scan
   kScanning,
-  kDeciding,  // final fit, inspection, correction, bender
+  kDeciding,    // final fit
+  kCommitting,  // inspection, correction, bender
   kStopping,
 };
 const char* Name(CellPhase phase);

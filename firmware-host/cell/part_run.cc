@@ -108,7 +108,9 @@ TubeMatch FindTube(const MeasuredPart& part, BenderDesk& desk, RunContext& base)
   }
   base.lot = part.lot;
   base.last_sequence = desk.LastSequence();
-  TubeMatch match = desk.Match({part.identity.session, part.scan.began_ns, {}, {}});
+  ScanToMatch scan{part.identity.session, part.scan.began_ns, {}, {}};
+  if (!part.identity.tube.empty()) scan.identity = part.identity.tube;
+  TubeMatch match = desk.Match(scan);
   base.bent_with = match.bent_with;
   base.expected = match.expected;
   base.tube_checks = match.checks;
@@ -165,6 +167,8 @@ class Decision {
   void Inspect() {
     result_.part = plan_.part;
     result_.session = part_.identity.session;
+    result_.identity = part_.identity.tube;
+    outcome_.part_number = plan_.part_number;
     result_.time = part_.identity.start;
     result_.software = kSoftware;
     result_.measurement = part_.measurement;
@@ -227,6 +231,9 @@ class Decision {
   bool UseTube() {
     if (!is_live_) return true;
     const auto used = desk_.Use(part_.identity.session, match_);
+    if (used && !result_.identity.empty()) {
+      desk_.NoteIdentity(result_.session, result_.identity);
+    }
     if (used) return true;
     outcome_.end = PartEnd::kRefused;
     outcome_.next.reset();

@@ -18,6 +18,7 @@ namespace bendloop::host {
 struct ScanIdentity {
   std::string session;  // id, e.g. "part-0007"
   std::string start;    // ISO 8601
+  std::string tube;     // what the PLC calls the tube; empty: nobody told
 };
 
 // What the scan brought beside its points.
@@ -60,6 +61,7 @@ struct PartLatency {
 // What became of one part.
 struct PartOutcome {
   PartEnd end = PartEnd::kUnchanged;
+  std::uint32_t part_number = 0;
   RunResult result;
   std::vector<std::string> reasons;        // why it was refused, or is not in tolerance for certain
   std::optional<pipeline::LotState> next;  // to be kept when the part counts

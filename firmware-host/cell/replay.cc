@@ -37,6 +37,7 @@ hal::Result<Recorded> ReadRecorded(const drivers::SessionReader& reader, const P
   recorded.identity.session =
       reader.MetaOr("session", std::filesystem::path(reader.path()).stem().string());
   recorded.identity.start = reader.MetaOr("start", "");
+  recorded.identity.tube = reader.MetaOr("identity", "");
   if (const std::string text = reader.MetaOr(kContextKey, ""); !text.empty()) {
     auto context = ReadRunContext(text, reader.path() + ": meta 'context'");
     if (!context) return hal::Fail(context.error());

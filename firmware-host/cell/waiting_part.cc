@@ -13,9 +13,11 @@ constexpr auto kAgainPeriod = 500ms;
 
 }  // namespace
 
-void WaitingPart::Take(MeasuredPart part, const PartOutcome& outcome) {
+void WaitingPart::Take(MeasuredPart part, const PartOutcome& outcome,
+                       std::shared_ptr<const PartPlan> plan) {
   decided_at_ = clock_.Now();
-  if (outcome.end == PartEnd::kWaiting) waiting_.emplace(Waiting{std::move(part), outcome});
+  if (outcome.end != PartEnd::kWaiting) return;
+  waiting_.emplace(Waiting{std::move(part), outcome, std::move(plan)});
 }
 
 void WaitingPart::set_latency(const PartLatency& latency) {
@@ -30,14 +32,14 @@ std::optional<PartOutcome> WaitingPart::Tend(bool bender_is_idle) {
     return Finish(attempt_.get());
   }
   const double age_s = SecondsBetween(*waiting_->part.scan.ended, desk_.Now());
-  const bool is_old = age_s > plan_.interlocks.oldest_session_s;
+  const bool is_old = age_s > waiting_->plan->interlocks.oldest_session_s;
   const auto now = clock_.Now();
   if (!is_old && (!bender_is_idle || now - decided_at_ < kAgainPeriod)) return std::nullopt;
   decided_at_ = now;
   if (is_old) waiting_->part.may_wait = false;  // the last time: it says why
   attempt_ = std::async(std::launch::async, [this] {
     life_.Expect(2 * desk_.exchange_bound() + kDiskBound);
-    return DecidePart(plan_, waiting_->part, desk_);
+    return DecidePart(*waiting_->plan, waiting_->part, desk_);
   });
   return std::nullopt;
 }

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <future>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -19,12 +20,12 @@ namespace bendloop::host {
 class WaitingPart {
  public:
   // All of them outlive it; `life` is told of each attempt.
-  WaitingPart(const PartPlan& plan, BenderDesk& desk, hal::Clock& clock, LifeSigns& life)
-      : plan_(plan), desk_(desk), clock_(clock), life_(life) {}
+  WaitingPart(BenderDesk& desk, hal::Clock& clock, LifeSigns& life)
+      : desk_(desk), clock_(clock), life_(life) {}
 
   explicit operator bool() const { return waiting_.has_value(); }
-  // A part that was decided just now; it waits if its outcome says so.
-  void Take(MeasuredPart part, const PartOutcome& outcome);
+  // A part that was decided just now by `plan`; it waits if its outcome says so.
+  void Take(MeasuredPart part, const PartOutcome& outcome, std::shared_ptr<const PartPlan> plan);
   void set_latency(const PartLatency& latency);
   // Ends an attempt or begins one. What there is to tell: how it ended, or what has become known
   // though it waits still.
@@ -36,11 +37,11 @@ class WaitingPart {
   struct Waiting {
     MeasuredPart part;
     PartOutcome outcome;
+    std::shared_ptr<const PartPlan> plan;
   };
 
   std::optional<PartOutcome> Finish(PartOutcome outcome);
 
-  const PartPlan& plan_;
   BenderDesk& desk_;
   hal::Clock& clock_;
   LifeSigns& life_;

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <future>
+#include <memory>
 #include <utility>
 
 #include "config/load.h"
@@ -19,12 +20,15 @@
 #include "firmware-host/cell/life_signs.h"
 #include "firmware-host/cell/live_source.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/plc_reporter.h"
 #include "firmware-host/cell/service_times.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/daemon/cell_alarms.h"
 #include "firmware-host/daemon/part_keeper.h"
+#include "firmware-host/daemon/part_setter.h"
+#include "firmware-host/daemon/plc_desk.h"
 #include "firmware-host/daemon/service_notify.h"
 #include "firmware-host/daemon/setter_box.h"
 #include "firmware-host/daemon/state_store.h"
@@ -39,6 +43,8 @@ using namespace std::chrono_literals;
 std::atomic<bool> g_stop{false};
 std::atomic<bool> g_hung_up{false};
 
+// Shorter than a look at the bender takes to come round.
+constexpr auto kReportPeriod = 50ms;
 constexpr auto kFirstRetry = 100ms;
 constexpr auto kLongestRetry = 5000ms;
 
@@ -79,10 +85,13 @@ class Daemon::Impl {
   Impl(const DaemonOptions& options, config::CellConfig cell, PartPlan plan, StateStore store)
       : options_(options),
         cell_(std::move(cell)),
-        plan_(std::move(plan)),
+        own_part_(std::make_shared<const PartPlan>(std::move(plan))),
         store_(std::move(store)),
         notify_(clock_),
-        keeper_(store_, cell_.record.directory, plan_.config_digest, alarms_.board()) {}
+        keeper_(store_, cell_.record.directory, *own_part_, alarms_.board()),
+        parts_(cell_, own_part_, clock_, keeper_, alarms_.board()),
+        plc_(alarms_.board()),
+        reporter_(clock_) {}
 
   hal::Result<void> Prepare();
   int Run();
@@ -97,19 +106,26 @@ class Daemon::Impl {
   void WaitForRetry(CellLoop& loop);
   void BenderHeard(const BenderReading& heard);
   void Viewed(const pipeline::LiveView& view);
+  void OrdersHeard(const hal::PlcOrders& orders);
+  void AcknowledgeForPlc();
+  void TellPlc();
   void ServePeople();
   void ShowLot();
   void ShowLock();
 
   const DaemonOptions options_;
   const config::CellConfig cell_;
-  const PartPlan plan_;
+  const std::shared_ptr<const PartPlan> own_part_;
   hal::SteadyClock clock_;
   StateStore store_;
   StatusBoard board_;
   ServiceNotify notify_;
   CellAlarms alarms_;
   PartKeeper keeper_;
+  PartSetter parts_;
+  PlcDesk plc_;
+  PlcReporter reporter_;
+  std::chrono::nanoseconds reported_{0};
   std::unique_ptr<BenderDesk> desk_;
   std::unique_ptr<Recorder> recorder_;
   std::unique_ptr<StatusServer> server_;
@@ -118,21 +134,22 @@ class Daemon::Impl {
   std::string bender_problem_;
   std::size_t bends_told_ = 0;
   bool bender_known_ = false;
+  bool acknowledges_ = false;  // the PLC, and it is not done yet
   int exit_code_ = 0;
 };
 
 hal::Result<void> Daemon::Impl::Prepare() {
   if (auto fits = CheckWatchdog({.watchdog = notify_.period()}); !fits) return fits;
-  if (auto loaded = keeper_.Load(); !loaded) return hal::Fail(loaded.error());
+  if (auto loaded = keeper_.Load(*own_part_); !loaded) return hal::Fail(loaded.error());
   BenderDesk::Options desk;
   desk.journal = store_.journal();
-  desk.pipe_radius_mm = plan_.pipe_radius_mm;
-  desk.commit = plan_.commit;
+  desk.pipe_radius_mm = own_part_->pipe_radius_mm;
+  desk.commit = own_part_->commit;
   desk.ledger = LedgerRulesOf(cell_);
   if (cell_.bender.link == config::BenderKind::kSimulated) {
-    auto first = pipeline::InitialProgram(plan_.nominal, plan_.correction.material);
+    auto first = pipeline::InitialProgram(own_part_->nominal, own_part_->correction.material);
     if (!first) return hal::Fail(first.error());
-    desk.preload.part_number = plan_.part_number;
+    desk.preload.part_number = own_part_->part_number;
     desk.preload.program = std::move(*first);
   }
   auto opened = BenderDesk::Open(cell_.bender, desk, clock_);
@@ -154,7 +171,7 @@ hal::Result<void> Daemon::Impl::Prepare() {
   recorder_ = std::make_unique<Recorder>(recorder, clock_);
   board_.Update([&](CellSnapshot& s) {
     s.cell = cell_.name;
-    s.part = plan_.part;
+    s.part = own_part_->part;
     s.bender = desk_->name();
   });
   ShowLot();
@@ -212,17 +229,26 @@ CellPorts Daemon::Impl::Ports() {
   ports.desk = desk_.get();
   ports.board = &board_;
   ports.recorder = recorder_.get();
+  ports.reporter = &reporter_;
+  ports.part_of_scan = [this](const hal::PlcOrders& orders) { return parts_.OfScan(orders); };
   ports.identify = [this] {
     const ScanIdentity identity = keeper_.Identify();
     spdlog::info("{}: scan begins", identity.session);
     bends_told_ = 0;
     return identity;
   };
-  ports.lot = [this] { return keeper_.Lot(); };
+  ports.lot = [this] {
+    auto lot = keeper_.Lot(parts_.scanned());
+    if (!plc_.holds()) return lot;
+    if (!lot) lot.emplace();
+    lot->held = true;
+    return lot;
+  };
   ports.part_done = [this](PartOutcome outcome) {
     alarms_.PartDone(AlarmsOf(outcome.result), board_.Get());
-    keeper_.Keep(std::move(outcome));
+    keeper_.Keep(outcome);
     keeper_.KeepAlarms(alarms_.TakeNews());
+    plc_.Done(outcome);
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
     ShowLot();
   };
@@ -230,6 +256,7 @@ CellPorts Daemon::Impl::Ports() {
   ports.scan_failed = [this](const FailedScan& failed) {
     alarms_.PartDone(AlarmsOf(failed.identity.session, failed.error), board_.Get());
     keeper_.KeepFailure(failed);
+    plc_.Failed(failed, parts_.is_known() ? parts_.scanned().part_number : 0);
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
   };
   ports.commit_settled = [this](const SettledCommit& settled) {
@@ -255,10 +282,11 @@ int Daemon::Impl::Run() {
   ports.alive = [this, &running] {
     notify_.Alive();
     TellHangUp();
+    TellPlc();
     if (g_stop) running->Stop();
   };
   std::optional<CellLoop> loop;
-  loop.emplace(plan_, std::move(ports), options);
+  loop.emplace(*own_part_, std::move(ports), options);
   running = &*loop;
 
   const auto favoured = FavourPipeline(RealtimeOf(cell_.realtime));
@@ -373,7 +401,8 @@ void Daemon::Impl::WaitForRetry(CellLoop& loop) {
 }
 
 void Daemon::Impl::BenderHeard(const BenderReading& heard) {
-  alarms_.BenderHeard(heard, plan_.part_number);
+  if (heard.facts) OrdersHeard(heard.facts->state.orders);
+  alarms_.BenderHeard(heard, parts_.number());
   if (heard.facts && (!bender_known_ || !bender_problem_.empty())) {
     spdlog::info("bender answers: active program {}", Describe(heard.facts->active));
   }
@@ -384,13 +413,49 @@ void Daemon::Impl::BenderHeard(const BenderReading& heard) {
   bender_problem_ = heard.problem;
 }
 
+// What the PLC says now, of the next scan: its part, and what it asks for.
+void Daemon::Impl::OrdersHeard(const hal::PlcOrders& orders) {
+  if (plc_.Heard(orders)) acknowledges_ = true;
+  if (parts_.Set(orders)) ShowLot();
+}
+
+// From the loop, some twenty times a second: what is new the bender's follower brings to the PLC.
+void Daemon::Impl::TellPlc() {
+  const auto now = clock_.Now();
+  if (now - reported_ < kReportPeriod) return;
+  reported_ = now;
+  alarms_.board().Set(AlarmCode::kBlockNotTaken, !reporter_.problem().empty(), reporter_.problem());
+  const CellSnapshot cell = board_.Get();
+  reporter_.Set(plc_.Report(cell.phase, parts_.number(), plc_.holds() || cell.lot.held));
+}
+
+// Between two parts: a commit that runs must not keep the cell's thread waiting.
+void Daemon::Impl::AcknowledgeForPlc() {
+  if (!std::exchange(acknowledges_, false)) return;
+  const auto unlocked = desk_->Acknowledge("the PLC");
+  spdlog::warn("the PLC acknowledges all alarms{}",
+               unlocked ? "" : ", but corrections stay locked: " + unlocked.error().message);
+  if (!unlocked) return;
+  alarms_.board().Acknowledge();
+  plc_.Acknowledged();
+}
+
 void Daemon::Impl::ServePeople() {
+  AcknowledgeForPlc();
   ShowLock();
   alarms_.Look(board_.Get());
   keeper_.KeepAlarms(alarms_.TakeNews());
-  SetterDesk desk({&plan_, desk_.get(), [this] { return keeper_.Lot(); },
-                   [this](const pipeline::LotState& lot) { return keeper_.SetLot(lot); },
+  const PartPlan& part = parts_.shown();
+  SetterDesk desk({&part, desk_.get(), [&] { return keeper_.Lot(part); },
+                   [&](const pipeline::LotState& lot) { return keeper_.SetLot(part, lot); },
                    store_.requests_log()});
+  if (parts_.is_known() && plc_.AsksForLot()) {
+    const SetterAnswer answer =
+        desk.Grant({SetterWish::kNewLot, "the PLC", UtcText(SystemMoment().unix_ms)});
+    spdlog::warn("the PLC asked for a new lot: {}{}", answer.error ? "refused, " : "", answer.text);
+    if (!answer.error) plc_.LotBegun();
+    ShowLot();
+  }
   SetterBox(store_.directory()).Serve([&](const SetterRequest& request) {
     const SetterAnswer answer = desk.Grant(request);
     if (request.wish == SetterWish::kAcknowledge && !answer.error) alarms_.board().Acknowledge();
@@ -408,7 +473,7 @@ void Daemon::Impl::ShowLock() {
 }
 
 void Daemon::Impl::ShowLot() {
-  const auto lot = keeper_.Lot();
+  const auto lot = keeper_.Lot(parts_.shown());
   board_.Update([&](CellSnapshot& s) {
     s.lot = {};
     alarms_.board().Set(AlarmCode::kLotHeld, lot && lot->held);
@@ -422,7 +487,7 @@ void Daemon::Impl::ShowLot() {
 }
 
 void Daemon::Impl::Viewed(const pipeline::LiveView& view) {
-  const std::string line = ProgressLine(view, plan_.nominal_length_mm);
+  const std::string line = ProgressLine(view, parts_.scanned().nominal_length_mm);
   notify_.Status(line);
   // Each bend once for everybody; every look for who asked for more.
   const bool news = view.program.bend_count() != bends_told_;

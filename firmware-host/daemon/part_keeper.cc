@@ -23,43 +23,54 @@ constexpr std::size_t kReportParts = 20;
 
 }  // namespace
 
-PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key,
+PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, const PartPlan& own,
                        AlarmBoard& alarms)
-    : store_(store),
-      sessions_(std::move(sessions)),
-      lot_key_(std::move(lot_key)),
-      alarms_(alarms) {}
+    : store_(store), sessions_(std::move(sessions)), own_part_(own.part_number), alarms_(alarms) {}
 
-hal::Result<void> PartKeeper::Load() {
+hal::Result<void> PartKeeper::Load(const PartPlan& own) {
   auto history = History::Open(store_.history());
   if (!history) return hal::Fail(history.error());
   history_.emplace(std::move(*history));
   // Those of the last run, which nobody saw end.
   Judge(AlarmCode::kHistoryNotKept, history_->EndAlarms(SystemMoment().unix_ms));
-  auto lot = store_.Lot(lot_key_);
+  return TakeUp(own);
+}
+
+hal::Result<void> PartKeeper::TakeUp(const PartPlan& part) {
+  if (lots_.count(part.part_number) > 0) return {};
+  KeptLot kept{part.config_digest, part.part_number == own_part_ ? 0 : part.part_number, {}};
+  auto lot = store_.Lot(kept.key, kept.file);
   if (!lot) return hal::Fail(lot.error());
-  lot_ = std::move(*lot);
-  if (lot_) spdlog::info("lot goes on: {} parts so far", lot_->parts);
+  kept.state = std::move(*lot);
+  if (kept.state) {
+    spdlog::info("part {}: its lot goes on, {} parts so far", part.part_number, kept.state->parts);
+  }
+  lots_.emplace(part.part_number, std::move(kept));
   return {};
 }
 
-std::optional<pipeline::LotState> PartKeeper::Lot() {
-  if (lot_ && !store_.HasLot()) {
-    alarms_.Begin(AlarmCode::kLotRemoved, "nothing is known of it");
-    lot_.reset();
+std::optional<pipeline::LotState> PartKeeper::Lot(const PartPlan& part) {
+  const auto lot = lots_.find(part.part_number);
+  if (lot == lots_.end()) return std::nullopt;
+  KeptLot& kept = lot->second;
+  if (kept.state && !store_.HasLot(kept.file)) {
+    alarms_.Begin(AlarmCode::kLotRemoved,
+                  "of part " + std::to_string(part.part_number) + " nothing is known");
+    kept.state.reset();
   }
-  return lot_;
+  return kept.state;
 }
 
-hal::Result<void> PartKeeper::SetLot(const pipeline::LotState& lot) {
-  if (auto kept = store_.KeepLot(lot, lot_key_); !kept) return kept;
-  lot_ = lot;
+hal::Result<void> PartKeeper::SetLot(const PartPlan& part, const pipeline::LotState& lot) {
+  KeptLot& kept = lots_[part.part_number];
+  if (auto written = store_.KeepLot(lot, kept.key, kept.file); !written) return written;
+  kept.state = lot;
   return {};
 }
 
 ScanIdentity PartKeeper::Identify() {
   last_number_ = std::max(last_number_, store_.LastNumber(sessions_)) + 1;
-  return {PartName(last_number_), UtcText(SystemMoment().unix_ms)};
+  return {PartName(last_number_), UtcText(SystemMoment().unix_ms), {}};
 }
 
 void PartKeeper::Judge(AlarmCode code, const hal::Result<void>& kept) {
@@ -84,8 +95,11 @@ void PartKeeper::KeepResult(const RunResult& result) {
 void PartKeeper::Keep(PartOutcome outcome) {
   const RunResult& result = outcome.result;
   if (outcome.next) {
-    lot_ = outcome.next;
-    Judge(AlarmCode::kLotNotKept, store_.KeepLot(*lot_, lot_key_));
+    KeptLot& kept = lots_[outcome.part_number];
+    // Whether it is held a setter says; the PLC's hold is of the moment.
+    outcome.next->held = kept.state && kept.state->held;
+    kept.state = outcome.next;
+    Judge(AlarmCode::kLotNotKept, store_.KeepLot(*kept.state, kept.key, kept.file));
   }
   KeepResult(result);
   std::string verdict = VerdictLine(result, false);

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdint>
 #include <deque>
 #include <filesystem>
 #include <future>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -21,19 +23,23 @@ namespace bendloop::host {
 // history, and tells the log. Trouble is logged; it never stops the cell.
 class PartKeeper {
  public:
-  // What cannot be kept is an alarm on `alarms`, which outlives it.
-  PartKeeper(StateStore& store, std::filesystem::path sessions, std::string lot_key,
+  // `own` is the cell file's part. What cannot be kept is an alarm on `alarms`, which outlives it.
+  PartKeeper(StateStore& store, std::filesystem::path sessions, const PartPlan& own,
              AlarmBoard& alarms);
 
   // No name comes twice, whatever was removed from the disk: not below `number` either, which is
   // the last one that the journal knows.
   void NameAfter(unsigned number) { last_number_ = std::max(last_number_, number); }
   ScanIdentity Identify();
-  // Of the state directory: where somebody has removed lot.json, a new lot begins.
-  std::optional<pipeline::LotState> Lot();
-  hal::Result<void> SetLot(const pipeline::LotState& lot);
-  // Takes up the lot and the history where they were left; kBadInput when one is damaged.
-  hal::Result<void> Load();
+  // Each part has a lot of its own, which goes on when the part is set again. Where somebody has
+  // removed its file, a new lot begins. Of parts that were taken up.
+  std::optional<pipeline::LotState> Lot(const PartPlan& part);
+  hal::Result<void> SetLot(const PartPlan& part, const pipeline::LotState& lot);
+  // Takes up the own part's lot and the history where they were left; kBadInput when one is
+  // damaged.
+  hal::Result<void> Load(const PartPlan& own);
+  // The same of another part's lot.
+  hal::Result<void> TakeUp(const PartPlan& part);
   // A part that waited comes again, and replaces what was kept of it.
   void Keep(PartOutcome outcome);
   void KeepFailure(const FailedScan& failed);
@@ -53,11 +59,17 @@ class PartKeeper {
   // Logs what went wrong; an alarm until it goes well again.
   void Judge(AlarmCode code, const hal::Result<void>& kept);
 
+  struct KeptLot {
+    std::string key;         // of the settings that it was learnt with
+    std::uint32_t file = 0;  // as StateStore takes it
+    std::optional<pipeline::LotState> state;
+  };
+
   StateStore& store_;
   std::filesystem::path sessions_;
-  std::string lot_key_;
+  std::uint32_t own_part_;
   AlarmBoard& alarms_;
-  std::optional<pipeline::LotState> lot_;
+  std::map<std::uint32_t, KeptLot> lots_;  // by part number
   std::optional<History> history_;
   std::deque<RunResult> recent_;  // for the report
   std::future<void> report_;

@@ -34,6 +34,10 @@ unsigned NumberOf(const std::string& file_name) {
   return number;
 }
 
+fs::path LotFile(const fs::path& directory, std::uint32_t part) {
+  return directory / (part == 0 ? "lot.json" : "lot-" + std::to_string(part) + ".json");
+}
+
 unsigned LargestNumber(const fs::path& directory) {
   unsigned largest = 0;
   std::error_code error;
@@ -95,8 +99,8 @@ std::string PartName(unsigned number) {
 }
 
 hal::Result<std::optional<pipeline::LotState>> ReadLotOf(const fs::path& directory,
-                                                         std::string_view key) {
-  const fs::path file = directory / "lot.json";
+                                                         std::string_view key, std::uint32_t part) {
+  const fs::path file = LotFile(directory, part);
   std::error_code error;
   if (!fs::exists(file, error)) return std::optional<pipeline::LotState>();
   const auto text = ReadWholeFile(file);
@@ -109,17 +113,19 @@ hal::Result<std::optional<pipeline::LotState>> ReadLotOf(const fs::path& directo
   return lot;
 }
 
-hal::Result<std::optional<pipeline::LotState>> StateStore::Lot(std::string_view key) const {
-  return ReadLotOf(directory_, key);
+hal::Result<std::optional<pipeline::LotState>> StateStore::Lot(std::string_view key,
+                                                               std::uint32_t part) const {
+  return ReadLotOf(directory_, key, part);
 }
 
-bool StateStore::HasLot() const {
+bool StateStore::HasLot(std::uint32_t part) const {
   std::error_code error;
-  return fs::exists(LotFile(), error) || error;
+  return fs::exists(LotFile(directory_, part), error) || error;
 }
 
-hal::Result<void> StateStore::KeepLot(const pipeline::LotState& lot, std::string_view key) const {
-  return WriteOutputFile(LotFile(), WriteLot(lot, key));
+hal::Result<void> StateStore::KeepLot(const pipeline::LotState& lot, std::string_view key,
+                                      std::uint32_t part) const {
+  return WriteOutputFile(LotFile(directory_, part), WriteLot(lot, key));
 }
 
 }  // namespace bendloop::host

@@ -23,7 +23,8 @@ enum class StateUser : std::uint8_t {
 //   journal.db         every program on its way to the bender, every tube bent, every scan's fate
 //   acceptance.json    the program that an acceptance run must put back, while it runs
 //   history.db         every part
-//   lot.json           what the lot has taught so far
+//   lot.json           what the lot has taught so far; of parts that the PLC sets besides the cell
+//                      file's own: lot-NUMBER.json
 //   status.json        where the running daemon answers
 //   status.sock        it answers there too, its user and group
 //   requests/          what commands ask the running daemon (setter_box.h)
@@ -55,23 +56,25 @@ class StateStore {
   unsigned LastNumber(const std::filesystem::path& sessions) const;
 
   // `key` names the settings that the lot was learnt with; another key begins a new lot. A damaged
-  // file is an error: deciding without what is known would be a jump in the corrections.
-  hal::Result<std::optional<pipeline::LotState>> Lot(std::string_view key) const;
-  bool HasLot() const;
-  hal::Result<void> KeepLot(const pipeline::LotState& lot, std::string_view key) const;
+  // file is an error: deciding without what is known would be a jump in the corrections. `part`:
+  // the number of a part that is not the cell file's own; 0: that one.
+  hal::Result<std::optional<pipeline::LotState>> Lot(std::string_view key,
+                                                     std::uint32_t part = 0) const;
+  bool HasLot(std::uint32_t part = 0) const;
+  hal::Result<void> KeepLot(const pipeline::LotState& lot, std::string_view key,
+                            std::uint32_t part = 0) const;
 
  private:
   StateStore(std::filesystem::path directory, int lock)
       : directory_(std::move(directory)), lock_(lock) {}
-  std::filesystem::path LotFile() const { return directory_ / "lot.json"; }
-
   std::filesystem::path directory_;
   int lock_ = -1;
 };
 
 // The lot of a state directory that another process may hold; as StateStore::Lot.
 hal::Result<std::optional<pipeline::LotState>> ReadLotOf(const std::filesystem::path& directory,
-                                                         std::string_view key);
+                                                         std::string_view key,
+                                                         std::uint32_t part = 0);
 
 // "part-0007".
 std::string PartName(unsigned number);

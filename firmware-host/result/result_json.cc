@@ -103,6 +103,7 @@ Json ResultJson(const RunResult& result, const ResultJsonOptions& options) {
   if (!result.session.empty()) json["session"] = result.session;
   if (!result.time.empty()) json["time"] = result.time;
   if (!result.software.empty()) json["software"] = result.software;
+  if (!result.identity.empty()) json["identity"] = result.identity;
   if (!result.repeat_of.empty()) json["repeat_of"] = result.repeat_of;
   json["tube"] = TubeJson(m.tube);
   json["uncertainty_1sigma"] = UncertaintyJson(m);

@@ -143,6 +143,7 @@ hal::Result<RunResult> ReadResultJson(std::string_view text, std::string_view na
   result.session = json.TextOr("session");
   result.time = json.TextOr("time");
   result.software = json.TextOr("software");
+  result.identity = json.TextOr("identity");
   result.repeat_of = json.TextOr("repeat_of");
   ReadMeasurement(json, result.measurement);
   if (json.Has("nominal")) result.nominal = ReadRows(json.At("nominal").At("rows"));

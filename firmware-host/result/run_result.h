@@ -19,6 +19,7 @@ struct RunResult {
   std::string session;   // id of the session or name of the cloud's file
   std::string time;      // ISO 8601, when the scan started, from the session; never "now"
   std::string software;  // name and version
+  std::string identity;  // of the tube, where somebody told it: a serial number, a barcode
   // The session whose tube this scan shows once more; empty: a tube of its own, as far as known.
   std::string repeat_of;
 

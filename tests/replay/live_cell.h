@@ -69,7 +69,9 @@ class LiveCell {
   // Coarser scans are quicker ones, and see less of the ends.
   double profile_spacing_mm = 1;
 
-  explicit LiveCell(const std::string& more = "", const std::string& bender_keys = "") {
+  // `top`: keys of the cell file before its tables.
+  explicit LiveCell(const std::string& more = "", const std::string& bender_keys = "",
+                    const std::string& top = "") {
     auto part = config::LoadPart(BENDLOOP_SOURCE_DIR "/config/parts/demo.toml");
     EXPECT_TRUE(part);
     config::CellConfig config;
@@ -90,8 +92,9 @@ class LiveCell {
     });
     std::ofstream(cell_file()) << "schema = \"bendloop.cell/1\"\nname = \"test\"\npart = \""
                                << BENDLOOP_SOURCE_DIR "/config/parts/demo.toml\"\n"
-                               << "state_dir = \"state\"\n[scanner]\nkind = \"stream\"\nport = "
-                               << scanner_->port() << "\nqueue_profiles = 8192\n"
+                               << "state_dir = \"state\"\n"
+                               << top << "[scanner]\nkind = \"stream\"\nport = " << scanner_->port()
+                               << "\nqueue_profiles = 8192\n"
                                << "[bender]\nlink = \"modbus-tcp\"\nport = " << bender_->port()
                                << "\nregister_map = \"" BENDLOOP_SOURCE_DIR
                                   "/config/register-maps/default.toml\"\n"

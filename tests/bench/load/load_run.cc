@@ -96,7 +96,7 @@ class LoadCell {
         cell_(cell),
         plan_(std::move(plan)),
         store_(std::move(store)),
-        keeper_(store_, cell.record.directory, plan_.config_digest, alarms_) {
+        keeper_(store_, cell.record.directory, plan_, alarms_) {
     for (const double off_deg : {kBentOffDeg, -kBentOffDeg}) {
       hal::Tube tube{plan_.pipe_radius_mm, plan_.nominal, {}};
       for (auto& row : tube.program.rows) {
@@ -262,7 +262,7 @@ void LoadCell::AddErrors(const hal::BendProgram& measured) {
 }
 
 hal::Result<LoadResult> LoadCell::Run() {
-  if (auto loaded = keeper_.Load(); !loaded) return hal::Fail(loaded.error());
+  if (auto loaded = keeper_.Load(plan_); !loaded) return hal::Fail(loaded.error());
   host::BenderDesk::Options desk;
   desk.journal = store_.journal();
   desk.pipe_radius_mm = plan_.pipe_radius_mm;

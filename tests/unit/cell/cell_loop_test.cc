@@ -134,7 +134,7 @@ class CellLoopTest : public ::testing::Test {
     ports.board = &board;
     ports.identify = [&] {
       while (floods && !source.over()) std::this_thread::yield();
-      return ScanIdentity{"part-0001", "2026-01-01T00:00:00Z"};
+      return ScanIdentity{"part-0001", "2026-01-01T00:00:00Z", {}};
     };
     ports.part_done = [&](PartOutcome outcome) { ran.parts.push_back(std::move(outcome)); };
     ports.scan_failed = [&](const FailedScan& scan) { ran.failed.push_back(scan); };

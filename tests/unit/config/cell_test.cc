@@ -362,6 +362,23 @@ TEST_F(CellFiles, AMapWithoutACommitRegisterMustBeAllowed) {
   EXPECT_TRUE(LoadCell(Write("cell.toml", toml + "[correction]\nenabled = false\n")));
 }
 
+// What the PLC could set, and would not get.
+TEST_F(CellFiles, ValidateLooksAtThePartsThatThePlcMaySet) {
+  const std::string part = ReadAll(ShippedConfig() / "parts/demo.toml");
+  std::filesystem::create_directory(directory_ / "parts");
+  Write("parts/own.toml", part);
+  const auto cell = Write(
+      "cell.toml", With(kMinimal, "\"part.toml\"", "\"parts/own.toml\"\nparts_dir = \"parts\""));
+  const auto good = ValidateFile(cell);
+  EXPECT_TRUE(good) << good.error().message;
+  Write("parts/twin.toml", part);
+  Write("parts/spoilt.toml", With(part, "part_number = 1001", "part_number = -1"));
+  const auto bad = ValidateFile(cell);
+  ASSERT_FALSE(bad);
+  EXPECT_THAT(bad.error().message, AllOf(HasSubstr("twin.toml"), HasSubstr("found 1001"),
+                                         HasSubstr("spoilt.toml"), HasSubstr("part_number")));
+}
+
 TEST_F(CellFiles, ValidateSaysWhatAFileIs) {
   const auto other = ValidateFile(Write("other.toml", "schema = \"bendloop.cel/1\"\n"));
   ASSERT_FALSE(other);
