@@ -17,10 +17,11 @@ namespace bendloop::config {
 
 enum class Need : std::uint8_t { kOptional, kRequired };
 
-// Inclusive.
+// Inclusive, or without `max` itself.
 struct Range {
   double min = 0;
   double max = 0;
+  bool below_max = false;
 };
 
 // A word of the file and its place in an enum; without a place it is known but not supported yet.

@@ -21,7 +21,7 @@ void VisitPart(FieldVisitor& v, PartConfig& part) {
     hal::BendRow& row = part.rows.rows[i];
     r.Number("length_mm", row.length_mm, {0, 20000}, Need::kRequired);
     r.Number("rotation_deg", row.rotation_deg, {-180, 180}, Need::kOptional);
-    r.Number("angle_deg", row.angle_deg, {0, 360}, Need::kOptional);
+    r.Number("angle_deg", row.angle_deg, {0, 360, true}, Need::kOptional);
     r.OptionalNumber("bend_radius_mm", row.bend_radius_mm, {1, 10000});
   });
   if (v.Present("nominal", !part.xyz_mm.empty())) {

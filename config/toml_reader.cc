@@ -107,11 +107,14 @@ bool TomlReader::Present(std::string_view key, bool /*has_value*/) {
 }
 
 void TomlReader::Number(std::string_view key, double& value, Range range, Need need) {
-  const std::string expected = RangeText("a number", NumberText(range.min), NumberText(range.max));
+  const std::string expected =
+      RangeText("a number", NumberText(range.min),
+                (range.below_max ? "less than " : "") + NumberText(range.max));
   const toml::node* node = Find(key, need, expected);
   if (node == nullptr) return;
   const std::optional<double> number = AsNumber(*node);
-  if (!number || !(*number >= range.min && *number <= range.max)) {
+  if (!number || !(*number >= range.min && *number <= range.max) ||
+      (range.below_max && *number == range.max)) {
     return Wrong(key, *node, expected);
   }
   value = *number;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <string_view>
 
 #include "drivers/session/session_format.h"
 #include "drivers/session/session_reader.h"
@@ -24,23 +25,19 @@ void Add(SessionSummary& summary, const std::string& problem) {
   }
 }
 
-// SQLite's own look at its pages.
+// SQLite's own look at its pages: the first thing that it finds, as the rest follows from that.
 void CheckPages(const SessionReader& reader, SessionSummary& summary) {
-  auto check = reader.database().Prepare("PRAGMA quick_check(10)");
+  auto check = reader.database().Prepare("PRAGMA quick_check(1)");
   if (!check) return Add(summary, check.error().message);
-  auto outcome = Statement::Outcome::kRow;
-  while ((outcome = check->Step()) == Statement::Outcome::kRow) {
-    std::string line(check->Text(0));
-    if (line.empty()) line = "no answer";
-    if (line == "ok") continue;
-    for (char& c : line) {
-      if (c == '\n') c = ' ';
-    }
-    Add(summary, reader.path() + ": " + line);
-  }
+  const auto outcome = check->Step();
   if (outcome == Statement::Outcome::kFailed) {
-    Add(summary, reader.database().Failed("cannot check the pages").message);
+    return Add(summary, reader.database().Failed("cannot check the pages").message);
   }
+  std::string_view lines = outcome == Statement::Outcome::kRow ? check->Text(0) : "no answer";
+  if (lines == "ok") return;
+  if (lines.starts_with("***")) lines.remove_prefix(std::min(lines.find('\n') + 1, lines.size()));
+  Add(summary, reader.path() + ": the database is damaged, first: " +
+                   std::string(lines.substr(0, lines.find('\n'))));
 }
 
 void CheckTimes(const std::string& path, std::int64_t earliest, std::int64_t latest,

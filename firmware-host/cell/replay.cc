@@ -26,17 +26,20 @@ struct Recorded {
 // The recorded end of the scan, or its start, as far as the session says either.
 std::optional<Moment> EndOf(const drivers::SessionReader& reader) {
   auto unix_ms = ParseUtc(reader.MetaOr(kEndKey, ""));
-  if (!unix_ms) unix_ms = ParseUtc(reader.MetaOr("start", ""));
+  if (!unix_ms) unix_ms = ParseUtc(reader.MetaOr(kStartKey, ""));
   if (!unix_ms) return std::nullopt;
   return Moment{SystemMoment().boot_ns, *unix_ms};
 }
 
 hal::Result<Recorded> ReadRecorded(const drivers::SessionReader& reader, const PartPlan& plan,
                                    std::vector<std::string>& notes) {
+  if (auto times = CheckRecordedTimes(reader.meta(), reader.path()); !times) {
+    return hal::Fail(times.error());
+  }
   Recorded recorded;
   recorded.identity.session =
       reader.MetaOr("session", std::filesystem::path(reader.path()).stem().string());
-  recorded.identity.start = reader.MetaOr("start", "");
+  recorded.identity.start = reader.MetaOr(kStartKey, "");
   recorded.identity.tube = reader.MetaOr("identity", "");
   if (const std::string text = reader.MetaOr(kContextKey, ""); !text.empty()) {
     auto context = ReadRunContext(text, reader.path() + ": meta 'context'");

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware-host/ledger/moment.h"
 #include "firmware-host/result/json.h"
 #include "firmware-host/result/json_reader.h"
 #include "firmware-host/result/sections.h"
@@ -219,6 +220,19 @@ hal::Result<RunContext> ReadRunContext(std::string_view text, std::string_view n
   context.repeat_of = reader.TextOr("repeat_of");
   if (error) return hal::Fail(*error);
   return context;
+}
+
+hal::Result<void> CheckRecordedTimes(const std::map<std::string, std::string>& meta,
+                                     std::string_view name) {
+  for (const char* key : {kStartKey, kEndKey}) {
+    const auto found = meta.find(key);
+    if (found == meta.end() || found->second.empty() || ParseUtc(found->second)) continue;
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     std::string(name) + ": meta '" + key + "': found \"" +
+                         found->second.substr(0, 40) +
+                         "\", expected a time like 2026-11-21T07:32:27Z");
+  }
+  return {};
 }
 
 std::string WriteLot(const pipeline::LotState& lot, std::string_view key) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,8 +29,15 @@ struct RunContext {
 };
 
 inline constexpr const char* kContextKey = "context";
-// When the scan ended, by the wall clock: ISO 8601.
+// When the scan began, by the wall clock: ISO 8601.
+inline constexpr const char* kStartKey = "start";
+// When it ended, alike.
 inline constexpr const char* kEndKey = "end";
+
+// Whether a session's "start" and "end", as far as it says them, are times that ParseUtc() reads.
+// kBadInput; `name` stands for the session in the message.
+hal::Result<void> CheckRecordedTimes(const std::map<std::string, std::string>& meta,
+                                     std::string_view name);
 
 // JSON, one line, schema "bendloop.context/1"; every number reads back as the same bits.
 std::string WriteRunContext(const RunContext& context);

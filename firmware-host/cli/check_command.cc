@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -11,11 +12,15 @@
 #include "config/load.h"
 #include "drivers/session/session_check.h"
 #include "drivers/session/session_database.h"
+#include "drivers/session/session_source.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/run_context.h"
+#include "firmware-host/cell/scan_state.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/text/table.h"
+#include "hal/clock.h"
+#include "pipeline/points/input_checks.h"
 
 namespace bendloop::host {
 namespace {
@@ -26,9 +31,38 @@ Examples:
   bendloop check cells/*.toml parts/*.toml sessions/*.session
 
 Cell files are checked with the part and the register map that they name,
-sessions to their last profile and against their checksums. All files are
-checked; each problem is told with file, line, key and the mend. Exit code 3
+sessions to their last profile and against their checksums, and whether a
+replay by a cell with the usual [scan] takes them. All files are checked; each problem is told with file, line, key and the mend. Exit code 3
 when there is any.)";
+
+// Why a replay would refuse the scan in a sound session, by the profiles and events as it takes
+// them; empty: it would not.
+std::string WhyNotReplayed(const std::string& file) {
+  const config::ScanConfig usual;  // which cell will replay it, nobody knows
+  ScanState scan(
+      {.is_live = false, .max_seconds = usual.max_seconds, .min_profiles = usual.min_profiles});
+  hal::SteadyClock clock;
+  drivers::SessionSource source(file, drivers::ReplayPace::kMax, clock);
+  const auto info = source.Open();
+  if (!info) return info.error().message;
+  (void)source.Start();
+  hal::LaserProfile profile(info->max_points);
+  hal::ScanEvent event;
+  for (ScanStep step = ScanStep::kNothing; step != ScanStep::kEnded;) {
+    const auto status = source.Read(profile, event, std::chrono::nanoseconds(0));
+    if (!status) return status.error().message;
+    if (*status == hal::ReadStatus::kProfile) step = scan.Take(profile);
+    if (*status == hal::ReadStatus::kEvent) step = scan.Take(event);
+    if (*status == hal::ReadStatus::kEnd) step = scan.TakeEnd();
+    if (step == ScanStep::kBroke) return scan.reason();
+    if (*status == hal::ReadStatus::kEnd && step == ScanStep::kNothing) {
+      return "it holds no scan: no profile lies between scan_start and scan_end";
+    }
+  }
+  if (scan.points() >= pipeline::kMinPoints) return {};
+  return "the scan has " + std::to_string(scan.points()) + " points, expected at least " +
+         std::to_string(pipeline::kMinPoints) + ": scan the whole tube";
+}
 
 hal::Result<std::string> CheckSessionFile(const std::string& file) {
   const auto summary = drivers::CheckSession(file);
@@ -40,6 +74,13 @@ hal::Result<std::string> CheckSessionFile(const std::string& file) {
   if (const auto context = summary->meta.find(kContextKey); context != summary->meta.end()) {
     const auto read = ReadRunContext(context->second, file + ": meta 'context'");
     if (!read) problems.push_back(read.error().message);
+  }
+  if (const auto times = CheckRecordedTimes(summary->meta, file); !times) {
+    problems.push_back(times.error().message);
+  }
+  if (problems.empty()) {
+    const std::string why = WhyNotReplayed(file);
+    if (!why.empty()) problems.push_back(file + ": no replay takes it: " + why);
   }
   if (!problems.empty()) {
     std::string message;

@@ -347,7 +347,25 @@ class Reader {
       }
       row.bend_radius_mm = *radius * mm_per_unit_;
     }
+    if (!points) {
+      if (auto bend = CheckBend(row); !bend) return bend;
+    }
     table_.rows.push_back(row);
+    return {};
+  }
+
+  // A bend radius without a bend: "100,5,0,90" is 100.5, 0 and 90 with decimal commas. Only a last
+  // row, which has no bend, may repeat the tool's.
+  hal::Result<void> CheckBend(const TableRow& row) {
+    if (row.values[2] != 0 || row.bend_radius_mm.value_or(0) == 0) return {};
+    std::string message =
+        "found a bend radius beside " + ValueName(2) + " 0, expected a bend, or -";
+    if (delimiter_ == ',')
+      message += "; decimal commas need semicolons, tabs or blanks between the cells";
+    const hal::Error error = Bad(message).value();
+    // Nor does anything rotate in a last row.
+    if (delimiter_ == ',' && row.values[1] != 0) return hal::Fail(error);
+    if (!pending_) pending_ = error;
     return {};
   }
 

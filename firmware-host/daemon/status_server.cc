@@ -9,12 +9,15 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <map>
 #include <string_view>
 #include <system_error>
 #include <utility>
+#include <vector>
 
+#include "firmware-host/daemon/doorkeeper.h"
 #include "hal/text.h"
 
 namespace bendloop::host {
@@ -25,6 +28,8 @@ namespace fs = std::filesystem;
 // Of each daemon of libmicrohttpd.
 constexpr unsigned kMostConnections = 256;
 constexpr unsigned kPatience_s = 2;  // without a byte from or to a client
+// With a client as a whole: a head and an answer go through a socket at once.
+constexpr std::chrono::seconds kWholePatience(5);
 // Of a connection, for the head of its request and of its answer: twice what a browser may say.
 constexpr std::size_t kConnectionBytes = 16 << 10;
 constexpr int kBacklog = 64;
@@ -84,13 +89,23 @@ MHD_Result Refuse(MHD_Connection* connection, unsigned status, const std::string
   return Answer(connection, status, "text/plain", why + "\n");
 }
 
+// The values of Host in a request.
+std::vector<std::string> HostsOf(MHD_Connection* connection) {
+  std::vector<std::string> hosts;
+  const auto take = [](void* found, MHD_ValueKind, const char* key, const char* value) {
+    if (hal::Lower(key) == "host") {
+      static_cast<std::vector<std::string>*>(found)->emplace_back(value ? value : "");
+    }
+    return MHD_YES;
+  };
+  MHD_get_connection_values(connection, MHD_HEADER_KIND, take, &hosts);
+  return hosts;
+}
+
 // Whether Host is a name of this machine's own, with any port: who comes through a tunnel has
 // another one. A web page elsewhere that has a browser resolve its name to 127.0.0.1 (DNS
-// rebinding) still says its own name there; who says nothing is no browser.
-bool AsksThisMachine(MHD_Connection* connection) {
-  const char* const said =
-      MHD_lookup_connection_value(connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_HOST);
-  if (said == nullptr) return true;
+// rebinding) still says its own name there.
+bool IsThisMachine(std::string_view said) {
   std::string host = hal::Lower(hal::Trimmed(said));
   const std::size_t colon = host.rfind(':');
   if (colon != std::string::npos && host.find(']', colon) == std::string::npos) host.erase(colon);
@@ -130,18 +145,22 @@ class StatusServer::Impl {
   Daemon Start(MHD_AccessHandlerCallback answer, MHD_OptionItem where) {
     MHD_OptionItem listen[] = {where, {MHD_OPTION_END, 0, nullptr}};
     // Without MHD_USE_ERROR_LOG: what a client does wrong is the client's to know.
-    return Daemon(MHD_start_daemon(MHD_USE_POLL_INTERNAL_THREAD | MHD_USE_ITC, 0, nullptr, nullptr,
-                                   answer, this, MHD_OPTION_CONNECTION_LIMIT, kMostConnections,
-                                   MHD_OPTION_CONNECTION_TIMEOUT, kPatience_s,
-                                   MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionBytes,
-                                   MHD_OPTION_ARRAY, listen, MHD_OPTION_END));
+    return Daemon(MHD_start_daemon(
+        MHD_USE_POLL_INTERNAL_THREAD | MHD_USE_ITC, 0, nullptr, nullptr, answer, this,
+        MHD_OPTION_CONNECTION_LIMIT, kMostConnections, MHD_OPTION_CONNECTION_TIMEOUT, kPatience_s,
+        MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionBytes, MHD_OPTION_NOTIFY_CONNECTION,
+        Doorkeeper::Note, &doorkeeper_, MHD_OPTION_ARRAY, listen, MHD_OPTION_END));
   }
 
   // Called as soon as the head of a request is there, and answers at once: a body is not read.
   static MHD_Result OnPort(void* self, MHD_Connection* connection, const char* path,
                            const char* method, const char* version, const char* body,
                            std::size_t* body_size, void** state) {
-    if (!AsksThisMachine(connection)) {
+    const auto hosts = HostsOf(connection);
+    if (hosts.size() != 1) {  // which one counts, servers disagree on
+      return Refuse(connection, MHD_HTTP_BAD_REQUEST, "expected one Host");
+    }
+    if (!IsThisMachine(hosts.front())) {
       return Refuse(connection, MHD_HTTP_FORBIDDEN, "expected Host 127.0.0.1 or localhost");
     }
     return OnSocket(self, connection, path, method, version, body, body_size, state);
@@ -152,6 +171,7 @@ class StatusServer::Impl {
 
   const std::map<std::string, Page, std::less<>> pages_;  // by path
   fs::path socket_;
+  Doorkeeper doorkeeper_{kWholePatience};  // outlives both, which tell it of their last connections
   Daemon on_port_;
   Daemon on_socket_;
 };

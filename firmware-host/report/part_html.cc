@@ -140,14 +140,14 @@ std::string InspectionBody(const RunResult& run) {
   const StateMark surface = MarkOf(in.surface.state);
   html += "<dl>" +
           Fact("Surface, 99 % below",
-               Fixed(in.surface.p99_abs_mm, 3) + " mm" +
+               Fixed(in.surface.p99_abs_mm, 3) +
                    (in.surface.tolerance_mm ? " of " + Fixed(*in.surface.tolerance_mm, 2) : "") +
-                   " <span class=\"state " + surface.css + "\">" + surface.mark + " " +
+                   " mm <span class=\"state " + surface.css + "\">" + surface.mark + " " +
                    surface.word + "</span>") +
           Fact("Surface, largest", Fixed(in.surface.max_abs_mm, 3) + " mm") +
           Fact("Tangent points, largest", Fixed(in.envelope_max_mm, 3) + " mm") +
           Fact("Pipe radius", Fixed(in.pipe_radius_mm.measured, 3) + " mm (nominal " +
-                                  Fixed(in.pipe_radius_mm.nominal, 3) + ")") +
+                                  Fixed(in.pipe_radius_mm.nominal, 3) + " mm)") +
           "</dl>";
   html +=
       "<details><summary>Tangent points and ends</summary><table><thead><tr><th>point</th>"
@@ -207,7 +207,7 @@ std::string FitBody(const RunResult& run) {
                      Fact("Distance, rms", Fixed(m.fit.rms_distance_mm, 3) + " mm") +
                      Fact("Distance, 95 % below", Fixed(m.fit.p95_abs_distance_mm, 3) + " mm") +
                      Fact("Noise of a sample", Fixed(m.noise_mm, 3) + " mm") +
-                     Fact("Pipe radius", Fixed(m.tube.pipe_radius_mm, 3) + " &#177; " +
+                     Fact("Pipe radius", Fixed(m.tube.pipe_radius_mm, 3) + " +- " +
                                              Fixed(m.pipe_radius_sigma_mm, 3) + " mm") +
                      Fact("Longest gap", Fixed(m.longest_gap_mm, 1) + " mm") + "</dl>";
   const double coverage = std::clamp(std::isfinite(m.coverage) ? m.coverage : 0.0, 0.0, 1.0);

@@ -49,11 +49,12 @@
   });
 
   // ---- lengths in inches ---------------------------------------------------------------------
-  // Two decimals more than in mm say as much.
-  function inInches(number) {
-    return number.replace(/\d+(\.\d+)?/, function (digits) {
-      var decimals = (digits.split('.')[1] || '').length + 2;
-      return (Number(digits) / 25.4).toFixed(decimals > 2 ? decimals - 1 : decimals);
+  // One decimal more than in mm says hardly less, two more where there are few.
+  function inInches(number, least) {
+    return number.replace(/\d+(\.\d+)?/g, function (digits) {
+      var decimals = (digits.split('.')[1] || '').length;
+      decimals += decimals < 2 ? 2 : 1;
+      return (Number(digits) / 25.4).toFixed(Math.max(decimals, least || 0));
     });
   }
   var lengths = [];
@@ -67,14 +68,42 @@
     var unit = row.querySelector('small');
     if (unit) keep(unit, 'in');
   });
-  document.querySelectorAll('.parts td.n, .part dd').forEach(function (element) {
-    if (element.children.length === 0 && / mm$/.test(element.textContent)) {
-      keep(element, inInches(element.textContent).replace(/ mm$/, ' in'));
+  // Columns under a unit; those behind it without one are its uncertainty.
+  document.querySelectorAll('.part table:not(.rows)').forEach(function (table) {
+    var unit = '';
+    table.querySelectorAll('thead th').forEach(function (head, column) {
+      var small = head.querySelector('small');
+      if (small) unit = small.textContent;
+      else if (head.textContent !== '\u00b1') unit = '';
+      if (unit !== 'mm') return;
+      if (small) keep(small, 'in');
+      table.querySelectorAll('tbody tr').forEach(function (row) {
+        var cell = row.cells[column];
+        if (cell && cell.className === 'n') keep(cell, inInches(cell.textContent));
+      });
+    });
+  });
+  document.querySelectorAll('.bar text').forEach(function (tick) {
+    keep(tick, inInches(tick.textContent, 3).replace(' mm', ' in'));
+  });
+  // In sentences: "0.3 mm", "0.12 of 0.5 mm", "8.01 +- 0.02 mm", "1.00 mm, 1 sigma 0.007".
+  var length = /(\d+(\.\d+)?( \+- | of ))*\d+(\.\d+)? mm\b(, 1 sigma \d+(\.\d+)?)?/g;
+  document.querySelectorAll('.parts td, .part .cards, .head').forEach(function (piece) {
+    var texts = document.createTreeWalker(piece, NodeFilter.SHOW_TEXT), text;
+    while ((text = texts.nextNode())) {
+      if (!text.data.match(length)) continue;
+      keep(text, text.data.replace(length, function (found) {
+        return found.split('1 sigma').map(function (part) {
+          return inInches(part).replace(' mm', ' in');
+        }).join('1 sigma');
+      }));
     }
   });
+  function showsInches() { return byId('unit').value === 'in'; }
   byId('unit').addEventListener('change', function () {
-    var inch = byId('unit').value === 'in';
-    lengths.forEach(function (each) { each.element.textContent = inch ? each.inch : each.mm; });
+    lengths.forEach(function (each) {
+      each.element.textContent = showsInches() ? each.inch : each.mm;
+    });
   });
 
   // ---- the picture ---------------------------------------------------------------------------
@@ -209,6 +238,9 @@
       first = last;
     }
   }
+  function within(middle, size, room) {
+    return Math.max(size / 2 + 2, Math.min(room - size / 2 - 2, middle)) + 'px';
+  }
   function placeLabels() {
     if (!current) return;
     // Beside the tube, on the side away from the middle of the picture.
@@ -216,8 +248,11 @@
     current.labels.forEach(function (label) {
       var p = ringCenter(current, label.ring).project(camera);
       var dx = p.x - middle.x, dy = p.y - middle.y, far = Math.hypot(dx, dy) || 1;
-      label.element.style.left = (p.x + 1) / 2 * holder.clientWidth + 30 * dx / far + 'px';
-      label.element.style.top = (1 - p.y) / 2 * holder.clientHeight - 30 * dy / far + 'px';
+      var left = (p.x + 1) / 2 * holder.clientWidth + 30 * dx / far;
+      var top = (1 - p.y) / 2 * holder.clientHeight - 30 * dy / far;
+      // Whole, whatever the picture's edge would cut.
+      label.element.style.left = within(left, label.element.offsetWidth, holder.clientWidth);
+      label.element.style.top = within(top, label.element.offsetHeight, holder.clientHeight);
     });
   }
 
@@ -349,7 +384,9 @@
     var place = segment % 2 ? 'bend ' + (segment + 1) / 2 : 'straight ' + (segment / 2 + 1);
     if (!current.part.compared) return place;
     var value = current.deviation[hit.face.a];
-    return place + ': ' + (value >= 0 ? '+' : '\u2212') + Math.abs(value).toFixed(3) + ' mm';
+    var size = Math.abs(value).toFixed(3);
+    return place + ': ' + (value >= 0 ? '+' : '\u2212') +
+      (showsInches() ? inInches(size) + ' in' : size + ' mm');
   }
 
   function resize() {

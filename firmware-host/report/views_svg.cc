@@ -47,12 +47,20 @@ double RingDeviation(const Scene& scene, std::size_t ring, const View& view) {
   return extreme;
 }
 
-std::string OneView(const Scene& scene, double scale_mm, const View& view, double unit_mm) {
+// What a view is drawn into: lettering and margins have the same size in all of them, whatever the
+// tube's extents are. A unit is about a pixel of a desktop's page.
+constexpr double kPictureWidth = 400, kPictureHeight = 300;
+constexpr double kMargin = 22, kLettering = 14;  // units
+
+std::string OneView(const Scene& scene, double scale_mm, const View& view) {
   Box box;
   for (const auto* mesh : {&scene.measured, &scene.nominal}) {
     for (const auto& v : mesh->vertices) box.Add(v[view.right], v[view.up]);
   }
-  const double margin = 14 * unit_mm;
+  const double unit_mm =
+      std::max({(box.high[0] - box.low[0]) / (kPictureWidth - 2 * kMargin),
+                (box.high[1] - box.low[1]) / (kPictureHeight - 2 * kMargin), 1e-5});
+  const double margin = kMargin * unit_mm;
   const double width = box.high[0] - box.low[0] + 2 * margin;
   const double height = box.high[1] - box.low[1] + 2 * margin;
   const auto x = [&](double value) { return Fixed(value - box.low[0] + margin, 2); };
@@ -90,9 +98,9 @@ std::string OneView(const Scene& scene, double scale_mm, const View& view, doubl
   svg += "</g>";
   // Numbers of the bends, and where the tube starts.
   const auto label = [&](const Eigen::Vector3d& at, const std::string& text) {
-    svg += "<text font-size=\"" + Fixed(10 * unit_mm, 2) + "\" stroke-width=\"" +
-           Fixed(3 * unit_mm, 2) + "\" x=\"" + x(at[view.right]) + "\" y=\"" + y(at[view.up]) +
-           "\">" + text + "</text>";
+    svg += "<text font-size=\"" + Fixed(kLettering * unit_mm, 2) + "\" stroke-width=\"" +
+           Fixed(0.3 * kLettering * unit_mm, 2) + "\" x=\"" + x(at[view.right]) + "\" y=\"" +
+           y(at[view.up]) + "\">" + text + "</text>";
   };
   const auto& segments = scene.measured.segments;
   for (std::size_t i = 0; i < segments.size(); ++i) {
@@ -110,13 +118,11 @@ std::string OneView(const Scene& scene, double scale_mm, const View& view, doubl
 }  // namespace
 
 std::string ViewsSvg(const Scene& scene, double scale_mm) {
-  // A unit of the pictures' lettering, from the largest extent.
   Eigen::Vector3d low = Eigen::Vector3d::Constant(1e300), high = -low;
   for (const auto& v : scene.measured.vertices) low = low.cwiseMin(v), high = high.cwiseMax(v);
   if (scene.measured.vertices.empty() || !low.allFinite() || !high.allFinite()) return "";
-  const double unit_mm = std::max((high - low).maxCoeff(), 1e-3) / 300;
   std::string out;
-  for (const View& view : kViews) out += OneView(scene, scale_mm, view, unit_mm);
+  for (const View& view : kViews) out += OneView(scene, scale_mm, view);
   return out;
 }
 

@@ -10,6 +10,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "drivers/session/session_database.h"
 #include "drivers/session/session_writer.h"
 #include "hal/clock.h"
 #include "program.h"
@@ -248,6 +249,52 @@ TEST(Usage, CheckIsOnlyContentWithWhatAReplayTakes) {
   const Ran ran = scratch.Bendloop("check " + session);
   EXPECT_EQ(ran.code, 3);
   EXPECT_THAT(ran.err, HasSubstr("meta 'context': found text that is not JSON"));
+}
+
+// A session of `bendloop simulate` without its checksums, as others write them: nothing but what
+// stands in it tells.
+void WriteWithoutSums(const Scratch& scratch, const std::string& file, const std::string& change) {
+  std::filesystem::copy_file(scratch / "sound.session", file,
+                             std::filesystem::copy_options::overwrite_existing);
+  auto database = drivers::OpenSessionForWriting(file);
+  ASSERT_TRUE(database);
+  const auto done = database->Execute(
+      "ALTER TABLE profile DROP COLUMN crc; DELETE FROM meta WHERE key='digest';"
+      "PRAGMA user_version=1;" +
+      change);
+  ASSERT_TRUE(done) << done.error().message;
+}
+
+TEST(Usage, CheckRefusesWhatAReplayRefuses) {
+  const Scratch scratch;
+  const std::string shipped = BENDLOOP_SOURCE_DIR "/config/";
+  const std::string cell = (scratch / "cell.toml").string();
+  std::ofstream(cell) << "schema = \"bendloop.cell/1\"\nname = \"c\"\npart = \"" << shipped
+                      << "parts/demo.toml\"\n[scanner]\nkind = \"simulated\"\n[bender]\n"
+                         "link = \"none\"\n";
+  ASSERT_EQ(scratch
+                .Bendloop("simulate --part " + shipped + "parts/demo.toml --spacing 4 --rays 60" +
+                          " --views 1 --out " + (scratch / "sound.session").string())
+                .code,
+            0);
+  const std::string file = (scratch / "a.session").string();
+  WriteWithoutSums(scratch, file, "");
+  const Ran sound = scratch.Bendloop("check " + file);
+  EXPECT_EQ(sound.code, 0) << sound.err;
+  for (const char* change :
+       {"DELETE FROM profile WHERE seq > 10 + (SELECT min(seq) FROM profile)",
+        "UPDATE profile SET t_ns = 0", "UPDATE profile SET t_ns = 9223372036854775807",
+        "UPDATE event SET t_ns = -9223372036854775807 - 1",
+        "UPDATE profile SET points = zeroblob(0), intensity = NULL",
+        "INSERT OR REPLACE INTO meta VALUES('end', 'nonsense')",
+        "INSERT OR REPLACE INTO meta VALUES('start', 'nonsense')"}) {
+    WriteWithoutSums(scratch, file, change);
+    const Ran checked = scratch.Bendloop("check " + file);
+    EXPECT_EQ(checked.code, 3) << change << "\n" << checked.out;
+    EXPECT_THAT(checked.err, StartsWith("bendloop: " + file + ": ")) << change;
+    const Ran replayed = scratch.Bendloop("replay " + file + " --config " + cell);
+    EXPECT_EQ(replayed.code, 3) << change << "\n" << replayed.out;
+  }
 }
 
 TEST(Usage, AMapCoarserThanTheToleranceIsRefused) {

@@ -95,7 +95,7 @@ TEST(Part, RowsMustBeATube) {
   EXPECT_THAT(ErrorOf(kHead + With(kRows, "angle_deg = 90", "angle = 90")),
               HasSubstr("did you mean 'angle_deg'?"));
   EXPECT_THAT(ErrorOf(kHead + With(kRows, "angle_deg = 90", "angle_deg = -inf")),
-              HasSubstr("found -inf, expected a number from 0 to 360"));
+              HasSubstr("found -inf, expected a number from 0 to less than 360"));
 }
 
 TEST(Part, PointsMustLeaveRoomForTheBends) {

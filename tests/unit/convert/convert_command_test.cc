@@ -151,6 +151,22 @@ TEST(Convert, ReadsDecimalCommasWhereCommasSeparateNothing) {
   }
 }
 
+TEST(Convert, ABendRadiusBesideNoBendIsRefused) {
+  // 100.5, 0, 90 and 50.5, 0, 0 in the words of who wrote it.
+  for (const char* table : {"100,5,0,90\n50,5,0,0\n", "L,R,A,radius\n100,5,0,90\n50,5,0,0\n",
+                            "100,5,0,90\n", "100 5 0 90\n50 0 0\n"}) {
+    const auto done = Convert({"--to", "lra", "--from", "lra"}, table);
+    EXPECT_EQ(done.code, 3) << table << done.out;
+    EXPECT_THAT(done.err, HasSubstr("found a bend radius beside angle 0")) << table;
+  }
+  EXPECT_THAT(Convert({"--to", "lra", "--from", "lra"}, "100,5,0,90\n50,5,0,0\n").err,
+              HasSubstr(":1: found a bend radius beside angle 0, expected a bend, or -; decimal "
+                        "commas need semicolons"));
+  // A last row may repeat the tool's.
+  EXPECT_EQ(Convert({"--to", "lra", "--from", "lra"}, "100,0,90,20\n50,0,0,20\n").out,
+            Convert({"--to", "lra", "--from", "lra"}, "100 0 90 20\n50\n").out);
+}
+
 TEST(Convert, ReadsResults) {
   RunResult result;
   result.measurement.tube.pipe_radius_mm = 4;

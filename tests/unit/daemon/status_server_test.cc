@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -152,6 +153,37 @@ TEST_F(StatusServerTest, AnIdleConnectionIsClosed) {
   char byte = 0;
   EXPECT_LE(recv(socket, &byte, 1, 0), 0);  // waits for the end
   close(socket);
+}
+
+TEST_F(StatusServerTest, WhoSendsAByteNowAndThenIsSentAwayAsWell) {
+  const int socket = Idle();
+  const std::string begun = "GET /status HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ";
+  EXPECT_GT(send(socket, begun.data(), begun.size(), MSG_NOSIGNAL), 0);
+  constexpr int kEach_ms = 200, kMost = 100;
+  int sent = 0;
+  for (pollfd closed{socket, POLLIN, 0}; sent < kMost && poll(&closed, 1, kEach_ms) == 0; ++sent) {
+    (void)send(socket, "x", 1, MSG_NOSIGNAL);
+  }
+  EXPECT_LT(sent, kMost);
+  close(socket);
+}
+
+// A whole request as it stands, and the first line of the answer.
+std::string Said(int socket, const std::string& request) {
+  EXPECT_EQ(send(socket, request.data(), request.size(), MSG_NOSIGNAL),
+            static_cast<ssize_t>(request.size()));
+  char answer[200] = {};
+  EXPECT_GT(recv(socket, answer, sizeof answer - 1, 0), 0);
+  close(socket);
+  return std::string(answer).substr(0, std::string(answer).find('\r'));
+}
+
+TEST_F(StatusServerTest, RefusesARequestThatNamesNoHostOrTwo) {
+  EXPECT_THAT(Said(Idle(), "GET /status HTTP/1.1\r\n\r\n"), HasSubstr(" 400 "));
+  EXPECT_THAT(Said(Idle(), "GET /status HTTP/1.0\r\n\r\n"), HasSubstr(" 400 "));
+  EXPECT_THAT(Said(Idle(), "GET /status HTTP/1.1\r\nHost: localhost\r\nhost: evil\r\n\r\n"),
+              HasSubstr(" 400 "));
+  EXPECT_THAT(Said(Idle(), "GET /status HTTP/1.1\r\nhost: localhost\r\n\r\n"), HasSubstr(" 200 "));
 }
 
 TEST_F(StatusServerTest, SaysSoWhenTheUserMayNotKnow) {

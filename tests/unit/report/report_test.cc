@@ -154,6 +154,35 @@ TEST(ReportHtml, SaysInWordsWhereThereIsNoPicture) {
   EXPECT_EQ(Count(Piece(html, "<div class=\"views\">", "</div>"), "<figure>"), 3u);
 }
 
+// A view is drawn to the same size whatever its extents are, and so must be its lettering.
+TEST(ReportHtml, TheLetteringIsOfOneSizeInAllViews) {
+  RunResult run = SampleRun();
+  run.inspection.reset();
+  hal::BendProgram& program = run.measurement.tube.program;
+  program.rows = {{1000, 0, 20, 30.0}, {50, 0, 0, {}}};  // long, flat and seen from its end
+  const std::string html = Markup(ReportHtml(std::span(&run, 1)));
+  const std::regex view("viewBox=\"0 0 ([0-9.]+) ([0-9.]+)\">.*?<text font-size=\"([0-9.]+)\"");
+  const std::string views = Piece(html, "<div class=\"views\">", "</div>");
+  std::vector<double> sizes;  // on a page that gives each view 4 by 3
+  for (std::sregex_iterator at(views.begin(), views.end(), view), end; at != end; ++at) {
+    const double scale = std::min(4 / std::stod((*at)[1]), 3 / std::stod((*at)[2]));
+    sizes.push_back(scale * std::stod((*at)[3]));
+  }
+  ASSERT_EQ(sizes.size(), 3u);
+  EXPECT_NEAR(sizes[0], sizes[1], 0.02 * sizes[0]);
+  EXPECT_NEAR(sizes[0], sizes[2], 0.02 * sizes[0]);
+}
+
+// The script turns "N mm" and "N of N mm" into inches: no length may stand without its unit.
+TEST(ReportHtml, LengthsInSentencesNameTheirUnit) {
+  RunResult run = SampleRun();
+  run.inspection->surface.tolerance_mm = 0.5;
+  const std::string html = Markup(ReportHtml(std::span(&run, 1)));
+  EXPECT_EQ(Count(html, " of 0.50 mm <span class=\"state"), 1u);
+  EXPECT_EQ(Count(html, " mm)</dd>"), 1u);
+  EXPECT_GT(Count(ReportHtml(std::span(&run, 1)), "document.createTreeWalker(piece"), 0u);
+}
+
 TEST(ReportHtml, EachJudgedNumberStandsInItsLimits) {
   RunResult run = SampleRun(1, 1.5);
   const std::string html = Markup(ReportHtml(std::span(&run, 1)));

@@ -94,6 +94,9 @@ TEST_F(DamagedSessionTest, CountsWhatWasReadableBeforeTheDamage) {
   ASSERT_TRUE(summary);
   EXPECT_FALSE(summary->ok());
   EXPECT_GT(summary->profiles, 5u);
+  EXPECT_LE(summary->problems.size(), 4u);  // the pages, the row, the digest
+  EXPECT_NE(summary->problems[0].find(": the database is damaged, first: "), std::string::npos)
+      << summary->problems[0];
 }
 
 TEST_F(DamagedSessionTest, NeverCrashesOnRandomDamage) {
