@@ -63,7 +63,7 @@ std::string TimeSvg(const std::vector<SizedTimes>& sizes) {
   }
   double x = DrawLegend(picture, kLeft, 24, legend);
   const std::array<LegendEntry, 3> guides = {{{"linear growth", "#888", LineStyle::kDotted},
-                                              {"first bar", colour::kBar},
+                                              {"required", colour::kBar},
                                               {"goal", colour::kGoal}}};
   const bool fits = x + 330 < kWidth;
   DrawLegend(picture, fits ? x : kLeft, fits ? 24 : 44, guides);

@@ -39,7 +39,7 @@ std::string Verdict(const Row& row) {
     return target && (row.more_is_better ? row.value >= *target : row.value <= *target);
   };
   if (reaches(row.goal) && (!row.goal_at_least || row.value >= *row.goal_at_least)) return "goal";
-  return reaches(row.first_bar) ? "first bar" : "not reached";
+  return reaches(row.first_bar) ? "required" : "not reached";
 }
 
 void PrintMarkdown(std::ostream& out, const std::string& title,
@@ -70,7 +70,7 @@ void PrintMarkdown(std::ostream& out, const std::string& title,
 
 void PrintTable(std::ostream& out, const std::string& title, const std::vector<Row>& rows) {
   std::vector<std::vector<std::string>> lines = {
-      {"what", "measured", "first bar", "goal", "reached", "note"}};
+      {"what", "measured", "required", "goal", "reached", "note"}};
   for (const Row& row : rows) {
     lines.push_back({row.what, Number(row.value) + (row.unit.empty() ? "" : " " + row.unit),
                      row.first_bar ? Number(*row.first_bar) : "-", GoalText(row), Verdict(row),

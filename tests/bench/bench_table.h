@@ -22,7 +22,7 @@ struct Row {
   std::string note{};
 };
 
-// "goal", "first bar", "not reached", "-".
+// "goal", "required", "not reached", "-".
 std::string Verdict(const Row& row);
 
 // Markdown whose columns line up; the first line is the head. Columns of numbers are set right.

@@ -11,7 +11,7 @@ namespace bendloop::bench {
 namespace colour {
 inline constexpr const char* kInk = "#222";
 inline constexpr const char* kGrid = "#e4e4e4";
-inline constexpr const char* kBar = "#c0392b";   // first bars
+inline constexpr const char* kBar = "#c0392b";   // what is required
 inline constexpr const char* kGoal = "#2e8b57";  // goals
 // For series, in this order.
 inline constexpr const char* kSeries[] = {"#1f5fa8", "#d1660f", "#7b4aa3",

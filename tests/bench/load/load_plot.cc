@@ -132,7 +132,7 @@ void DrawOverTime(Picture& picture, double y, const std::vector<LoadReport>& rep
 }
 
 const std::array<LegendEntry, 2> kTargets = {
-    {{"first bar", colour::kBar, LineStyle::kDashed}, {"goal", colour::kGoal, LineStyle::kDashed}}};
+    {{"required", colour::kBar, LineStyle::kDashed}, {"goal", colour::kGoal, LineStyle::kDashed}}};
 
 }  // namespace
 

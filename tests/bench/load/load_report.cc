@@ -133,7 +133,7 @@ void PrintHistograms(std::ostream& out, const LoadResult& result) {
 }
 
 void PrintSideBySide(std::ostream& out, const std::vector<LoadReport>& reports) {
-  std::vector<std::vector<std::string>> lines = {{"what", "bar / goal"}};
+  std::vector<std::vector<std::string>> lines = {{"what", "required / goal"}};
   std::vector<std::vector<Row>> columns;
   for (const auto& [load, result] : reports) {
     lines[0].push_back(load.name);
