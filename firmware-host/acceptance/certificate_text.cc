@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "firmware-host/acceptance/certificate.h"
+#include "firmware-host/console/printable.h"
 #include "firmware-host/console/wrap.h"
 #include "firmware-host/text/table.h"
 

@@ -16,6 +16,8 @@
 #include "firmware-host/cli/acceptance_hands.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/console/output_file.h"
+#include "firmware-host/console/printable.h"
+#include "firmware-host/console/terminal.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/ledger/moment.h"

@@ -18,6 +18,7 @@
 #include "firmware-host/cell/scan_state.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/console/printable.h"
 #include "firmware-host/text/table.h"
 #include "hal/clock.h"
 #include "pipeline/points/input_checks.h"
@@ -68,7 +69,7 @@ hal::Result<std::string> CheckSessionFile(const std::string& file) {
   const auto summary = drivers::CheckSession(file);
   if (!summary) return hal::Fail(summary.error());
   for (const std::string& warning : summary->warnings) {
-    std::cerr << "bendloop: note: " << warning << "\n";
+    Note(warning);
   }
   std::vector<std::string> problems = summary->problems;
   if (const auto context = summary->meta.find(kContextKey); context != summary->meta.end()) {
@@ -132,7 +133,7 @@ hal::Result<std::string> CheckFile(const std::string& file) {
       return hal::Fail(hal::ErrorKind::kBadInput, file + ": " + why);
     }
     for (const std::string& remark : RemarksOn(*cell)) {
-      std::cerr << "bendloop: note: " << file << ": " << remark << "\n";
+      Note(file + ": " + remark);
     }
   }
   if (*kind == config::FileKind::kPart) {
@@ -151,7 +152,7 @@ int Check(const std::vector<std::string>& files) {
   for (const std::string& file : files) {
     const auto kind = CheckFile(file);
     if (kind) {
-      std::cout << file << ": ok (" << *kind << ")\n" << std::flush;
+      std::cout << Printable(file) << ": ok (" << *kind << ")\n" << std::flush;
     } else {
       code = std::max(code, Report(kind.error()));
     }

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 
+#include "firmware-host/console/message.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/standard_output.h"
 
@@ -10,9 +11,11 @@ namespace bendloop::host {
 
 int Report(const hal::Error& error) {
   std::fflush(stdout);
-  std::fprintf(stderr, "bendloop: %s\n", error.message.c_str());
+  TellPerson("bendloop", error.message);
   return hal::ExitCode(error.kind);
 }
+
+void Note(const std::string& text) { TellPerson("bendloop", "note: " + text); }
 
 int WriteOutput(const std::string& path, std::string_view text) {
   if (path == "-") {

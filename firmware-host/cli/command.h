@@ -31,6 +31,9 @@ CLI::App* AddUndoCommand(CLI::App& app, Run& run);
 // "bendloop: MESSAGE" on stderr; the exit code of the error.
 int Report(const hal::Error& error);
 
+// "bendloop: note: TEXT" on stderr, for a person.
+void Note(const std::string& text);
+
 // To the file, or to standard output for "-". The exit code: 0, or 4 when it cannot be written.
 int WriteOutput(const std::string& path, std::string_view text);
 

@@ -9,6 +9,7 @@
 #include "config/load.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cli/doctor.h"
+#include "firmware-host/console/terminal.h"
 #include "firmware-host/console/wrap.h"
 #include "firmware-host/result/json.h"
 #include "firmware-host/text/progress.h"

@@ -11,6 +11,7 @@
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cloud/point_cloud.h"
 #include "firmware-host/console/command_line.h"
+#include "firmware-host/console/message.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/result/result_json.h"
 #include "firmware-host/text/result_text.h"
@@ -43,7 +44,7 @@ Examples:
   bendloop reconstruct coil.ply --units m
   bendloop reconstruct tube.xyz --pipe-radius 4 --json tube.json
   zcat tube.ply.gz | bendloop reconstruct - --units m
-  bendloop reconstruct tube.pcd --json - | jq .tube.rows
+  bendloop reconstruct tube.pcd --json - | bendloop convert --to lra --format csv
   bendloop reconstruct noisy.ply --part part.toml
   bendloop reconstruct tapered.ply --model canal --spine-out spine.csv
 
@@ -134,7 +135,7 @@ void TellNotes(const std::string& name, const PointCloud& cloud) {
                     " points at most, evenly spread; all of them find the spine");
   }
   for (const std::string& note : notes) {
-    std::cerr << "bendloop: note: " << name << ": " << note << "\n";
+    Note(name + ": " + note);
   }
 }
 
@@ -175,7 +176,7 @@ int Reconstruct(const ReconstructArguments& arguments) {
     measurement->warnings.push_back(std::move(doubt));
   }
   for (const std::string& warning : measurement->warnings) {
-    std::cerr << "bendloop: warning: " << warning << "\n";
+    TellPerson("bendloop", "warning: " + warning);
   }
   RunResult result;
   result.session = arguments.cloud == "-" ? "standard input" : BaseName(arguments.cloud);

@@ -9,6 +9,8 @@
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/replay.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/console/message.h"
+#include "firmware-host/console/terminal.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/result/result_json.h"
 #include "firmware-host/text/progress.h"
@@ -72,7 +74,7 @@ int ReplayOne(const ReplayArguments& arguments) {
   const auto replay = ReplaySession(*cell, options, clock);
   if (!replay) return Report(replay.error());
   for (const std::string& note : replay->notes) {
-    std::cerr << "bendloop: note: " << arguments.session << ": " << note << "\n";
+    Note(arguments.session + ": " + note);
   }
   const PartOutcome& outcome = replay->outcome;
   if (store && outcome.end == PartEnd::kCorrected && outcome.next) {
@@ -87,7 +89,7 @@ int ReplayOne(const ReplayArguments& arguments) {
     const int code = WriteOutput(arguments.json, WriteResultJson(outcome.result));
     if (code != 0) return code;
   }
-  for (const std::string& reason : outcome.reasons) std::cerr << "bendloop: " << reason << "\n";
+  for (const std::string& reason : outcome.reasons) TellPerson("bendloop", reason);
   return outcome.exit_code();
 }
 

@@ -6,11 +6,13 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <sstream>
 
 #include "config/load.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/console/wrap.h"
 #include "firmware-host/daemon/setter_box.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/ledger/moment.h"
@@ -32,34 +34,39 @@ struct SetterArguments {
 
 constexpr const char* kLotFooter = R"(
 Examples:
-  bendloop lot show --config cell.toml      what the correction has learnt, and of how many parts
-  bendloop lot new --config cell.toml       another coil: springback and stretch are open again
-  bendloop lot hold --config cell.toml      measure and learn, but change no program
+  bendloop lot show --config cell.toml     what the correction has learnt, and of
+                                           how many parts
+  bendloop lot new --config cell.toml      another coil: springback and stretch
+                                           are open again
+  bendloop lot hold --config cell.toml     measure and learn, change no program
   bendloop lot release --config cell.toml
 
-With a daemon the request reaches it through requests/ in its state directory and is granted between
-two parts; without one it is done at once. Who asked, when and what became of it stand in requests.log.
-Exit codes: 1 refused; 3 a bad file; 4 no answer from daemon or bender.)";
+With a daemon the request reaches it through requests/ in its state directory
+and is granted between two parts; without one it is done at once. Who asked,
+when and what became of it stand in requests.log. Exit codes: 1 refused; 3 a bad
+file; 4 no answer from daemon or bender.)";
 
 constexpr const char* kUndoFooter = R"(
 Examples:
   bendloop undo --config cell.toml
 
-The program before the last one that was sent becomes the bender's again, by the same commit protocol:
-the bender must be idle and hold what was sent last. The lot is held afterwards, because it would make
-the same correction again; 'bendloop lot release' ends that. A second undo takes back the first.
+The program before the last one that was sent becomes the bender's again, by the
+same commit protocol: the bender must be idle and hold what was sent last. The
+lot is held afterwards, because it would make the same correction again;
+'bendloop lot release' ends that. A second undo takes back the first.
 Exit codes: 1 refused, nothing was sent; 4 no answer from daemon or bender.)";
 
 constexpr const char* kFirstFooter = R"(
 Examples:
-  bendloop first-program --part part.toml                    print it
-  bendloop first-program --part part.toml --json             the same for programs
-  bendloop first-program --config cell.toml --send           send it to the cell's bender
+  bendloop first-program --part part.toml            print it
+  bendloop first-program --part part.toml --json     the same for programs
+  bendloop first-program --config cell.toml --send   send it to the cell's bender
 
-The nominal with springback and stretch made up for, as the part file's [material] tells them: angles
-that open to the nominal, straights shorter by what their bends will add. Sending goes by the commit
-protocol, to an idle bender that holds a program of this part; a new lot begins.
-Exit codes: 1 refused, nothing was sent; 3 a bad file; 4 no answer from daemon or bender.)";
+The nominal with springback and stretch made up for, as the part file's
+[material] tells them: angles that open to the nominal, straights shorter by
+what their bends will add. Sending goes by the commit protocol, to an idle
+bender that holds a program of this part; a new lot begins. Exit codes: 1
+refused, nothing was sent; 3 a bad file; 4 no answer from daemon or bender.)";
 
 constexpr const char* kAcknowledgeFooter = R"(
 Examples:
@@ -175,25 +182,25 @@ int ShowLot(const SetterArguments& arguments) {
     std::cout << "no lot yet: the next part begins one" << std::endl;
     return 0;
   }
-  std::cout << "lot " << (*lot)->number << ", " << (*lot)->parts << " parts"
-            << ((*lot)->held ? ", HELD: no program is changed" : "") << "; of all lots "
-            << (*lot)->parts_of_all_lots << " parts, " << (*lot)->slips << " slips, "
-            << (*lot)->jumps << " jumps\n";
+  std::ostringstream text;
+  text << "lot " << (*lot)->number << ", " << (*lot)->parts << " parts"
+       << ((*lot)->held ? ", HELD: no program is changed" : "") << "; of all lots "
+       << (*lot)->parts_of_all_lots << " parts, " << (*lot)->slips << " slips, " << (*lot)->jumps
+       << " jumps\n";
   if (json.contains("temperament")) {
     const Json& coil = json["coil"];
-    std::cout << "the bender is " << json["temperament"].get<std::string>() << "; scatter "
-              << json["scatter"]["length_mm"] << " mm, " << json["scatter"]["rotation_deg"]
-              << " and " << json["scatter"]["angle_deg"] << " degrees\n"
-              << "off the material's springback: " << coil["angle_off_at_70_deg"]
-              << " degrees at 70, " << coil["more_at_120_deg"] << " more at 120, drifting by "
-              << coil["drift_deg_per_part"] << " a part; stretch " << coil["stretch_off_percent"]
-              << " % more\n";
+    text << "the bender is " << json["temperament"].get<std::string>() << "; scatter "
+         << json["scatter"]["length_mm"] << " mm, " << json["scatter"]["rotation_deg"] << " and "
+         << json["scatter"]["angle_deg"] << " degrees\n"
+         << "off the material's springback: " << coil["angle_off_at_70_deg"] << " degrees at 70, "
+         << coil["more_at_120_deg"] << " more at 120, drifting by " << coil["drift_deg_per_part"]
+         << " a part; stretch " << coil["stretch_off_percent"] << " % more\n";
     for (const Json& value : json["values"]) {
-      std::cout << "  " << value["name"].get<std::string>() << ": " << value["off"]
-                << ", drifting by " << value["drift_per_part"] << " a part\n";
+      text << "  " << value["name"].get<std::string>() << ": " << value["off"] << ", drifting by "
+           << value["drift_per_part"] << " a part\n";
     }
   }
-  std::cout << std::flush;
+  std::cout << WrapLines(text.str(), kPlainColumns) << std::flush;
   return 0;
 }
 

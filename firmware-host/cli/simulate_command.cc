@@ -93,9 +93,9 @@ int Simulate(SimulateArguments& arguments) {
   options.scan = arguments.scan;
   options.scan.path.views_deg = drivers::SpreadViewsDeg(arguments.views, arguments.all_around);
   for (const std::string& what : arguments.clutter) {
-    if (what == "table") options.scan.clutter.table = true;
-    if (what == "clamps") options.scan.clutter.clamps = 2;
-    if (what == "second-tube" || what == "tube") options.scan.clutter.second_tube = true;
+    if (what == kClutterTable) options.scan.clutter.table = true;
+    if (what == kClutterClamps) options.scan.clutter.clamps = 2;
+    if (what == kClutterSecondTube) options.scan.clutter.second_tube = true;
   }
   options.part = part->name;
   options.software = kSoftware;
@@ -128,9 +128,7 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
       ->capture_default_str();
   command->add_flag("--all-around", a->all_around, "Views on all sides, not from above only");
   command->add_flag("--reverse", a->scan.path.reverse, "Scan from the tube's end");
-  command->add_option("--clutter", a->clutter, "In view as well: table, clamps, second-tube")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"table", "clamps", "second-tube", "tube"}));
+  AddClutterOption(*command, a->clutter);
   command->add_option(
       "--springback-20", a->springback_20_deg,
       "True springback of a bend of 20 degrees [deg]; default: the part's material");

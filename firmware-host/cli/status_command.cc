@@ -10,8 +10,8 @@
 #include "config/load.h"
 #include "firmware-host/cell/cell_status.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/console/printable.h"
 #include "firmware-host/daemon/status_client.h"
-#include "firmware-host/text/style.h"
 
 namespace bendloop::host {
 namespace {

@@ -26,9 +26,10 @@ class NarrowFormatter : public CLI::Formatter {
     return Entry(command->get_display_name(true), command->get_description());
   }
   std::string make_description(const CLI::App* app) const override {
-    std::string text;
-    for (const auto& line : WrapWords(app->get_description(), kPlainColumns)) text += line + "\n";
-    return text;
+    return WrapLines(app->get_description(), kPlainColumns) + "\n";
+  }
+  std::string make_footer(const CLI::App* app) const override {
+    return WrapLines(CLI::Formatter::make_footer(app), kPlainColumns);
   }
 
  private:
@@ -70,16 +71,18 @@ std::string DidYouMean(const std::string& word) {
   return word.empty() ? "" : "; did you mean " + word + "?";
 }
 
-std::string Unknown(const CLI::App& app, const CLI::App& chosen, bool is_command_chosen) {
-  for (const std::string& word : chosen.remaining()) {
+// The word that `command` did not know; empty: it knew all.
+std::string Unknown(const CLI::App& command) {
+  const auto words = command.remaining();
+  for (const std::string& word : words) {
     if (word.size() > 1 && word[0] == '-') {
       const std::string name = word.substr(0, word.find('='));
-      return "no option " + name + DidYouMean(Nearest(name, Options(chosen)));
+      return "no option " + name + DidYouMean(Nearest(name, Options(command)));
     }
   }
-  const auto commands = Commands(app);
-  const auto words = chosen.remaining();
-  if (is_command_chosen || commands.empty() || words.empty()) return "";
+  if (words.empty()) return "";
+  const auto commands = Commands(command);
+  if (commands.empty()) return "one argument too many: " + words.front();
   return "no command " + words.front() + DidYouMean(Nearest(words.front(), commands));
 }
 
@@ -103,13 +106,17 @@ CLI::Validator NumberWithin(double low, double high) {
 }
 
 std::string WhatIsWrong(const CLI::App& app, const CLI::ParseError& error) {
-  const auto chosen = app.get_subcommands();
-  const CLI::App& at = chosen.empty() ? app : *chosen.front();
-  std::string wrong = Unknown(app, at, !chosen.empty());
+  const CLI::App* at = &app;
+  std::string path = app.get_name();
+  // To the last word that was understood: `lot show`.
+  for (auto chosen = at->get_subcommands(); !chosen.empty(); chosen = at->get_subcommands()) {
+    at = chosen.front();
+    path += " " + at->get_name();
+  }
+  std::string wrong = Unknown(*at);
   if (wrong.empty()) wrong = error.what();
   if (wrong.back() != '?') wrong += ";";
-  return wrong + " try " + app.get_name() + " " +
-         (chosen.empty() ? "" : chosen.front()->get_name() + " ") + "--help";
+  return wrong + " try " + path + " --help";
 }
 
 }  // namespace bendloop::host

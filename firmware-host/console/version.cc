@@ -8,7 +8,8 @@
 
 namespace bendloop::host {
 
-const char* const kSoftware = "bendloop " BENDLOOP_VERSION " (" BENDLOOP_COMMIT ")";
+const char* const kSoftware =
+    "bendloop " BENDLOOP_VERSION " (" BENDLOOP_COMMIT ", " BENDLOOP_BUILD_TYPE ")";
 
 std::string BuildText() {
   std::string text =

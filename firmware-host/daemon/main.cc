@@ -14,9 +14,10 @@
 #include "firmware-host/acquisition/realtime.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/tube_rules.h"
+#include "firmware-host/console/message.h"
+#include "firmware-host/console/printable.h"
 #include "firmware-host/console/standard_output.h"
 #include "firmware-host/daemon/daemon.h"
-#include "firmware-host/text/style.h"
 
 namespace {
 
@@ -24,7 +25,7 @@ using bendloop::hal::Error;
 using bendloop::hal::ExitCode;
 
 int Report(const Error& error) {
-  std::fprintf(stderr, "bendloopd: %s\n", error.message.c_str());
+  bendloop::host::TellPerson("bendloopd", error.message);
   return ExitCode(error.kind);
 }
 
@@ -64,7 +65,7 @@ int CheckOnly(const bendloop::host::DaemonOptions& options) {
   const auto plan = bendloop::host::MakePartPlan(*cell);
   if (!plan) return Report(plan.error());
   for (const std::string& remark : bendloop::host::RemarksOn(*cell)) {
-    std::fprintf(stderr, "bendloopd: note: %s\n", remark.c_str());
+    bendloop::host::TellPerson("bendloopd", "note: " + remark);
   }
   std::printf("%s: ok, cell '%s', part '%s', %zu bends\n", options.config.c_str(),
               cell->name.c_str(), plan->part.c_str(), plan->nominal.bend_count());

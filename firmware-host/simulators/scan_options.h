@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 #include "drivers/simulated_scanner/simulate_session.h"
 
@@ -16,6 +17,18 @@ inline CLI::Validator Within(drivers::Limits limits) {
             return "found " + text + ", expected " + limits.Text();
           },
           limits.Text()};
+}
+
+// What may be in view beside the tube.
+inline constexpr const char* kClutterTable = "table";
+inline constexpr const char* kClutterClamps = "clamps";
+inline constexpr const char* kClutterSecondTube = "second-tube";
+
+inline void AddClutterOption(CLI::App& app, std::vector<std::string>& clutter) {
+  app.add_option("--clutter", clutter, "In view as well: table, clamps, second-tube (with commas)")
+      ->delimiter(',')
+      ->check(CLI::IsMember({kClutterTable, kClutterClamps, kClutterSecondTube}).description(""))
+      ->type_name("WHAT");
 }
 
 // What every program that scans virtually may be told about sensor and hand.

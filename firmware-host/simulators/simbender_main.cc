@@ -92,25 +92,25 @@ struct Options {
 
 void Describe(CLI::App& app) {
   app.description(
-      "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) or a CANopen node "
-      "with\n"
-      "a program, a press and its moods. Prints \"listening PORT\", then obeys one command a line "
-      "on\n"
+      "A CNC tube bender that is not there: a Modbus server (TCP, RTU, CAN) or a CANopen node with "
+      "a "
+      "program, a press and its moods. Prints \"listening PORT\", then obeys one command a line on "
       "standard input:\n"
       "  bend                 run one cycle; prints \"bent part-0001.json\" when the part is on "
-      "the\n"
-      "                       tray\n"
+      "the "
+      "tray\n"
       "  status               print the active program's numbers\n"
       "  misbehave FAULT      do something wrong (below)\n"
       "  quit                 or the end of input: switch off");
   app.footer(
       "Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
-      "Rules that it can break (\"misbehave break RULE\", --break RULE), with their numbers in\n"
+      "Rules that it can break (\"misbehave break RULE\", --break RULE), with their numbers in "
       "drivers/README.md, \"What the PLC must do\":\n" +
       drivers::RuleMutantHelp() +
       "\nExample:\n"
-      "  bendloop-simbender --map config/register-maps/default.toml --program nominal.json\n"
-      "      --pipe-radius 10 --springback-20 0.8 --springback-120 3.1 --tray /tmp/tray");
+      "  bendloop-simbender --map config/register-maps/default.toml \\\n"
+      "    --program nominal.json --pipe-radius 10 --springback-20 0.8 \\\n"
+      "    --springback-120 3.1 --tray /tmp/tray");
 }
 
 void AddCarrierOptions(CLI::App& app, Options& options) {
@@ -118,7 +118,7 @@ void AddCarrierOptions(CLI::App& app, Options& options) {
       ->capture_default_str();
   app.add_flag("--rtu", options.bender.rtu,
                "Modbus RTU on a pseudo-terminal; prints \"listening /dev/pts/N\", which a cell "
-               "file\nnames as its bender's device");
+               "file names as its bender's device");
   app.add_option("--can", options.can.interface,
                  "Modbus in ISO-TP messages on this CAN interface; prints "
                  "\"listening can0\"");

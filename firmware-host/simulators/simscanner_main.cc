@@ -138,19 +138,20 @@ struct Options {
 
 void Describe(CLI::App& app) {
   app.description(
-      "An arm scanner that is not there: serves the scanner's wire protocol on a TCP port and\n"
-      "scans the tubes that it is given. Prints \"listening PORT\", then obeys one command a line\n"
-      "on standard input:\n"
-      "  scan FILE            scan the part in this tray file (schema bendloop.tray/1) as soon as\n"
-      "                       a host has started the scanner; prints \"scanning NAME N profiles\"\n"
-      "                       and at its end \"scanned NAME\", or \"abandoned NAME\" if the host\n"
-      "                       went away\n"
+      "An arm scanner that is not there: serves the scanner's wire protocol on a TCP port and "
+      "scans "
+      "the tubes that it is given. Prints \"listening PORT\", then obeys one command a line on "
+      "standard input:\n"
+      "  scan FILE            scan the part in this tray file (schema bendloop.tray/1) as soon as "
+      "a "
+      "host has started the scanner; prints \"scanning NAME N profiles\" and at its end \"scanned "
+      "NAME\", or \"abandoned NAME\" if the host went away\n"
       "  misbehave FAULT [after N]  before the next profile, or N later; once (below)\n"
       "  quit                 or the end of input: switch off");
-  app.footer(
-      "Faults:\n" + drivers::ScannerFaultHelp(false) +
-      "Example:\n"
-      "  (echo scan tray/part-0001.json; cat) | bendloop-simscanner --views 2 --clutter table");
+  app.footer("Faults:\n" + drivers::ScannerFaultHelp(false) +
+             "Example:\n"
+             "  (echo scan tray/part-0001.json; cat) |\n"
+             "    bendloop-simscanner --views 2 --clutter table");
 }
 
 void AddOptions(CLI::App& app, Options& options) {
@@ -169,9 +170,7 @@ void AddOptions(CLI::App& app, Options& options) {
   app.add_option("--pace", options.pace, "real: at the rate; max: as fast as the host takes them")
       ->check(CLI::IsMember({"real", "max"}))
       ->capture_default_str();
-  app.add_option("--clutter", options.clutter, "In view: table, clamps, second-tube (with commas)")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"table", "clamps", "second-tube"}));
+  AddClutterOption(app, options.clutter);
   app.add_option("--clamps", options.clamps, "How many, if they are in view")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
@@ -189,9 +188,9 @@ Result<void> Run(CLI::App& app, int argc, char** argv) {
   app.parse(argc, argv);
   VirtualScanOptions& scan = options.scan;
   scan.path.views_deg = drivers::SpreadViewsDeg(options.views, options.all_around);
-  scan.clutter.table = options.has("table");
-  scan.clutter.clamps = options.has("clamps") ? options.clamps : 0;
-  scan.clutter.second_tube = options.has("second-tube");
+  scan.clutter.table = options.has(kClutterTable);
+  scan.clutter.clamps = options.has(kClutterClamps) ? options.clamps : 0;
+  scan.clutter.second_tube = options.has(kClutterSecondTube);
   drivers::WireIdentity identity{"bendloop simulated arm scanner", "SIM-0001", "1.0", "none", 0};
   identity.max_points = static_cast<std::uint32_t>(scan.rays);
   hal::SteadyClock clock;

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "firmware-host/console/command_line.h"
+#include "firmware-host/console/message.h"
 #include "firmware-host/console/standard_output.h"
 #include "firmware-host/console/version.h"
 #include "hal/error.h"
@@ -37,7 +38,7 @@ inline int SimulatorMain(const char* name, hal::Result<void> (*run)(CLI::App&, i
   } catch (const std::exception& e) {
     error = {hal::ErrorKind::kInternal, e.what()};
   }
-  std::cerr << name << ": " << error.message << '\n';
+  TellPerson(name, error.message);
   return hal::ExitCode(error.kind);
 }
 

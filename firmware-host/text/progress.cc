@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/text/progress.h"
 
-#include <sys/ioctl.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -75,13 +72,6 @@ void Progress::End() {
   shown_.clear();
   bends_ = 0;
   quarters_ = -1;
-}
-
-std::size_t SentenceColumns(int fd) { return isatty(fd) == 1 ? TerminalColumns(fd) : 0; }
-
-std::size_t TerminalColumns(int fd) {
-  winsize size{};
-  return ioctl(fd, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
 }
 
 }  // namespace bendloop::host

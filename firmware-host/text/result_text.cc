@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "firmware-host/console/printable.h"
 #include "firmware-host/console/wrap.h"
 #include "firmware-host/result/words.h"
 #include "firmware-host/text/table.h"
@@ -120,9 +121,14 @@ std::string ShortName(const pipeline::RowValue& value) {
   return kLetters[static_cast<std::size_t>(value.kind)] + std::to_string(value.row + 1);
 }
 
+// Below a table, which has 80 columns in any case.
+std::string Below(const std::string& sentence) {
+  return Line(sentence, Style::kPlain, false, kPlainColumns);
+}
+
 std::string TogetherText(const std::vector<std::string>& lines) {
   std::string out;
-  for (const std::string& line : lines) out += "  " + line + "\n";
+  for (const std::string& line : lines) out += Below(line);
   return out;
 }
 
@@ -138,11 +144,7 @@ class FlagLines {
   }
   std::string Text() const {
     std::string text;
-    for (const auto& [words, names] : names_) {
-      for (const auto& line : WrapWords(words + ": " + names, kPlainColumns - 2)) {
-        text += "  " + line + "\n";
-      }
-    }
+    for (const auto& [words, names] : names_) text += Below(words + ": " + names);
     return text;
   }
 
@@ -156,19 +158,20 @@ bool Refused(const pipeline::InterlockReport& report) {
 }
 
 std::string FitText(const pipeline::Measurement& m) {
-  std::string out =
-      "  pipe radius " +
+  std::string out = Below(
+      "pipe radius " +
       Fixed(m.tube.pipe_radius_mm, SigmaDecimals(m.pipe_radius_sigma_mm, kDecimals)) + " +- " +
       ShowSigma(m.pipe_radius_sigma_mm) + " mm; " +
       (m.tube.program.rows.empty() ? "" : Plural(m.tube.program.bend_count(), "bend") + "; ") +
-      "+- is 1 sigma\n";
-  out += "  fit: " + Plural(m.fit.samples, "sample") + ", " + Plural(m.fit.outliers, "outlier") +
-         "; distance median " + Fixed(m.fit.median_abs_distance_mm, kDecimals) + ", rms " +
-         Fixed(m.fit.rms_distance_mm, kDecimals) + ", 95 % below " +
-         Fixed(m.fit.p95_abs_distance_mm, kDecimals) + " mm\n";
+      "+- is 1 sigma");
+  out +=
+      Below("fit: " + Plural(m.fit.samples, "sample") + ", " + Plural(m.fit.outliers, "outlier") +
+            "; distance median " + Fixed(m.fit.median_abs_distance_mm, kDecimals) + ", rms " +
+            Fixed(m.fit.rms_distance_mm, kDecimals) + ", 95 % below " +
+            Fixed(m.fit.p95_abs_distance_mm, kDecimals) + " mm");
   if (m.coverage > 0) {
-    out += "  coverage " + Fixed(100 * m.coverage, 1) + " % of the spine, longest gap " +
-           Fixed(m.longest_gap_mm, 1) + " mm\n";
+    out += Below("coverage " + Fixed(100 * m.coverage, 1) + " % of the spine, longest gap " +
+                 Fixed(m.longest_gap_mm, 1) + " mm");
   }
   return out;
 }
@@ -177,10 +180,10 @@ std::string BendShapesText(const std::vector<pipeline::BendShape>& shapes) {
   std::string out;
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const pipeline::BendShape& shape = shapes[i];
-    out += "  bend " + std::to_string(i + 1) + ": ovality " + Fixed(shape.ovality_percent, 2) +
-           " +- " + Fixed(shape.ovality_sigma_percent, 2) + " %, outer wall sunk in by " +
-           Fixed(shape.outer_wall_mm, kDecimals) + " +- " +
-           Fixed(shape.outer_wall_sigma_mm, kDecimals) + " mm\n";
+    out += Below("bend " + std::to_string(i + 1) + ": ovality " + Fixed(shape.ovality_percent, 2) +
+                 " +- " + Fixed(shape.ovality_sigma_percent, 2) + " %, outer wall sunk in by " +
+                 Fixed(shape.outer_wall_mm, kDecimals) + " +- " +
+                 Fixed(shape.outer_wall_sigma_mm, kDecimals) + " mm");
   }
   return out;
 }
@@ -195,27 +198,27 @@ std::string FormText(const pipeline::Measurement& m) {
     }
   }
   if (worst && worst->height_mm > 3 * worst->sigma_mm) {
-    out += "  straightness: " + Fixed(worst->height_mm, kDecimals) + " +- " +
-           Fixed(worst->sigma_mm, kDecimals) + " mm on " + Fixed(worst->length_mm, 0) + " mm (L/" +
-           Fixed(worst->length_mm / worst->height_mm, 0) + "), the worst, row " +
-           std::to_string(worst - m.straights.data() + 1) + "\n";
+    out += Below("straightness: " + Fixed(worst->height_mm, kDecimals) + " +- " +
+                 Fixed(worst->sigma_mm, kDecimals) + " mm on " + Fixed(worst->length_mm, 0) +
+                 " mm (L/" + Fixed(worst->length_mm / worst->height_mm, 0) + "), the worst, row " +
+                 std::to_string(worst - m.straights.data() + 1));
   }
   if (!m.bend_easings.empty()) {
-    out += "  bends ease in and out over";
+    std::string lengths;
     for (std::size_t i = 0; i < m.bend_easings.size(); ++i) {
-      out += (i == 0 ? " " : ", ") + Fixed(m.bend_easings[i].length_mm, 1);
+      lengths += (i == 0 ? " " : ", ") + Fixed(m.bend_easings[i].length_mm, 1);
     }
-    out += " mm\n";
+    out += Below("bends ease in and out over" + lengths + " mm");
   }
   for (const pipeline::DentFound& dent : m.dents) {
-    out += "  dent: " + Fixed(dent.depth_mm, 2) + " +- " + Fixed(dent.sigma_mm, 2) + " mm deep, " +
-           Fixed(dent.size_mm, 1) + " mm wide, at " + Fixed(dent.along_mm, 1) +
-           " mm along the spine, " + Fixed(dent.around_deg, 0) + " degrees around\n";
+    out += Below("dent: " + Fixed(dent.depth_mm, 2) + " +- " + Fixed(dent.sigma_mm, 2) +
+                 " mm deep, " + Fixed(dent.size_mm, 1) + " mm wide, at " + Fixed(dent.along_mm, 1) +
+                 " mm along the spine, " + Fixed(dent.around_deg, 0) + " degrees around");
   }
   for (std::size_t i = 0; i < m.passes.size(); ++i) {
-    out += "  pass " + std::to_string(i + 1) + ": moved by " +
-           Fixed(m.passes[i].move_mm.norm(), kDecimals) + " mm and " +
-           Fixed(m.passes[i].turn_deg.norm(), kDecimals) + " degrees to meet the others\n";
+    out += Below("pass " + std::to_string(i + 1) + ": moved by " +
+                 Fixed(m.passes[i].move_mm.norm(), kDecimals) + " mm and " +
+                 Fixed(m.passes[i].turn_deg.norm(), kDecimals) + " degrees to meet the others");
   }
   return out;
 }

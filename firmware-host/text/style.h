@@ -20,8 +20,4 @@ std::string Paint(std::string_view text, Style style, bool colour);
 // Columns that `text` takes on a terminal: its UTF-8 code points. Colour codes must not be in it.
 std::size_t Width(std::string_view text);
 
-// `text` with control characters replaced, so that a name from a file or a device cannot move the
-// cursor or set colours.
-std::string Printable(std::string_view text);
-
 }  // namespace bendloop::host

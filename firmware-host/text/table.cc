@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "firmware-host/console/printable.h"
+
 namespace bendloop::host {
 namespace {
 

@@ -2,7 +2,9 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <pty.h>
 #include <sys/file.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -179,18 +181,80 @@ TEST(Usage, AFullStandardOutputIsFour) {
   }
 }
 
+// What the program says on a terminal of 80 columns, standard error included.
+std::string OnATerminal(const std::string& arguments) {
+  winsize size{};
+  size.ws_col = 80;
+  size.ws_row = 25;
+  int terminal = -1;
+  const std::string line = "NO_COLOR=1 " BENDLOOP_BIN_DIR "/bendloop " + arguments;
+  const pid_t child = forkpty(&terminal, nullptr, nullptr, &size);
+  if (child == 0) {
+    execl("/bin/sh", "sh", "-c", line.c_str(), nullptr);
+    _exit(127);
+  }
+  std::string text;
+  char block[1000];
+  for (ssize_t got; (got = read(terminal, block, sizeof block)) > 0;) text.append(block, got);
+  close(terminal);
+  waitpid(child, nullptr, 0);
+  std::erase(text, '\r');
+  return text;
+}
+
+void ExpectNarrow(const std::string& what, const std::string& text) {
+  EXPECT_NE(text, "") << what;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_LE(line.size(), 80u) << what << ": " << line;
+  }
+}
+
 TEST(Usage, NothingIsWiderThanATerminal) {
   const Scratch scratch;
-  const auto expect_narrow = [&](const std::string& what, const std::string& text) {
-    std::istringstream lines(text);
-    for (std::string line; std::getline(lines, line);) {
-      EXPECT_LE(line.size(), 80u) << what << ": " << line;
-    }
-  };
-  for (const char* arguments : {"--help", "demo --help", "reconstruct --help", "replay --help",
-                                "simulate --help", "convert --help", "check --help",
-                                "doctor --help", "status --help", "doctor", "--version"}) {
-    expect_narrow(arguments, scratch.Bendloop(arguments).out);
+  for (const char* arguments :
+       {"--help", "demo --help", "reconstruct --help", "replay --help", "simulate --help",
+        "convert --help", "check --help", "doctor --help", "status --help", "lot --help",
+        "lot show --help", "undo --help", "first-program --help", "doctor", "--version"}) {
+    ExpectNarrow(arguments, scratch.Bendloop(arguments).out);
+  }
+  for (const char* program :
+       {"bendloop-simbender", "bendloop-simscanner", "bendloop-usbscanner", "bendloopd"}) {
+    const auto out = (scratch / "help").string();
+    const std::string line = BENDLOOP_BIN_DIR "/" + std::string(program) + " --help >" + out;
+    EXPECT_EQ(std::system(line.c_str()), 0) << program;
+    ExpectNarrow(program, Slurp(out));
+  }
+  const std::string file = (scratch / "straight.xyz").string();
+  std::ofstream cloud(file);
+  for (int i = 0; i < 3000; ++i) {
+    cloud << i * 0.04 << " " << 5 * std::cos(i * 0.7) << " " << 5 * std::sin(i * 0.7) << "\n";
+  }
+  cloud.close();
+  for (const std::string& arguments :
+       {"reconstruct " + file, "reconstruct " + file + " --pipe-radius 6",
+        std::string("status --state-dir /var/lib/some-folder-where-no-daemon-is"),
+        std::string("reconstruct x --pipe-radius 1000000000")}) {
+    ExpectNarrow(arguments, OnATerminal(arguments));
+  }
+  ExpectNarrow("reconstruct", scratch.Bendloop("reconstruct " + file).out);
+}
+
+TEST(Usage, NamesCannotMoveTheCursor) {
+  const Scratch scratch;
+  const Ran ran = scratch.Bendloop("reconstruct \"$(printf 'no\\033[2Jsuch.ply')\"");
+  EXPECT_EQ(ran.code, 3);
+  EXPECT_THAT(ran.err, HasSubstr("no?[2Jsuch.ply: "));
+}
+
+TEST(Usage, AllProgramsKnowTheSameClutter) {
+  const Scratch scratch;
+  for (const char* program : {"bendloop simulate", "bendloop-simscanner"}) {
+    const std::string err = (scratch / "err").string();
+    const std::string line =
+        BENDLOOP_BIN_DIR "/" + std::string(program) + " --clutter tube 2>" + err + " </dev/null";
+    EXPECT_EQ(WEXITSTATUS(std::system(line.c_str())), 2) << program;
+    EXPECT_THAT(Slurp(err), HasSubstr("{table,clamps,second-tube}")) << program;
   }
 }
 
@@ -201,6 +265,7 @@ TEST(Usage, NamesTheUnknownWordAndWhatWasMeant) {
               HasSubstr("no command recontsruct; did you mean reconstruct?"));
   EXPECT_THAT(error_of("reconstruct x --unitz mm"),
               HasSubstr("no option --unitz; did you mean --units?"));
+  EXPECT_THAT(error_of("lot shwo"), HasSubstr("no command shwo; did you mean show?"));
   const Ran help = scratch.Bendloop("help");
   EXPECT_EQ(help.code, 0);
   EXPECT_EQ(help.out, scratch.Bendloop("--help").out);
@@ -335,6 +400,7 @@ TEST(Usage, AnInterruptedDemoLeavesNothingHalfOpen) {
   const std::string line = "timeout -s INT 3 " BENDLOOP_BIN_DIR "/bendloop demo --out " +
                            folder.string() + " >" + (scratch / "log").string() + " 2>&1";
   EXPECT_NE(std::system(line.c_str()), 0);
+  EXPECT_THAT(Slurp(scratch / "log"), HasSubstr("bendloop: interrupted"));
   std::size_t files = 0;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     const std::string name = entry.path().filename().string();

@@ -19,6 +19,8 @@
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cli/demo/child_process.h"
 #include "firmware-host/cli/demo/demo_files.h"
+#include "firmware-host/console/message.h"
+#include "firmware-host/console/terminal.h"
 #include "firmware-host/console/whole_file.h"
 #include "firmware-host/daemon/status_client.h"
 #include "firmware-host/result/program_json.h"
@@ -61,7 +63,9 @@ class CatchInterrupts {
   ~CatchInterrupts() {
     signal(SIGINT, SIG_DFL);
     signal(SIGTERM, SIG_DFL);
-    if (g_signal != 0) raise(g_signal);
+    if (g_signal == 0) return;
+    TellPerson("bendloop", "interrupted; the demo's processes have ended");
+    raise(g_signal);
   }
 };
 
@@ -405,7 +409,10 @@ hal::Result<void> Demo::Conclude() {
 hal::Result<void> Demo::Run() {
   auto done = RunParts();
   // The others have nothing to lose.
-  if (!done && daemon_) (void)daemon_->Stop(kFarewell);
+  if (!done && daemon_) {
+    (void)daemon_->Stop(kFarewell);
+    RemoveUnfinished(options_.out);
+  }
   return done;
 }
 

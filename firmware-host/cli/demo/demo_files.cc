@@ -116,6 +116,20 @@ hal::Result<DemoLock> LockDemoFolder(const fs::path& out) {
   return lock;
 }
 
+void RemoveUnfinished(const fs::path& out) {
+  std::error_code error;
+  std::vector<fs::path> unfinished;
+  for (const auto& entry : fs::directory_iterator(out / "sessions", error)) {
+    const std::string name = entry.path().string();
+    if (name.ends_with("-wal")) unfinished.emplace_back(name.substr(0, name.size() - 4));
+  }
+  for (const fs::path& session : unfinished) {
+    for (const char* what : {"", "-wal", "-shm"}) {
+      fs::remove(session.string() + what, error);
+    }
+  }
+}
+
 fs::path LiveCellFile(const DemoOptions& options) {
   return options.out / (options.link == DemoLink::kTcp ? "cell.toml" : "live-cell.toml");
 }

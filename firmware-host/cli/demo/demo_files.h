@@ -33,6 +33,9 @@ hal::Result<DemoLock> LockDemoFolder(const std::filesystem::path& out);
 // What an earlier demo left there is removed. The folder must be locked.
 hal::Result<void> WriteDemoFiles(const DemoOptions& options);
 
+// Of a demo that ended early: recordings that were never closed, each with its log and its index.
+void RemoveUnfinished(const std::filesystem::path& out);
+
 // The cell file that the daemon runs.
 std::filesystem::path LiveCellFile(const DemoOptions& options);
 

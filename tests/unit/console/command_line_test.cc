@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware-host/console/message.h"
 #include "firmware-host/console/suggestion.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/console/wrap.h"
@@ -84,8 +85,49 @@ TEST(CommandLine, HelpHasEightyColumns) {
   }
 }
 
+TEST(CommandLine, NamesTheWordOfACommandWithinACommand) {
+  CLI::App app("", "bend");
+  DressCommandLine(app, "bend 1");
+  CLI::App* lot = app.add_subcommand("lot");
+  lot->require_subcommand(1);
+  lot->add_subcommand("show");
+  const auto wrong = [&](const std::vector<std::string>& reversed) {
+    try {
+      app.parse(std::vector<std::string>(reversed));
+    } catch (const CLI::ParseError& error) {
+      return WhatIsWrong(app, error);
+    }
+    return std::string();
+  };
+  EXPECT_EQ(wrong({"shwo", "lot"}), "no command shwo; did you mean show? try bend lot --help");
+  EXPECT_EQ(wrong({"more", "show", "lot"}),
+            "one argument too many: more; try bend lot show --help");
+}
+
+TEST(Wrap, LeavesAUnitWithItsNumber) {
+  EXPECT_EQ(WrapWords("in tolerance with 99.9 % or 12 mm, 3 degrees.", 22),
+            (std::vector<std::string>{"in tolerance with", "99.9 % or 12 mm,", "3 degrees."}));
+}
+
+TEST(Wrap, BreaksLinesThatAreSetUnderTheirWords) {
+  const std::string set = "Faults:\n  late N    answers so many milliseconds late\n  crash\n";
+  EXPECT_EQ(WrapLines(set, 80), set);
+  EXPECT_EQ(WrapLines(set, 36),
+            "Faults:\n  late N    answers so many\n            milliseconds late\n  crash\n");
+  EXPECT_EQ(WrapLines("words and more words to break", 22), "words and more words\nto break");
+  EXPECT_EQ(WrapLines("", 80), "");
+}
+
+TEST(Message, IsOnOneLineOrBrokenAndCannotMoveTheCursor) {
+  EXPECT_EQ(MessageText("bend", "a\x1b[2Jb.toml: bad\nsecond", 0),
+            "bend: a?[2Jb.toml: bad\nsecond\n");
+  EXPECT_EQ(MessageText("bend", "one two three four five six", 20),
+            "bend: one two\n    three four five\n    six\n");
+  EXPECT_EQ(MessageText("bend", "", 0), "bend: \n");
+}
+
 TEST(Version, NamesCommitBuildAndLibraries) {
-  EXPECT_THAT(kSoftware, ::testing::MatchesRegex("bendloop [0-9.]+ \\([0-9a-z+]+\\)"));
+  EXPECT_THAT(kSoftware, ::testing::MatchesRegex("bendloop [0-9.]+ \\([0-9a-z+]+, [A-Za-z]+\\)"));
   const std::string text = BuildText();
   EXPECT_THAT(text, StartsWith(std::string(kSoftware) + "\nbuild: "));
   for (const char* library : {"Ceres 2", "Eigen 3", "SQLite 3", "libmodbus 3", "libusb 1"}) {
