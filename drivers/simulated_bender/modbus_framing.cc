@@ -22,10 +22,6 @@ constexpr std::size_t kLongest = 270;
 // has no baud, and a process may be kept from sending for a while.
 constexpr std::chrono::milliseconds kSilence{20};
 
-std::size_t Load16(const Bytes& bytes, std::size_t at) {
-  return static_cast<std::size_t>(bytes[at] << 8 | bytes[at + 1]);
-}
-
 // Appends at most `count` bytes as soon as there are any; false: none came in time.
 bool ReadSome(int from, std::size_t count, Clock::time_point deadline, Bytes& bytes) {
   for (;;) {
@@ -84,6 +80,10 @@ bool CrcFits(const Bytes& bytes) {
 
 }  // namespace
 
+std::uint16_t Load16(const Bytes& bytes, std::size_t at) {
+  return static_cast<std::uint16_t>(bytes[at] << 8 | bytes[at + 1]);
+}
+
 std::uint16_t RtuCrc(const std::uint8_t* bytes, std::size_t count) {
   constexpr std::uint16_t kReversedPolynomial = 0xA001;
   std::uint16_t crc = 0xFFFF;
@@ -100,7 +100,7 @@ std::optional<Bytes> ReadTcpRequest(int socket, std::chrono::milliseconds timeou
   const auto deadline = Clock::now() + timeout;
   Bytes bytes;
   if (!ReadUpTo(socket, kTcpHeader, deadline, bytes)) return std::nullopt;
-  const std::size_t size = kLengthAt + 2 + Load16(bytes, kLengthAt);
+  const std::size_t size = kLengthAt + 2u + Load16(bytes, kLengthAt);
   if (Load16(bytes, 2) != 0 || size <= kTcpHeader || size > kLongest) {
     return std::nullopt;
   }

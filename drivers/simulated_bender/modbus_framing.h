@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -20,6 +21,9 @@ std::optional<std::vector<std::uint8_t>> ReadCanRequest(int socket);
 // crc is wrong; what came is thrown away until the line is silent.
 std::optional<std::vector<std::uint8_t>> ReadRtuRequest(int line,
                                                         std::chrono::milliseconds timeout);
+
+// The number of Modbus at `at`: high byte first.
+std::uint16_t Load16(const std::vector<std::uint8_t>& bytes, std::size_t at);
 
 // The two bytes that end a frame on a serial line, low byte first on the wire.
 std::uint16_t RtuCrc(const std::uint8_t* bytes, std::size_t count);

@@ -24,10 +24,6 @@ constexpr std::size_t kMaxClients = 16;
 constexpr std::chrono::milliseconds kPartialRequest{500};  // a request must be whole within
 constexpr std::uint8_t kIllegalValue = 3;
 
-std::uint16_t Load16(const std::vector<std::uint8_t>& bytes, std::size_t at) {
-  return static_cast<std::uint16_t>(bytes[at] << 8 | bytes[at + 1]);
-}
-
 // Is the request as long as its function and counts say? libmodbus trusts them.
 bool IsWhole(const ModbusRequest& request) {
   const std::size_t trailer = request.header == 1 ? 2 : 0;  // RTU's crc
