@@ -10,7 +10,7 @@ namespace {
 
 using std::chrono::nanoseconds;
 
-std::string Ms(nanoseconds time) {
+std::string InMs(nanoseconds time) {
   return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count()) +
          " ms";
 }
@@ -276,7 +276,7 @@ Answer Bench::CommitAndWait(std::uint32_t number, const RegisterProgram* program
 
 void Bench::JudgeReply(const Watch& watch) {
   if (!watch.answer.replied) {
-    Expect(Rule::kReply, false, "no reply within " + Ms(ReplyTimeout()));
+    Expect(Rule::kReply, false, "no reply within " + InMs(ReplyTimeout()));
     ++missing_replies_;
     return;
   }
@@ -284,7 +284,7 @@ void Bench::JudgeReply(const Watch& watch) {
   constexpr std::chrono::seconds kLongScan{1};
   const nanoseconds took = watch.replied_at - watch.begin;
   plc_.AddTiming(watch.answer.accepted ? "commit to accepted" : "commit to rejected", took);
-  Expect(Rule::kReply, took <= kLongScan, "the reply came after " + Ms(took));
+  Expect(Rule::kReply, took <= kLongScan, "the reply came after " + InMs(took));
 }
 
 void Bench::ExpectAccepted(const RegisterProgram& program) {

@@ -13,7 +13,7 @@ namespace {
 
 using hal::RegisterType;
 
-std::string Hex(std::uint32_t value) {
+std::string AllDigits(std::uint32_t value) {
   char text[16];
   std::snprintf(text, sizeof text, "%08x", value);
   return text;
@@ -55,7 +55,7 @@ RegisterProgram Long(Bench& bench, std::size_t rows) {
 
 void PlayRowField(Bench& bench, const ProgramForm::NamedField& named) {
   for (const std::uint32_t bits : PatternsOf(named.field)) {
-    bench.Run(std::string("stage ") + named.name + " as " + Hex(bits), [&] {
+    bench.Run(std::string("stage ") + named.name + " as " + AllDigits(bits), [&] {
       RegisterProgram program = bench.Fresh();
       bench.plc().form().SetBits(program, 0, named.field, bits);
       bench.Sign(program);
@@ -80,7 +80,7 @@ void PlayHeadField(Bench& bench, const char* name, const hal::RegisterField& fie
   for (const std::uint32_t value : {std::uint32_t{0}, std::uint32_t{1}, std::uint32_t{0x1234},
                                     std::uint32_t{0x12345678}, most}) {
     if (value > most) continue;
-    bench.Run(std::string("stage ") + name + " as " + Hex(value), [&] {
+    bench.Run(std::string("stage ") + name + " as " + AllDigits(value), [&] {
       RegisterProgram program = bench.Fresh();
       program.*member = value;
       bench.StageAndCompare(program);
@@ -88,7 +88,7 @@ void PlayHeadField(Bench& bench, const char* name, const hal::RegisterField& fie
   }
 }
 
-void PlayOrders(Bench& bench) {
+void PlayOrdersOfWriting(Bench& bench) {
   Plc& plc = bench.plc();
   bench.Run("stage the head before the rows", [&] {
     const RegisterProgram program = bench.Fresh();
@@ -145,7 +145,7 @@ void PlayStaging(Bench& bench) {
   PlayHeadField(bench, "crc", area.crc, &RegisterProgram::crc);
   for (const auto& named : bench.plc().form().row_fields()) PlayRowField(bench, named);
   for (const auto& named : bench.plc().form().row_fields()) PlayLastRow(bench, named);
-  PlayOrders(bench);
+  PlayOrdersOfWriting(bench);
 }
 
 }  // namespace bendloop::host

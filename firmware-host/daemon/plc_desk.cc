@@ -34,7 +34,7 @@ bool SpoilsVerdict(InterlockKind kind) {
 }
 
 // 7 of "part-0007".
-std::uint32_t NumberOf(const std::string& session) {
+std::uint32_t SequenceOf(const std::string& session) {
   const std::size_t dash = session.rfind('-');
   if (dash == std::string::npos) return 0;
   return static_cast<std::uint32_t>(std::strtoul(session.c_str() + dash + 1, nullptr, 10));
@@ -116,7 +116,7 @@ void PlcDesk::LotBegun() {
 }
 
 void PlcDesk::Count(const std::string& session, hal::TubeVerdict verdict) {
-  report_.sequence = NumberOf(session);
+  report_.sequence = SequenceOf(session);
   report_.verdict = verdict;
   if (counted_ == session) return;  // it waited, and comes again
   counted_ = session;
@@ -131,7 +131,7 @@ void PlcDesk::Done(const PartOutcome& outcome) {
   const RunResult& result = outcome.result;
   const std::lock_guard lock(mutex_);
   // A part that waited and was overtaken is not the last one.
-  if (NumberOf(result.session) < report_.sequence) return;
+  if (SequenceOf(result.session) < report_.sequence) return;
   if (outcome.end == PartEnd::kRepeat) counted_ = result.session;  // its tube was
   Count(result.session, VerdictOf(result));
   report_.part_number = outcome.part_number;
