@@ -249,7 +249,7 @@ class ShopFloor {
     host::MeasuredPart part;
     char name[32];
     std::snprintf(name, sizeof name, "part-%04zu", ++sessions_);
-    part.identity = {name, "2026-01-01T00:00:00.000Z"};
+    part.identity = {name, "2026-01-01T00:00:00.000Z", ""};
     tube_of_[name] = at;
     part.scan.profiles = 1000;
     part.scan.began_ns = Now().boot_ns;
