@@ -47,6 +47,17 @@ double RingDeviation(const Scene& scene, std::size_t ring, const View& view) {
   return extreme;
 }
 
+// The pieces between neighbouring centres: what is nearer to the reader is drawn later.
+std::vector<std::size_t> FarPiecesFirst(const Scene& scene, const View& view) {
+  const auto& centers = scene.measured.centers;
+  std::vector<std::size_t> order(centers.empty() ? 0 : centers.size() - 1);
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return view.depth_sign * centers[a][view.depth] < view.depth_sign * centers[b][view.depth];
+  });
+  return order;
+}
+
 // What a view is drawn into: lettering and margins have the same size in all of them, whatever the
 // tube's extents are. A unit is about a pixel of a desktop's page.
 constexpr double kPictureWidth = 400, kPictureHeight = 300;
@@ -79,16 +90,8 @@ std::string OneView(const Scene& scene, double scale_mm, const View& view) {
     for (const auto& c : scene.nominal.centers) svg += x(c[view.right]) + "," + y(c[view.up]) + " ";
     svg += "\"/>";
   }
-  // What is nearer to the reader is drawn later.
-  const std::size_t pieces = scene.measured.centers.empty() ? 0 : scene.measured.centers.size() - 1;
-  std::vector<std::size_t> order(pieces);
-  for (std::size_t i = 0; i < pieces; ++i) order[i] = i;
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return view.depth_sign * scene.measured.centers[a][view.depth] <
-           view.depth_sign * scene.measured.centers[b][view.depth];
-  });
   svg += "<g class=\"tube\" stroke-width=\"" + Fixed(pipe_mm, 2) + "\">";
-  for (const std::size_t i : order) {
+  for (const std::size_t i : FarPiecesFirst(scene, view)) {
     const auto &a = scene.measured.centers[i], &b = scene.measured.centers[i + 1];
     const std::string colour =
         scene.compared ? DeviationColour(RingDeviation(scene, i, view), scale_mm) : "#8fa3b3";
