@@ -22,7 +22,7 @@ struct DescriptionSettings {
   double outlier = kNoWeight;
   // [of r_P] So far beyond its ends points are still the tube's: a burr, noise. By trial.
   double margin = 0.2;
-  // [of all points] More outliers are told.
+  // [of the points on and right beside the tube] More outliers are told.
   double many_outliers = 0.1;
   // Points that are kept for deviations and pictures. By trial.
   std::size_t most_kept = 20'000;
@@ -178,31 +178,28 @@ void SetDistances(const Description& points, std::size_t all_samples, FitQuality
   fit.median_abs_distance_mm = points.magnitudes.Quantile(0.5);
 }
 
-// More outliers than fliers and a neighbour's edge make are told, with where they lie.
+// More outliers right beside the tube than fliers and a neighbour's edge make are told, with where
+// they lie. What stands away from it, a table above all, stands so in every scan of a cell.
 void SayOutliers(const Bins& bins, const Description& points, Measurement& measurement) {
-  const auto outliers = static_cast<double>(measurement.fit.outliers);
-  const double all = outliers + static_cast<double>(measurement.fit.samples);
-  if (!(outliers > kDescription.many_outliers * all)) return;
   double beside = 0;
   for (const std::uint32_t count : points.off) beside += count;
-  std::string where = "away from it: take away what stands about the tube";
-  if (beside > 0.5 * outliers) {
-    // From where to where the middle four fifths of them lie.
-    double before = 0;
-    std::size_t from = bins.count - 1, to = 0;
-    for (std::size_t bin = 0; bin < bins.count; ++bin) {
-      if (before <= 0.9 * beside) to = bin;
-      before += points.off[bin];
-      if (before >= 0.1 * beside) from = std::min(from, bin);
-    }
-    const auto at = [&](std::size_t bin) {
-      return Fixed(std::min(static_cast<double>(bin) * bins.bin_mm, bins.length_mm), 0);
-    };
-    where = "right beside it, from " + at(from) + " to " + at(to + 1) +
-            " mm along it: what is there has another shape, or something touches the tube";
+  const double near = beside + static_cast<double>(measurement.fit.samples);
+  if (!(beside > kDescription.many_outliers * near)) return;
+  // From where to where the middle four fifths of them lie.
+  double before = 0;
+  std::size_t from = bins.count - 1, to = 0;
+  for (std::size_t bin = 0; bin < bins.count; ++bin) {
+    if (before <= 0.9 * beside) to = bin;
+    before += points.off[bin];
+    if (before >= 0.1 * beside) from = std::min(from, bin);
   }
-  measurement.warnings.push_back(Fixed(100.0 * outliers / all, 0) +
-                                 " % of the points do not lie on the tube, most of them " + where);
+  const auto at = [&](std::size_t bin) {
+    return Fixed(std::min(static_cast<double>(bin) * bins.bin_mm, bins.length_mm), 0);
+  };
+  measurement.warnings.push_back(
+      Fixed(100.0 * beside / near, 0) +
+      " % of the points beside the tube do not lie on it, most of them from " + at(from) + " to " +
+      at(to + 1) + " mm along it: what is there has another shape, or something touches the tube");
 }
 
 // A place is covered when samples lie within a pipe radius along the spine: laser lines further

@@ -53,7 +53,8 @@ TEST(NoTube, PointsBesideTheTubeAreToldWithTheirPlace) {
   ASSERT_TRUE(found) << found.error().message;
   bool is_told = false;
   for (const std::string& warning : found->warnings) {
-    is_told |= warning.find("do not lie on the tube, most of them right beside it") != warning.npos;
+    is_told |= warning.find("of the points beside the tube do not lie on it, most of them from") !=
+               warning.npos;
   }
   EXPECT_TRUE(is_told);
 }
