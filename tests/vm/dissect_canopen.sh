@@ -49,10 +49,11 @@ expect "aborts" "$(count 'canopen.sdo.abort_code && canopen.sdo.main_idx >= 0x10
 expect "commits" "$(read_frames 'canopen.sdo.ccs == 1 && canopen.sdo.main_idx == 0x2001 &&
   canopen.sdo.sub_idx == 1 && canopen.sdo.e == 1' canopen.sdo.data.bytes | tr '\n' ' ')" \
   "02000000 03000000 "
-# Rows go as one block, of which tshark tells the kind only: asked and ended, for each program.
+# Rows go as one block, of which tshark tells the kind only: asked and ended, for each program; and
+# so does the name of the tube that the PLC is told of, here an empty one.
 tshark -r "$work/frames" -d can.subdissector,canopen >"$work/summary" 2>/dev/null
-expect "our side of block downloads" "$(grep -c '(rx): Block download' "$work/summary")" 4
-expect "the bender's side" "$(grep -c '(tx): Block download' "$work/summary")" 6
+expect "our side of block downloads" "$(grep -c '(rx): Block download' "$work/summary")" 6
+expect "the bender's side" "$(grep -c '(tx): Block download' "$work/summary")" 9
 # Every question for a value was answered, about the same object.
 read_frames 'canopen.cob_id == 0x605 && canopen.sdo.ccs == 2' \
   canopen.sdo.main_idx canopen.sdo.sub_idx >"$work/asked"
