@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "config/object_dictionary.h"
+#include "config/plc_fields.h"
 
 namespace bendloop::config {
 namespace {
@@ -166,44 +167,17 @@ class Binder {
   std::string problems_;
 };
 
-}  // namespace
-
-namespace {
-
 // What the PLC reads and says.
 void VisitPlcPlaces(RegisterMap& map, const std::function<void(const MapPlace&)>& visit) {
   hal::ReportFields& report = map.report;
-  const std::pair<const char*, std::optional<RegisterField>*> written[] = {
-      {"heartbeat", &report.heartbeat},
-      {"state", &report.state},
-      {"alarm", &report.alarm},
-      {"alarms", &report.alarms},
-      {"sequence", &report.sequence},
-      {"verdict", &report.verdict},
-      {"part_number", &report.part_number},
-      {"worst_percent", &report.worst_percent},
-      {"tubes", &report.tubes},
-      {"passed", &report.passed},
-      {"failed", &report.failed},
-      {"undecided", &report.undecided},
-      {"held", &report.held},
-      {"part_set", &report.part_set},
-      {"acknowledged", &report.acknowledged},
-      {"lot_begun", &report.lot_begun}};
-  for (const auto& [key, field] : written) {
+  for (const auto& [key, field] : FieldsOf(report)) {
     if (*field) visit({"report." + std::string(key), &**field, nullptr, true, false});
   }
   if (report.identity) {
     visit({"report.identity", nullptr, nullptr, true, false, &*report.identity});
   }
   hal::OrderFields& orders = map.orders;
-  const std::pair<const char*, std::optional<RegisterField>*> read[] = {
-      {"part_number", &orders.part_number},
-      {"scan", &orders.scan},
-      {"hold", &orders.hold},
-      {"new_lot", &orders.new_lot},
-      {"acknowledge", &orders.acknowledge}};
-  for (const auto& [key, field] : read) {
+  for (const auto& [key, field] : FieldsOf(orders)) {
     if (*field) visit({"orders." + std::string(key), &**field});
   }
   if (orders.identity) {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "config/fields.h"
+#include "config/plc_fields.h"
 
 namespace bendloop::config {
 namespace {
@@ -54,35 +55,14 @@ void VisitText(FieldVisitor& v, hal::TextField& field) {
 
 // What the PLC reads of the cell, and says to it: every field may be left out.
 void VisitReport(FieldVisitor& v, hal::ReportFields& report) {
-  const std::pair<std::string_view, std::optional<RegisterField>*> fields[] = {
-      {"heartbeat", &report.heartbeat},
-      {"state", &report.state},
-      {"alarm", &report.alarm},
-      {"alarms", &report.alarms},
-      {"sequence", &report.sequence},
-      {"verdict", &report.verdict},
-      {"part_number", &report.part_number},
-      {"worst_percent", &report.worst_percent},
-      {"tubes", &report.tubes},
-      {"passed", &report.passed},
-      {"failed", &report.failed},
-      {"undecided", &report.undecided},
-      {"held", &report.held},
-      {"part_set", &report.part_set},
-      {"acknowledged", &report.acknowledged},
-      {"lot_begun", &report.lot_begun}};
-  for (const auto& [key, field] : fields) v.OptionalTable<RegisterField>(key, *field, VisitCount);
+  for (const auto& [key, field] : FieldsOf(report))
+    v.OptionalTable<RegisterField>(key, *field, VisitCount);
   v.OptionalTable<hal::TextField>("identity", report.identity, VisitText);
 }
 
 void VisitOrders(FieldVisitor& v, hal::OrderFields& orders) {
-  const std::pair<std::string_view, std::optional<RegisterField>*> fields[] = {
-      {"part_number", &orders.part_number},
-      {"scan", &orders.scan},
-      {"hold", &orders.hold},
-      {"new_lot", &orders.new_lot},
-      {"acknowledge", &orders.acknowledge}};
-  for (const auto& [key, field] : fields) v.OptionalTable<RegisterField>(key, *field, VisitCount);
+  for (const auto& [key, field] : FieldsOf(orders))
+    v.OptionalTable<RegisterField>(key, *field, VisitCount);
   v.OptionalTable<hal::TextField>("identity", orders.identity, VisitText);
 }
 
