@@ -14,6 +14,7 @@
 #include "pipeline/fit/fit_priors.h"
 #include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/tube_parameters.h"
+#include "pipeline/math/cross_matrix.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -56,11 +57,6 @@ LocalMatrix InformationOf(const CondensedSum& sum) {
 }
 LocalVector PullOf(const CondensedSum& sum) { return sum.col(kLocalState).head<kLocalState>(); }
 
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 struct Line {
   Eigen::Vector3d point, direction;
 };
@@ -182,7 +178,7 @@ class BowedTube {
                                                 turn = axes * end.middleRows<3>(3);
       for (std::size_t k = j + 1; k < segments.size(); ++k) {
         const Eigen::Matrix3d to_local = segments[k].axes().transpose();
-        const Eigen::Matrix3d arm = Cross(segments[k].start_mm - segments[j].start_mm);
+        const Eigen::Matrix3d arm = CrossMatrix(segments[k].start_mm - segments[j].start_mm);
         motions_[k].block<3, kBowModes>(0, own_[j]) = to_local * (velocity - arm * turn);
         motions_[k].block<3, kBowModes>(3, own_[j]) = to_local * turn;
       }

@@ -16,14 +16,6 @@ constexpr std::size_t kPointsOfRound = 32'768;
 constexpr std::size_t kMostRounds = 1024;
 constexpr double kFelt = 1e-6;  // of the direction that points feel most: less is not felt
 
-// Where on the segment a point of its own frame lies.
-double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment) {
-  if (!segment.is_arc()) return points.x[i];
-  const double middle = 0.5 * segment.angle_rad();
-  const double phi = std::atan2(points.x[i], -points.y[i]);
-  return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
-}
-
 // The places of one segment among all.
 struct PlaceRange {
   std::size_t first = 0, count = 1;
@@ -31,6 +23,13 @@ struct PlaceRange {
 };
 
 }  // namespace
+
+double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment) {
+  if (!segment.is_arc()) return points.x[i];
+  const double middle = 0.5 * segment.angle_rad();
+  const double phi = std::atan2(points.x[i], -points.y[i]);
+  return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
+}
 
 PlaceInverse InverseOf(const CondensedSum& sum) {
   const LocalMatrix information = sum.topLeftCorner<kLocalState, kLocalState>();

@@ -12,6 +12,10 @@
 
 namespace bendloop::pipeline {
 
+// [mm] from the segment's start: where point `i`, which stands in the segment's frame, lies along
+// it.
+double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment);
+
 // A short piece of a segment, all round, and what its points say of the segment's frame.
 struct PlaceSum {
   std::size_t segment = 0;

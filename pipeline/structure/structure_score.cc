@@ -4,11 +4,12 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
+#include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/tube_parameters.h"
+#include "pipeline/math/cross_matrix.h"
 #include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
@@ -39,12 +40,6 @@ constexpr ScoreSettings kScore;
 using Motion = Eigen::Matrix<double, 6, 1>;  // velocity at the origin and angular velocity, world
 using MotionMap = Eigen::Matrix<double, 6, 6>;
 
-Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 // From a rigid motion of the world to that of a segment's frame.
 MotionMap ToFrame(const hal::SpineSegment& segment, const Eigen::Vector3d& origin) {
   Eigen::Matrix3d frame;
@@ -53,7 +48,7 @@ MotionMap ToFrame(const hal::SpineSegment& segment, const Eigen::Vector3d& origi
   frame.row(2) = segment.normal;
   MotionMap map = MotionMap::Zero();
   map.topLeftCorner<3, 3>() = frame;
-  map.topRightCorner<3, 3>() = -frame * Cross(segment.start_mm - origin);
+  map.topRightCorner<3, 3>() = -frame * CrossMatrix(segment.start_mm - origin);
   map.bottomRightCorner<3, 3>() = frame;
   return map;
 }
@@ -64,13 +59,6 @@ struct TubePiece {
   double begin_mm = 0;
   SegmentPoints points;
 };
-
-double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment) {
-  if (!segment.is_arc()) return points.x[i];
-  const double middle = 0.5 * segment.angle_rad();
-  const double phi = std::atan2(points.x[i], -points.y[i]);
-  return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
-}
 
 std::vector<TubePiece> PiecesOf(const std::vector<hal::SpineSegment>& segments,
                                 const SurfaceAssignment& assignment, double pipe_radius_mm) {
