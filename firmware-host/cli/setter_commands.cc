@@ -264,6 +264,19 @@ void AddPatience(CLI::App* command, const std::shared_ptr<SetterArguments>& argu
       ->capture_default_str();
 }
 
+// A command that asks the daemon, or its state directory, for `wish` and has no options of its own.
+CLI::App* AddWish(CLI::App& under, Run& run, const char* name, const char* what, const char* footer,
+                  SetterWish wish) {
+  auto arguments = std::make_shared<SetterArguments>();
+  CLI::App* command = under.add_subcommand(name, what);
+  command->footer(footer);
+  AddConfig(command, arguments);
+  AddPatience(command, arguments);
+  command->callback(
+      [arguments, wish, &run] { run = [arguments, wish] { return Ask(wish, *arguments); }; });
+  return command;
+}
+
 }  // namespace
 
 CLI::App* AddLotCommand(CLI::App& app, Run& run) {
@@ -276,41 +289,21 @@ CLI::App* AddLotCommand(CLI::App& app, Run& run) {
   show->footer(kLotFooter);
   AddConfig(show, arguments);
   show->callback([arguments, &run] { run = [arguments] { return ShowLot(*arguments); }; });
-  const auto add = [&](const char* name, const char* what, SetterWish wish) {
-    CLI::App* command = lot->add_subcommand(name, what);
-    command->footer(kLotFooter);
-    AddConfig(command, arguments);
-    AddPatience(command, arguments);
-    command->callback(
-        [arguments, wish, &run] { run = [arguments, wish] { return Ask(wish, *arguments); }; });
-  };
-  add("new", "Another coil or tool: a new lot begins", SetterWish::kNewLot);
-  add("hold", "Change no program until 'release'", SetterWish::kHoldLot);
-  add("release", "Correct programs again", SetterWish::kReleaseLot);
+  AddWish(*lot, run, "new", "Another coil or tool: a new lot begins", kLotFooter,
+          SetterWish::kNewLot);
+  AddWish(*lot, run, "hold", "Change no program until 'release'", kLotFooter, SetterWish::kHoldLot);
+  AddWish(*lot, run, "release", "Correct programs again", kLotFooter, SetterWish::kReleaseLot);
   return lot;
 }
 
 CLI::App* AddUndoCommand(CLI::App& app, Run& run) {
-  auto arguments = std::make_shared<SetterArguments>();
-  CLI::App* command = app.add_subcommand("undo", "The bender's program before the last one sent");
-  command->footer(kUndoFooter);
-  AddConfig(command, arguments);
-  AddPatience(command, arguments);
-  command->callback(
-      [arguments, &run] { run = [arguments] { return Ask(SetterWish::kUndo, *arguments); }; });
-  return command;
+  return AddWish(app, run, "undo", "The bender's program before the last one sent", kUndoFooter,
+                 SetterWish::kUndo);
 }
 
 CLI::App* AddAcknowledgeCommand(CLI::App& app, Run& run) {
-  auto arguments = std::make_shared<SetterArguments>();
-  CLI::App* command = app.add_subcommand("acknowledge", "Send corrections again after an alarm");
-  command->footer(kAcknowledgeFooter);
-  AddConfig(command, arguments);
-  AddPatience(command, arguments);
-  command->callback([arguments, &run] {
-    run = [arguments] { return Ask(SetterWish::kAcknowledge, *arguments); };
-  });
-  return command;
+  return AddWish(app, run, "acknowledge", "Send corrections again after an alarm",
+                 kAcknowledgeFooter, SetterWish::kAcknowledge);
 }
 
 CLI::App* AddFirstProgramCommand(CLI::App& app, Run& run) {
