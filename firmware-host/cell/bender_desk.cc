@@ -14,10 +14,6 @@ namespace {
 // Of tubes used up: a tube that is scanned again is one of the last.
 constexpr std::size_t kMostIdentities = 256;
 
-}  // namespace
-
-namespace {
-
 // Reading a whole program of the largest size, each answer at the last moment, after connecting
 // anew, and as long again for a serial line that is listened to until it is quiet.
 std::chrono::nanoseconds ExchangeBound(const config::BenderConfig& bender) {

@@ -83,12 +83,14 @@ void PartKeeper::KeepAlarms(const std::vector<Alarm>& news) {
   }
 }
 
-void PartKeeper::KeepResult(const RunResult& result) {
-  problem_.clear();
-  const auto path = store_.results() / (result.session + ".json");
-  const auto written = WriteOutputFile(path, WriteResultJson(result));
-  if (!written) problem_ = "result not kept: " + written.error().message;
+void PartKeeper::WriteResult(const std::string& session, const std::string& json) {
+  const auto written = WriteOutputFile(store_.results() / (session + ".json"), json);
+  problem_ = written ? "" : "result not kept: " + written.error().message;
   Judge(AlarmCode::kResultNotKept, written);
+}
+
+void PartKeeper::KeepResult(const RunResult& result) {
+  WriteResult(result.session, WriteResultJson(result));
   Judge(AlarmCode::kHistoryNotKept, history_->AddOrReplace(result));
 }
 
@@ -152,11 +154,7 @@ void PartKeeper::KeepFailure(const FailedScan& failed) {
   const Json json = {{"schema", kFailedScanSchema},   {"session", failed.identity.session},
                      {"time", failed.identity.start}, {"software", kSoftware},
                      {"profiles", failed.profiles},   {"error", failed.error.message}};
-  problem_.clear();
-  const auto path = store_.results() / (failed.identity.session + ".json");
-  const auto written = WriteOutputFile(path, Dump(json, 2) + "\n");
-  if (!written) problem_ = "result not kept: " + written.error().message;
-  Judge(AlarmCode::kResultNotKept, written);
+  WriteResult(failed.identity.session, Dump(json, 2) + "\n");
 }
 
 void PartKeeper::Settle(const SettledCommit& settled) {

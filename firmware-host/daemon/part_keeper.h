@@ -55,6 +55,8 @@ class PartKeeper {
 
  private:
   void WriteReport();
+  // What became of a scan: the one that is not kept is the problem until one is.
+  void WriteResult(const std::string& session, const std::string& json);
   void KeepResult(const RunResult& result);
   // Logs what went wrong; an alarm until it goes well again.
   void Judge(AlarmCode code, const hal::Result<void>& kept);

@@ -3,8 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <vector>
+
+#include "firmware-host/daemon/state_store.h"
 
 namespace bendloop::host {
 namespace {
@@ -31,13 +32,6 @@ bool SpoilsVerdict(InterlockKind kind) {
     default:
       return false;
   }
-}
-
-// 7 of "part-0007".
-std::uint32_t SequenceOf(const std::string& session) {
-  const std::size_t dash = session.rfind('-');
-  if (dash == std::string::npos) return 0;
-  return static_cast<std::uint32_t>(std::strtoul(session.c_str() + dash + 1, nullptr, 10));
 }
 
 double Percent(const pipeline::Deviation& value) {
@@ -116,7 +110,7 @@ void PlcDesk::LotBegun() {
 }
 
 void PlcDesk::Count(const std::string& session, hal::TubeVerdict verdict) {
-  report_.sequence = SequenceOf(session);
+  report_.sequence = NumberInName(session);
   report_.verdict = verdict;
   if (counted_ == session) return;  // it waited, and comes again
   counted_ = session;
@@ -131,7 +125,7 @@ void PlcDesk::Done(const PartOutcome& outcome) {
   const RunResult& result = outcome.result;
   const std::lock_guard lock(mutex_);
   // A part that waited and was overtaken is not the last one.
-  if (SequenceOf(result.session) < report_.sequence) return;
+  if (NumberInName(result.session) < report_.sequence) return;
   if (outcome.end == PartEnd::kRepeat) counted_ = result.session;  // its tube was
   Count(result.session, VerdictOf(result));
   report_.part_number = outcome.part_number;

@@ -25,15 +25,6 @@ std::string Text(int error_number) { return std::generic_category().message(erro
 
 constexpr std::string_view kNamePrefix = "part-";
 
-// 7 of "part-0007.json"; 0 for other names.
-unsigned NumberOf(const std::string& file_name) {
-  if (file_name.rfind(kNamePrefix, 0) != 0) return 0;
-  unsigned number = 0;
-  const char* begin = file_name.data() + kNamePrefix.size();
-  std::from_chars(begin, file_name.data() + file_name.size(), number);
-  return number;
-}
-
 fs::path LotFile(const fs::path& directory, std::uint32_t part) {
   return directory / (part == 0 ? "lot.json" : "lot-" + std::to_string(part) + ".json");
 }
@@ -42,7 +33,7 @@ unsigned LargestNumber(const fs::path& directory) {
   unsigned largest = 0;
   std::error_code error;
   for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    largest = std::max(largest, NumberOf(it->path().filename().string()));
+    largest = std::max(largest, NumberInName(it->path().filename().string()));
   }
   return largest;
 }
@@ -90,6 +81,14 @@ StateStore::~StateStore() {
 
 unsigned StateStore::LastNumber(const fs::path& sessions) const {
   return std::max(LargestNumber(results()), LargestNumber(sessions));
+}
+
+unsigned NumberInName(const std::string& name) {
+  if (name.rfind(kNamePrefix, 0) != 0) return 0;
+  unsigned number = 0;
+  const char* begin = name.data() + kNamePrefix.size();
+  std::from_chars(begin, name.data() + name.size(), number);
+  return number;
 }
 
 std::string PartName(unsigned number) {

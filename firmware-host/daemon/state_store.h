@@ -78,5 +78,7 @@ hal::Result<std::optional<pipeline::LotState>> ReadLotOf(const std::filesystem::
 
 // "part-0007".
 std::string PartName(unsigned number);
+// And back: 7 of "part-0007" and of "part-0007.json"; 0 for other names.
+unsigned NumberInName(const std::string& name);
 
 }  // namespace bendloop::host
