@@ -25,8 +25,9 @@ const std::map<std::string, std::set<std::string>> kFloors = {
 // Rooms of the pipeline, from below. A room includes those of lower floors; `tube` may use `math`
 // beside it. The doors are the headers of pipeline/ itself.
 const std::map<std::string, int> kRooms = {
-    {"math", 0},       {"tube", 1},   {"points", 2},    {"inspection", 2}, {"spine", 3}, {"fit", 3},
-    {"correction", 3}, {"spline", 4}, {"structure", 5}, {"canal", 6},      {"", 7},
+    {"math", 0},      {"tube", 1},  {"points", 2},     {"inspection", 2},
+    {"spine", 3},     {"fit", 3},   {"correction", 3}, {"spline", 4},
+    {"structure", 5}, {"canal", 6}, {"features", 7},   {"", 8},
 };
 
 std::string FolderOf(const std::string& path) {
