@@ -78,7 +78,7 @@ Eigen::Vector3d RationalCubic::TangentAt(double u) const {
 }
 
 double RationalCubic::LengthMm() const {
-  // Five points of Gauss-Legendre on each eighth: 1e-9 of the length for weights of 0.1 to 10.
+  // Five points of Gauss-Legendre on each eighth: 1e-7 of the length for weights of 0.5 to 2.
   constexpr std::array<double, 5> kPlace = {-0.9061798459386640, -0.5384693101056831, 0,
                                             0.5384693101056831, 0.9061798459386640};
   constexpr std::array<double, 5> kShare = {0.2369268850561891, 0.4786286704993665,
