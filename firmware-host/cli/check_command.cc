@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/run_context.h"
 #include "firmware-host/cell/scan_state.h"
+#include "firmware-host/cell/service_needs.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/console/printable.h"
@@ -30,6 +32,9 @@ constexpr const char* kCheckFooter = R"(
 Examples:
   bendloop check /etc/bendloop/cell.toml
   bendloop check cells/*.toml parts/*.toml sessions/*.session
+  bendloop check --unit-drop-in /etc/bendloop/cell.toml
+                              prints what lets the service reach this cell's
+                              devices and addresses, and no others
 
 Cell files are checked with the part and the register map that they name,
 sessions to their last profile and against their checksums, and whether a
@@ -147,6 +152,17 @@ hal::Result<std::string> CheckFile(const std::string& file) {
   return std::string(config::Name(*kind));
 }
 
+int PrintDropIn(const std::string& file) {
+  if (drivers::LooksLikeDatabase(file)) {
+    return Report({hal::ErrorKind::kUsage, file + ": is a session, expected a cell file"});
+  }
+  const auto cell = config::LoadCell(file);
+  if (!cell) return Report(cell.error());
+  std::error_code error;
+  std::cout << UnitDropIn(NeedsOf(*cell), std::filesystem::absolute(file, error).string());
+  return 0;
+}
+
 int Check(const std::vector<std::string>& files) {
   int code = 0;
   for (const std::string& file : files) {
@@ -168,7 +184,17 @@ CLI::App* AddCheckCommand(CLI::App& app, Run& run) {
       app.add_subcommand("check", "Validate cell, part, register-map and session files");
   command->footer(kCheckFooter);
   command->add_option("files", *files, "Any of them")->required()->type_name("FILE...");
-  command->callback([files, &run] { run = [files] { return Check(*files); }; });
+  auto drop_in = std::make_shared<bool>(false);
+  command->add_flag(
+      "--unit-drop-in", *drop_in,
+      "Print a drop-in for bendloopd.service with what the cell needs, and only that");
+  command->callback([files, drop_in, &run] {
+    run = [files, drop_in] {
+      if (!*drop_in) return Check(*files);
+      if (files->size() == 1) return PrintDropIn(files->front());
+      return Report({hal::ErrorKind::kUsage, "--unit-drop-in takes one cell file"});
+    };
+  });
   return command;
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "firmware-host/console/manual.h"
 #include "firmware-host/console/suggestion.h"
 #include "firmware-host/console/wrap.h"
 
@@ -62,6 +63,7 @@ std::vector<std::string> Commands(const CLI::App& app) {
 std::vector<std::string> Options(const CLI::App& app) {
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
+    if (option->get_group().empty()) continue;  // not for people
     for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
   }
   return names;
@@ -91,6 +93,12 @@ std::string Unknown(const CLI::App& command) {
 void DressCommandLine(CLI::App& app, const std::string& version) {
   app.formatter(std::make_shared<NarrowFormatter>());
   app.set_version_flag("-V,--version", version);
+  // For the build, which makes the manual pages by it: not in --help.
+  app.add_option_function<std::string>("--manual",
+                                       [&app, version](const std::string& what) {
+                                         throw CLI::CallForVersion(Manual(app, what, version), 0);
+                                       })
+      ->group("");
 }
 
 CLI::Validator NumberWithin(double low, double high) {

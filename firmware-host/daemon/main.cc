@@ -5,6 +5,7 @@
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <memory>
 #include <string>
@@ -13,6 +14,7 @@
 #include "config/load.h"
 #include "firmware-host/acquisition/realtime.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/service_needs.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/printable.h"
@@ -64,6 +66,10 @@ int CheckOnly(const bendloop::host::DaemonOptions& options) {
   if (!cell) return Report(cell.error());
   const auto plan = bendloop::host::MakePartPlan(*cell);
   if (!plan) return Report(plan.error());
+  const auto needs = bendloop::host::NeedsOf(*cell);
+  const auto granted =
+      bendloop::host::CheckGranted(needs, std::getenv(bendloop::host::kGrantedVariable));
+  if (!granted) return Report(granted.error());
   for (const std::string& remark : bendloop::host::RemarksOn(*cell)) {
     bendloop::host::TellPerson("bendloopd", "note: " + remark);
   }

@@ -5,6 +5,9 @@
 #   MODULES  kernel modules to load in the guest, with what they need: "vcan can-raw"
 #   SCRIPT   for busybox's sh; the exit code comes back
 #   PROGRAM  to take along, with its libraries; to /usr/bin or to PLACE
+# With GUEST_DISK=IMAGE, an ext4 file system with a Debian, the guest runs that one's systemd, and the script
+# with its sh as /root/script; programs and files named lie in /root. What it changes on the disk is lost.
+# GUEST_MEMORY_MB (512) and GUEST_CPUS (1) are the guest's.
 # Exits with the script's code, 124 if the guest hangs, 125 if it dies, 77 if there is no qemu or no
 # kernel to be had.
 set -eu
@@ -82,10 +85,11 @@ boot() {
   qemu=0
   cpu=max
   [ "$1" = kvm ] || cpu=qemu64 # emulated wide registers cost more than they save
-  timeout "$2" qemu-system-x86_64 -accel "$1" -cpu "$cpu" -M q35 -m 512 -smp 1 -nodefaults \
-    -no-user-config -display none -serial stdio -no-reboot \
+  # shellcheck disable=SC2086  # the disk's options are separate words
+  timeout "$2" qemu-system-x86_64 -accel "$1" -cpu "$cpu" -M q35 -m "${GUEST_MEMORY_MB:-512}" \
+    -smp "${GUEST_CPUS:-1}" $disk -nodefaults -no-user-config -display none -serial stdio -no-reboot \
     -device isa-debug-exit,iobase=0xf4,iosize=0x04 -kernel "$kernel/vmlinux" -initrd "$3" \
-    -append "console=ttyS0 quiet panic=-1" </dev/null || qemu=$?
+    -append "console=ttyS0 quiet panic=-1 systemd.mask=serial-getty@ttyS0.service" </dev/null || qemu=$?
   [ "$qemu" != 124 ] || return 124
   [ $((qemu % 2)) = 1 ] || return 125
   return $((qemu / 2))
@@ -116,6 +120,7 @@ choose_accelerator() {
   cat "$known"
 }
 
+disk=
 (
   flock 9
   fetch_kernel
@@ -132,9 +137,38 @@ cp "$script" "$root/script"
 for program in "$@"; do
   place=${program#*:}
   program=${program%%:*}
+  if [ -n "${GUEST_DISK:-}" ]; then
+    mkdir -p "$root/take"
+    cp "$program" "$root/take"
+    continue
+  fi
   [ "$place" != "$program" ] || place=/usr/bin/$(basename "$program")
   take "$program" "$place"
 done
+if [ -n "${GUEST_DISK:-}" ]; then
+  disk="-drive file=$GUEST_DISK,if=virtio,format=raw,snapshot=on"
+  modules="$modules virtio_pci virtio_blk ext4"
+  mkdir -p "$root/disk" "$root/take"
+  cat >"$root/take/guest-script.service" <<'UNIT'
+[Unit]
+Description=The test in this guest
+After=basic.target dbus.service
+[Service]
+Type=oneshot
+ExecStart=/bin/sh /root/run-script
+StandardOutput=tty
+StandardError=tty
+TTYPath=/dev/ttyS0
+UNIT
+  cat >"$root/take/run-script" <<'RUN'
+cd /root
+export HOME=/root
+code=0
+sh /root/script || code=$?
+echo "run_guest: exit $code after $(cut -d ' ' -f 1 /proc/uptime) s, Linux $(uname -r)"
+printf "\\$(printf %03o "$code")" | dd of=/dev/port bs=1 seek=244 count=1 2>/dev/null
+RUN
+fi
 release=$(basename "$kernel"/lib/modules/*)
 : >"$root/modules/order"
 for module in $modules; do
@@ -157,8 +191,23 @@ mount -t devtmpfs dev /dev
 mount -t tmpfs tmp /tmp
 code=0
 while read -r module; do
-  insmod "/modules/$module" || code=126
+  # Of what ext4 may use some is for other processors; whether the disk can be had, it will show.
+  insmod "/modules/$module" 2>/tmp/insmod || [ -e /disk ] || { cat /tmp/insmod; code=126; }
 done </modules/order
+if [ "$code" = 0 ] && [ -e /disk ]; then
+  tries=0
+  until [ -b /dev/vda ] || [ "$tries" = 50 ]; do usleep 100000; tries=$((tries + 1)); done
+  mount -t ext4 /dev/vda /disk || code=126
+fi
+if [ "$code" = 0 ] && [ -e /disk ]; then
+  cp /take/* /script /disk/root
+  mkdir -p /disk/etc/systemd/system/multi-user.target.wants
+  mv /disk/root/guest-script.service /disk/etc/systemd/system
+  ln -sf ../guest-script.service /disk/etc/systemd/system/multi-user.target.wants
+  mount --move /dev /disk/dev
+  umount /proc /sys /tmp
+  exec switch_root /disk /lib/systemd/systemd
+fi
 if [ "$code" = 0 ]; then sh /script || code=$?; fi
 echo "run_guest: exit $code after $(cut -d ' ' -f 1 /proc/uptime) s, Linux $(uname -r)"
 printf "\\x$(printf %02x "$code")" | dd of=/dev/port bs=1 seek=244 count=1 2>/dev/null

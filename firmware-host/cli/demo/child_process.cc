@@ -44,7 +44,7 @@ hal::Result<ChildProcess> ChildProcess::Start(const std::filesystem::path& progr
     return hal::Fail(hal::ErrorKind::kDevice, program.string() + ": cannot be started: " + what);
   };
   if (access(program.c_str(), X_OK) != 0) {
-    return fail(Text(errno) + "; build it beside bendloop");
+    return fail(Text(errno) + "; the package bendloop-demo brings it, or the build");
   }
   int to_child[2];
   int from_child[2];

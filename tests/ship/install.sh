@@ -1,0 +1,56 @@
+#!/bin/sh
+# Installs a build into a folder of its own: does each file have its place, do the programs and the examples
+# work from there, do the READMEs' links hold?
+# usage: install.sh BUILD
+set -eu
+build=$(realpath "$1")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() {
+  echo "install.sh: $*" >&2
+  exit 1
+}
+
+# there ROOT FILE...
+there() {
+  root=$1
+  shift
+  for file in "$@"; do [ -e "$root$file" ] || fail "$file is not installed"; done
+}
+
+echo "== cmake --install into a folder"
+DESTDIR=$work/root cmake --install "$build" --prefix /usr/local >"$work/install.log" ||
+  fail "$(tail -n 5 "$work/install.log")"
+root=$work/root
+there "$root" /usr/local/bin/bendloopd /usr/local/bin/bendloop /usr/local/bin/bendloop-simbender \
+  /usr/local/bin/bendloop-simscanner /usr/local/bin/bendloop-usbscanner \
+  /usr/local/lib/systemd/system/bendloopd.service /usr/local/lib/sysusers.d/bendloop.conf \
+  /usr/local/lib/tmpfiles.d/bendloop.conf /usr/local/lib/udev/rules.d/70-bendloop-scanner.rules \
+  /usr/local/share/doc/bendloop/README.md /usr/local/share/doc/bendloop/LICENSE \
+  /usr/local/share/doc/bendloop/NOTICE.md /usr/local/share/doc/bendloop/bendloop.spdx.json \
+  /usr/local/share/man/man1/bendloop.1.gz /usr/local/share/man/man1/bendloop-demo.1.gz \
+  /usr/local/share/man/man8/bendloopd.8.gz /usr/local/share/bash-completion/completions/bendloop \
+  /usr/local/share/zsh/vendor-completions/_bendloop /etc/bendloop/register-maps/default.toml
+[ ! -e "$root/usr/local/share/doc/bendloop/copyright" ] || fail "Debian's files belong into the packages only"
+sed -n 's/^Exec[A-Za-z]*=[-+!]*\([^ ]*\).*/\1/p' "$root/usr/local/lib/systemd/system/bendloopd.service" |
+  while read -r program; do there "$root" "$program"; done
+
+bom=$root/usr/local/share/doc/bendloop/bendloop.spdx.json
+! grep -o '"name": "[^"]*", "versionInfo": "[^"]*", "supplier.*"licenseConcluded": "NOASSERTION"' "$bom" ||
+  fail "the licence of these is not known; systemd/licences.txt"
+grep -q '"relationshipType": "STATIC_LINK", "relatedSpdxElement": "SPDXRef-libceres-dev"' "$bom" ||
+  fail "the bill of materials lacks what was linked: $(wc -c <"$bom") bytes"
+
+echo "== The shipped files, where they were installed"
+bendloop=$root/usr/local/bin/bendloop
+examples=$root/usr/local/share/doc/bendloop/examples
+"$bendloop" check "$examples"/cells/*.toml "$examples"/parts/*.toml "$examples"/register-maps/*.toml \
+  "$examples"/object-dictionaries/*.eds "$root"/etc/bendloop/*/* >"$work/check.log" 2>&1 ||
+  fail "$(cat "$work/check.log")"
+
+# Links from one README to another hold there, too.
+doc=$root/usr/local/share/doc/bendloop
+(cd "$doc" && grep -o '](\([^)#:]*\.\(md\|svg\|png\)\)' -r . --include='*.md') | while IFS=: read -r page link; do
+  link=${link#](}
+  [ -e "$doc/$(dirname "$page")/$link" ] || fail "$page: its link to $link leads nowhere"
+done

@@ -1,0 +1,57 @@
+#!/bin/sh
+# Packs a build, and looks at what came out: does each file have its place, does lintian find nothing?
+# usage: package.sh BUILD      exits with 77 where there is no dpkg-dev or lintian
+set -eu
+build=$(realpath "$1")
+for tool in dpkg-deb dpkg-shlibdeps lintian; do
+  command -v "$tool" >/dev/null || {
+    echo "############ NOT PACKED: $tool is missing; config/install-packages.sh root ############" >&2
+    exit 77
+  }
+done
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() {
+  echo "package.sh: $*" >&2
+  exit 1
+}
+
+# there ROOT FILE...
+there() {
+  root=$1
+  shift
+  for file in "$@"; do [ -e "$root$file" ] || fail "$file is not installed"; done
+}
+
+echo "== cpack"
+(cd "$build" && cpack -G DEB -B "$work/packages") >"$work/cpack.log" 2>&1 || fail "$(cat "$work/cpack.log")"
+! grep -i 'warning\|error' "$work/cpack.log" || fail "cpack complains"
+host=$(echo "$work"/packages/bendloop_*.deb)
+demo=$(echo "$work"/packages/bendloop-demo_*.deb)
+for package in "$host" "$demo"; do
+  mkdir -p "$work/deb"
+  dpkg-deb -x "$package" "$work/deb"
+done
+there "$work/deb" /usr/bin/bendloopd /usr/bin/bendloop-simbender /usr/lib/systemd/system/bendloopd.service \
+  /usr/share/man/man1/bendloop-simbender.1.gz /usr/share/doc/bendloop/copyright \
+  /usr/share/doc/bendloop-demo/copyright /usr/share/doc/bendloop/changelog.gz
+[ ! -e "$work/deb/etc/bendloop/cell.toml" ] || fail "a cell is nobody's but its owner's"
+dpkg-deb -I "$host" conffiles | sort >"$work/conffiles"
+(cd "$work/deb" && find etc -type f | sed 's#^#/#' | sort) >"$work/edited"
+cmp "$work/conffiles" "$work/edited" || fail "what lies below /etc and the conffiles are not the same"
+for library in libmicrohttpd libmodbus libusb libsqlite3 libsystemd; do
+  dpkg-deb -f "$host" Depends | grep -q "$library" || fail "does not depend on $library: $(dpkg-deb -f "$host" Depends)"
+done
+[ "$(dpkg-deb -f "$demo" Depends | grep -c "bendloop (= $(dpkg-deb -f "$host" Version))")" = 1 ] ||
+  fail "bendloop-demo goes with another version than its own"
+for script in postinst prerm postrm; do
+  dpkg-deb -I "$host" "$script" >"$work/$script"
+  sh -n "$work/$script"
+done
+# Nothing is enabled or started, and what dpkg runs asks nobody.
+! grep -E '^[^#]*(systemctl|deb-systemd-(invoke|helper)) .*(enable|start) ' "$work/postinst" |
+  grep -vE 'systemctl enable --now bendloopd$|try-restart' || fail "the package starts something"
+
+echo "== lintian"
+lintian --allow-root --fail-on error,warning "$host" "$demo" || exit 1
+stat -c "%s bytes: %n" "$host" "$demo" | sed "s#$work/packages/##"

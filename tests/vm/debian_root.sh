@@ -1,0 +1,47 @@
+#!/bin/sh
+# A bare Debian 12 with systemd, and in its apt's cache all that the given packages depend on, so that
+# they can be installed there without a network. Made once, and again when the packages depend on others.
+# usage: debian_root.sh CACHE PACKAGE.deb...     prints the name of the tar file; needs root
+# Exits with 77 where none can be made. MIRROR in the environment: instead of the host's mirror.
+set -eu
+cache=$1
+shift
+say() { echo "debian_root: $*" >&2; }
+skip() {
+  echo "############ NO DEBIAN ROOT: $* ############" >&2
+  exit 77
+}
+[ "$(id -u)" -eq 0 ] || skip "only root can make one"
+command -v mmdebstrap >/dev/null || skip "mmdebstrap is missing; config/install-packages.sh root"
+mkdir -p "$cache"
+cache=$(realpath "$cache")
+exec 9>"$cache/root-lock"
+flock 9
+
+needs=$(for package in "$@"; do dpkg-deb -f "$package" Depends Recommends; done)
+root=$cache/debian-root-$(echo "1 $needs" | sha256sum | cut -c 1-12).tar
+if [ ! -e "$root" ]; then
+  rm -f "$cache"/debian-root-*
+  # The Debian mirror that the host uses, from one-line or deb822 sources, and how apt reaches it.
+  mirror=${MIRROR:-$({
+    cat /etc/apt/sources.list /etc/apt/sources.list.d/*.list 2>/dev/null |
+      awk '$1 == "deb" { sub(/^deb +(\[[^]]*\] +)?/, ""); if ($2 ~ /^bookworm/) print $1 }'
+    cat /etc/apt/sources.list.d/*.sources 2>/dev/null |
+      awk '/^URIs:/ { uri = $2 } /^Suites:/ && / bookworm( |$)/ { print uri }'
+  } | head -n 1)}
+  settings=$(mktemp)
+  trap 'rm -f "$settings" "$root.new"' EXIT
+  apt-config dump | grep -E '^Acquire::(http|https|Retries)' >"$settings" || true
+  say "making $(basename "$root")"
+  names=
+  for package in "$@"; do names="$names /root/$(basename "$package")"; done
+  # shellcheck disable=SC2016  # $1 is the new root, for mmdebstrap
+  mmdebstrap --quiet --variant=minbase --format=tar --include=systemd,systemd-sysv,udev,dbus --skip=cleanup/apt \
+    --aptopt="$settings" --customize-hook="copy-in $* /root" \
+    --customize-hook='chroot "$1" apt-get clean' \
+    --customize-hook='chroot "$1" apt-get -qq -y --download-only install'"$names" \
+    --customize-hook='rm "$1"/root/*.deb' \
+    bookworm "$root.new" "${mirror:-http://deb.debian.org/debian}" >&2 || skip "mmdebstrap failed"
+  mv "$root.new" "$root"
+fi
+echo "$root"
