@@ -61,15 +61,23 @@ void CatchSignals() {
   signal(SIGPIPE, SIG_IGN);
 }
 
+// The cell, if the service that runs us grants what it needs.
+bendloop::hal::Result<bendloop::config::CellConfig> GrantedCell(
+    const bendloop::host::DaemonOptions& options) {
+  auto cell = bendloop::config::LoadCell(options.config);
+  if (!cell) return cell;
+  bendloop::host::ApplyOverrides(options, *cell);
+  const auto granted = bendloop::host::CheckGranted(bendloop::host::NeedsOf(*cell),
+                                                    std::getenv(bendloop::host::kGrantedVariable));
+  if (!granted) return bendloop::hal::Fail(granted.error());
+  return cell;
+}
+
 int CheckOnly(const bendloop::host::DaemonOptions& options) {
-  const auto cell = bendloop::config::LoadCell(options.config);
+  const auto cell = GrantedCell(options);
   if (!cell) return Report(cell.error());
   const auto plan = bendloop::host::MakePartPlan(*cell);
   if (!plan) return Report(plan.error());
-  const auto needs = bendloop::host::NeedsOf(*cell);
-  const auto granted =
-      bendloop::host::CheckGranted(needs, std::getenv(bendloop::host::kGrantedVariable));
-  if (!granted) return Report(granted.error());
   for (const std::string& remark : bendloop::host::RemarksOn(*cell)) {
     bendloop::host::TellPerson("bendloopd", "note: " + remark);
   }
@@ -83,6 +91,7 @@ int Main(int argc, char** argv) {
   if (!options) return Report(options.error());
   if (!*options) return 0;
   if ((*options)->check_only) return CheckOnly(**options);
+  if (const auto cell = GrantedCell(**options); !cell) return Report(cell.error());
   spdlog::set_default_logger(spdlog::stderr_logger_mt("bendloopd"));
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
   formatter->add_flag<PrintableMessage>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %*");

@@ -48,6 +48,20 @@ examples=$root/usr/local/share/doc/bendloop/examples
   "$examples"/object-dictionaries/*.eds "$root"/etc/bendloop/*/* >"$work/check.log" 2>&1 ||
   fail "$(cat "$work/check.log")"
 
+# A cell on the network, by the words of systemd/README.md: the unit alone does not let the daemon reach it,
+# which the daemon says; with the cell's drop-in it is content.
+cell=$root/etc/bendloop/cell.toml
+sed 's#"\.\./#"#' "$examples/cells/press-shop.toml" >"$cell"
+granted() { sed -n 's/^Environment="BENDLOOP_GRANTED=\(.*\)"$/\1/p' "$1"; }
+code=0
+BENDLOOP_GRANTED=$(granted "$root/usr/local/lib/systemd/system/bendloopd.service") \
+  "$root/usr/local/bin/bendloopd" --config "$cell" >"$work/refused" 2>&1 || code=$?
+[ "$code" = 3 ] || fail "expected exit code 3 of a daemon that the unit does not let out, got $code"
+grep -q 'the cell needs 192.168.10.20: bendloop check --unit-drop-in' "$work/refused" || fail "$(cat "$work/refused")"
+"$bendloop" check --unit-drop-in "$cell" >"$work/drop-in"
+BENDLOOP_GRANTED=$(granted "$work/drop-in") "$root/usr/local/bin/bendloopd" --config "$cell" --check-only \
+  >"$work/accepted" 2>&1 || fail "$(cat "$work/accepted")"
+
 # Links from one README to another hold there, too.
 doc=$root/usr/local/share/doc/bendloop
 (cd "$doc" && grep -o '](\([^)#:]*\.\(md\|svg\|png\)\)' -r . --include='*.md') | while IFS=: read -r page link; do

@@ -1,7 +1,7 @@
 # shellcheck shell=sh
 # In a guest with a bare Debian and its systemd: the packages by apt, a corrected part, the service with a
-# bender and a scanner on loopback, and what is left of it when it is killed.
-# KILLS in kills.txt: how often (default 3).
+# bender and a scanner on loopback, what is left of it when it is killed, and the same on USB and CAN.
+# kills.txt: how often it is killed.
 set -e
 step() { echo "== [$(cut -d ' ' -f 1 /proc/uptime) s] $*"; }
 fail() {
@@ -98,18 +98,26 @@ sequence() {
   sed -n 's/.*sequence[^0-9]*\([0-9]*\).*/\1/p' bender.out | head -n 1
 }
 
+seconds() { cut -d ' ' -f 1 /proc/uptime; }
+newest_is_committed() {
+  newest=$(find /var/lib/bendloop/results -name '*.json' -printf '%T@ %p\n' | sort -n | tail -n 1 | cut -d ' ' -f 2)
+  grep -q '"outcome": *"committed"' "$newest" || fail "not committed: $(cat "$newest")"
+}
+
 step "A scan over TCP, a correction over Modbus"
 await_ready
 before=$(results)
 bend
+begun=$(seconds)
 echo "scan $tube" >&4
 await_result "$before"
-newest=$(find /var/lib/bendloop/results -name '*.json' | sort | tail -n 1)
-grep -o '"outcome": *"[a-z_]*"' "$newest" | head -n 1
-grep -q '"outcome": *"committed"' "$newest" || fail "not committed: $(cat "$newest")"
+whole=$(awk -v a="$begun" -v b="$(seconds)" 'BEGIN { printf "%.1f", b - a }')
+newest_is_committed
+echo "scanned, measured and committed in $whole s"
 
 step "Killed $kills times, each at another time of a scan and its commit"
-lost=0
+unfinished=0
+sent=0
 i=0
 while [ "$i" -lt "$kills" ]; do
   i=$((i + 1))
@@ -118,8 +126,8 @@ while [ "$i" -lt "$kills" ]; do
   before=$(results)
   bend
   echo "scan $tube" >&4
-  # From the scan's first profile to after the commit: 0 to 4 s.
-  delay=$(awk -v seed="$i" 'BEGIN { srand(seed); printf "%.2f", 4 * rand() }')
+  # From the scan's first profile to after the commit.
+  delay=$(awk -v seed="$i" -v whole="$whole" 'BEGIN { srand(seed); rand(); printf "%.2f", 1.1 * whole * rand() }')
   sleep "$delay"
   pid=$(systemctl show -p MainPID --value bendloopd)
   kill -9 "$pid"
@@ -133,19 +141,87 @@ while [ "$i" -lt "$kills" ]; do
   await_ready
   is=$(sequence)
   [ "$is" = "$was" ] || [ "$is" = $((was + 1)) ] || fail "kill $i after $delay s: sequence $was became $is"
-  if [ "$(results)" = "$before" ]; then lost=$((lost + 1)); fi
+  if [ "$(results)" = "$before" ]; then unfinished=$((unfinished + 1)); fi
+  if [ "$is" != "$was" ]; then sent=$((sent + 1)); fi
   echo "kill $i after $delay s: sequence $was -> $is, results $before -> $(results)"
 done
 
 step "All that it left is sound, and the next part is measured and corrected"
-find /var/lib/bendloop/sessions -name '*.session' | while read -r session; do
-  bendloop check "$session" >check.log 2>&1 || { echo "$session:"; cat check.log; }
+for session in /var/lib/bendloop/sessions/*.session; do
+  # One that was cut says that it is no whole scan; one that is damaged says that.
+  bendloop check "$session" >check.log 2>&1 || cat check.log
+  ! grep -i 'damaged\|checksum\|malformed' check.log || fail "$session is damaged"
 done
 before=$(results)
 bend
 echo "scan $tube" >&4
 await_result "$before"
-echo "$kills kills: service up, $lost scans without a result, $(find /var/lib/bendloop/sessions -name '*.session' | wc -l) sessions"
+newest_is_committed
+echo "$kills kills: service up $kills times, $sent programs sent once, $unfinished scans cut before their result," \
+  "$(find /var/lib/bendloop/sessions -name '*.session' | wc -l) sessions, none damaged"
+
+step "The service with a scanner on USB and a bender on CAN"
+echo quit >&3
+echo quit >&4
+printf '[NetDev]\nName=can0\nKind=vcan\n' >/etc/systemd/network/can0.netdev
+printf '[Match]\nName=can0\n[Network]\nLinkLocalAddressing=no\n' >/etc/systemd/network/can0.network
+systemctl start systemd-networkd
+tries=0
+until grep -qs up /sys/class/net/can0/operstate || [ "$(cat /sys/class/net/can0/flags 2>/dev/null)" = 0xc1 ]; do
+  tries=$((tries + 1))
+  [ "$tries" -lt 100 ] || fail "no can0: $(cat /sys/class/net/can0/flags /sys/class/net/can0/operstate)"
+  sleep 0.2
+done
+mkfifo can.in usb.in
+bendloop-simbender --canopen can0 --node 5 --object-dictionary /etc/bendloop/object-dictionaries/default.eds \
+  --map /etc/bendloop/register-maps/canopen.toml --tray tray --program demo-out/first-program.json \
+  --part-number 7 --pipe-radius 4 <can.in >can.out 2>&1 &
+exec 3>can.in
+bendloop-usbscanner --serial CELL3 --pace max <usb.in >usb.out 2>&1 &
+exec 4>usb.in
+tries=0
+until grep -q listening can.out && grep -q listening usb.out; do
+  tries=$((tries + 1))
+  [ "$tries" -lt 150 ] || fail "no machines: $(cat can.out usb.out)"
+  sleep 0.2
+done
+sed -i -e 's/^kind = .*/kind = "usb"\nserial = "CELL3"/' -e '/^port = /d' -e 's/canopen.*//' \
+  -e 's#^link = .*#link = "canopen"\ncan_interface = "can0"\ncan_node_id = 5\nobject_dictionary = "object-dictionaries/default.eds"#' \
+  -e 's#default.toml#canopen.toml#' /etc/bendloop/cell.toml
+! bendloopd --config /etc/bendloop/cell.toml --check-only 2>&1 | grep 'problem' || fail "the cell is wrong"
+# The drop-in is of the cell before: refused, and told why.
+! systemctl restart bendloopd 2>/dev/null || fail "started with another cell's rights"
+journalctl -u bendloopd --no-pager -n 20 | grep -o 'the cell needs.*' | head -n 1 || fail "refused for no reason"
+bendloop check --unit-drop-in /etc/bendloop/cell.toml >/etc/systemd/system/bendloopd.service.d/50-cell.conf
+systemctl daemon-reload
+systemctl restart bendloopd || fail "the service does not start with USB and CAN"
+systemd-analyze security bendloopd | tail -n 1
+await_ready
+before=$(results)
+: >can.out
+echo bend >&3
+tries=0
+until grep -q bent can.out; do
+  tries=$((tries + 1))
+  [ "$tries" -lt 300 ] || fail "nothing bent: $(cat can.out)"
+  sleep 0.1
+done
+sleep 1
+echo "scan demo-out/sessions/part-0001.session" >&4
+await_result "$before"
+newest_is_committed
+journalctl -u bendloopd --no-pager | grep -o 'scanner.*CELL3.*' | head -n 1 || true
+echo "committed over CANopen, scanned over USB"
+
+step "A serial port: the service may open it"
+sed -i -e 's#^link = .*#link = "modbus-rtu"\ndevice = "/dev/ttyS1"#' -e '/^can_/d' -e '/^object_dictionary/d' \
+  -e 's#canopen.toml#default.toml#' /etc/bendloop/cell.toml
+bendloop check --unit-drop-in /etc/bendloop/cell.toml >/etc/systemd/system/bendloopd.service.d/50-cell.conf
+systemctl daemon-reload
+systemctl restart bendloopd || fail "the service does not start with a serial port"
+await_ready
+! journalctl -u bendloopd --no-pager -n 30 | grep -i 'ttyS1.*\(not permitted\|denied\)' || fail "no way to the serial port"
+journalctl -u bendloopd --no-pager -n 30 | grep 'ttyS1' | head -n 1 || true
 
 step "Stopped and removed; the data stay"
 systemctl stop bendloopd
