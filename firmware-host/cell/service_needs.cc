@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <sstream>
 
+#include "firmware-host/cell/service_times.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -43,6 +45,7 @@ ServiceNeeds NeedsOf(const config::CellConfig& cell) {
   if (link == BenderKind::kModbusTcp) reach(cell.bender.host);
   needs.serial = link == BenderKind::kModbusRtu;
   needs.can = link == BenderKind::kCanIsotp || link == BenderKind::kCanopen;
+  needs.stop = LongestStop(cell);
   return needs;
 }
 
@@ -73,6 +76,10 @@ std::string UnitDropIn(const ServiceNeeds& needs, const std::string& file) {
     }
   }
   if (!needs.usb && !needs.serial) out << "PrivateDevices=true\n";
+  if (needs.stop > ServiceTimes().stop) {
+    out << "# A commit on its way is waited for.\nTimeoutStopSec="
+        << std::chrono::ceil<std::chrono::seconds>(needs.stop).count() << "\n";
+  }
   return out.str();
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "config/cell_config.h"
@@ -16,6 +16,7 @@ struct ServiceNeeds {
   bool serial = false;
   bool can = false;
   std::vector<std::string> addresses = {};  // numeric, not of this machine; each once
+  std::chrono::nanoseconds stop{};          // what a stop may last
 };
 ServiceNeeds NeedsOf(const config::CellConfig& cell);
 

@@ -25,21 +25,25 @@ hal::Result<void> CheckWatchdog(const ServiceTimes& service) {
                        ": a cell that is well would be ended; WatchdogSec=10 is shipped");
 }
 
-std::string WhyStopIsTooShort(const config::CellConfig& cell, const ServiceTimes& service) {
+std::chrono::nanoseconds LongestStop(const config::CellConfig& cell) {
   const config::BenderConfig& bender = cell.bender;
-  if (bender.link == config::BenderKind::kNone) return "";
+  if (bender.link == config::BenderKind::kNone) return kLastWrites;
   // The answer, then what is active (asked twice where its crc does not fit) and what makes the
   // commit void, each at the last moment.
   const std::chrono::nanoseconds commit =
       bender.connect_timeout + bender.commit_timeout + 5 * bender.response_timeout;
-  const std::chrono::nanoseconds all = commit + kLastWrites;
+  return commit + kLastWrites;
+}
+
+std::string WhyStopIsTooShort(const config::CellConfig& cell, const ServiceTimes& service) {
+  const std::chrono::nanoseconds all = LongestStop(cell);
   if (all <= service.stop) return "";
   return "a stop in the middle of a commit may last " + MsText(all) +
          " (commit_timeout_ms, connect_timeout_ms, response_timeout_ms, and " +
          MsText(kLastWrites) + " for the disk), and the service is ended after " +
          MsText(service.stop) +
-         ": raise TimeoutStopSec of bendloopd.service, or shorten these; what is cut short is "
-         "settled at the next start";
+         ": raise TimeoutStopSec of bendloopd.service (bendloop check --unit-drop-in does), or "
+         "shorten these; what is cut short is settled at the next start";
 }
 
 }  // namespace bendloop::host

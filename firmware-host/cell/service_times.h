@@ -21,6 +21,9 @@ inline constexpr std::chrono::milliseconds kLoopPeriod{50};
 // kUsage where a cell that is well would be taken for one that hangs.
 hal::Result<void> CheckWatchdog(const ServiceTimes& service);
 
+// The longest that a stop in the middle of a commit may last, with the last writes to the disk.
+std::chrono::nanoseconds LongestStop(const config::CellConfig& cell);
+
 // Empty, or why the service manager may end the daemon in the middle of a commit when it is asked
 // to stop, with the mend.
 std::string WhyStopIsTooShort(const config::CellConfig& cell, const ServiceTimes& service);

@@ -45,9 +45,13 @@ TEST(RemarksOn, PartsBetweenWithoutEffectAreSaid) {
   EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("the cell has no bender")));
 }
 
+std::string ShippedText(const std::string& name) {
+  std::ifstream file(BENDLOOP_SOURCE_DIR "/systemd/" + name);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
 TEST(ServiceTimes, AreThoseOfTheShippedUnit) {
-  std::ifstream file(BENDLOOP_SOURCE_DIR "/systemd/bendloopd.service");
-  const std::string unit((std::istreambuf_iterator<char>(file)), {});
+  const std::string unit = ShippedText("bendloopd.service");
   const ServiceTimes shipped;
   const auto seconds = [](std::chrono::nanoseconds time) {
     return std::to_string(std::chrono::duration_cast<std::chrono::seconds>(time).count()) + "\n";
@@ -60,7 +64,7 @@ TEST(ServiceTimes, AreThoseOfTheShippedUnit) {
   for (const char* device : {"usb_device", "ttyS", "ttyAMA", "ttyUSB", "ttyACM"}) {
     EXPECT_THAT(unit, HasSubstr("\nDeviceAllow=char-" + std::string(device) + " rw\n"));
   }
-  EXPECT_THAT(unit, HasSubstr("\nSupplementaryGroups=dialout\n"));
+  EXPECT_THAT(ShippedText("bendloop.sysusers.conf"), HasSubstr("\nm bendloop dialout\n"));
 }
 
 TEST(ServiceTimes, AWatchdogThatACellThatIsWellCannotFeedIsRefused) {

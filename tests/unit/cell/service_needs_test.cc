@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <string>
+
+#include "firmware-host/cell/service_times.h"
 
 namespace bendloop::host {
 namespace {
@@ -61,6 +64,16 @@ TEST(ServiceNeeds, DropInGrantsThemAndNoOthers) {
   EXPECT_THAT(devices, HasSubstr("char-usb_device rw\nDeviceAllow=char-ttyS rw"));
   EXPECT_THAT(devices, Not(HasSubstr("PrivateDevices")));
   EXPECT_THAT(devices, Not(HasSubstr("IPAddressAllow")));
+}
+
+TEST(ServiceNeeds, DropInGivesTheTimeThatAStopMayTake) {
+  config::CellConfig cell = NetworkCell();
+  EXPECT_THAT(UnitDropIn(NeedsOf(cell), "x"), Not(HasSubstr("TimeoutStopSec")));
+  cell.bender.commit_timeout = std::chrono::seconds(60);
+  const auto seconds = std::chrono::ceil<std::chrono::seconds>(LongestStop(cell)).count();
+  EXPECT_GT(seconds, 60);
+  EXPECT_THAT(UnitDropIn(NeedsOf(cell), "x"),
+              HasSubstr("\nTimeoutStopSec=" + std::to_string(seconds) + "\n"));
 }
 
 TEST(ServiceNeeds, WhatIsNotGrantedIsToldWithTheMend) {
