@@ -150,6 +150,12 @@ struct RecordConfig {
   std::uint64_t disk_budget_mb = 4096;           // the oldest sessions go first
 };
 
+// What may stay on the disk, and for how long (firmware-host/retention).
+struct StorageConfig {
+  double max_age_days = 365;         // 0: no limit
+  std::uint64_t min_free_mb = 1024;  // of the file system; 0: whatever is free
+};
+
 enum class LogLevel : std::uint8_t { kDebug, kInfo, kWarning, kError };
 
 enum class RealtimeMode : std::uint8_t { kRequired, kBestEffort };
@@ -176,6 +182,7 @@ struct CellConfig {
   InterlockConfig interlocks;
   VerdictConfig verdict;
   RecordConfig record;
+  StorageConfig storage;
   LogLevel log_level = LogLevel::kInfo;
   RealtimeConfig realtime;
 

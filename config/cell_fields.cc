@@ -143,6 +143,10 @@ void VisitCell(FieldVisitor& v, CellConfig& cell) {
     cell.record.directory = directory;
     t.Integer("disk_budget_mb", cell.record.disk_budget_mb, 1, 100000000);
   });
+  v.Table("storage", Need::kOptional, [&](FieldVisitor& t) {
+    t.Number("max_age_days", cell.storage.max_age_days, {0, 36500});
+    t.Integer("min_free_mb", cell.storage.min_free_mb, 0, 100000000);
+  });
   v.Table("log", Need::kOptional,
           [&](FieldVisitor& t) { t.Enum("level", cell.log_level, kLogLevels); });
   v.Table("realtime", Need::kOptional, [&](FieldVisitor& t) {

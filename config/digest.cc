@@ -13,6 +13,7 @@ std::string EffectiveText(const CellConfig& cell) {
                      "state_dir",
                      "scanner",
                      "record",
+                     "storage",
                      "log",
                      "realtime",
                      "bender.host",

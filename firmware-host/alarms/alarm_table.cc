@@ -136,6 +136,14 @@ constexpr AlarmKind kTable[] = {
      "as the detail says"},
     {kUncleanEnd, kNotice, kNext, "the last run left a correction open; it is settled",
      "nothing; look why it ended if nobody stopped it"},
+    {kHistoryDamaged, kWarning, kAck,
+     "the history was damaged: it was moved aside, a new one begins",
+     "check the disk; keep the file of the detail, it may be read in part, then acknowledge"},
+    {kJournalDamaged, kFault, kAck,
+     "the commit journal was damaged: corrections are locked until acknowledged",
+     "check the disk; look at the program that the bender holds, then acknowledge"},
+    {kJournalNotKept, kFault, kCause, "the commit journal cannot be written: nothing is corrected",
+     "check the disk of the state directory and its rights; it is tried again by itself"},
 };
 
 const char* Name(AlarmEnd end) {

@@ -75,6 +75,9 @@ enum class AlarmCode : std::uint16_t {
   kNoRealtime = 5007,
   kSettingsRemark = 5008,
   kUncleanEnd = 5009,
+  kHistoryDamaged = 5010,
+  kJournalDamaged = 5011,
+  kJournalNotKept = 5012,
 };
 
 enum class AlarmSeverity : std::uint8_t {

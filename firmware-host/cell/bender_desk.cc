@@ -7,6 +7,7 @@
 #include "drivers/register_bender/register_bender.h"
 #include "drivers/simulated_bender/simulated_bender.h"
 #include "firmware-host/cell/bender_carrier.h"
+#include "firmware-host/ledger/journal_retention.h"
 
 namespace bendloop::host {
 namespace {
@@ -155,7 +156,7 @@ BenderReading BenderDesk::Read() {
   protocol_->Observe(*state);
   auto active = link_->ReadActive();
   if (!active) return {std::nullopt, active.error().message};
-  if (!ledger_problem_.empty()) return {std::nullopt, ledger_problem_};
+  if (!ledger_problem_.empty()) return {std::nullopt, ledger_problem_, true};
   if (!options_.read_only) protocol_->ObserveActive(*active);
   return {pipeline::BenderFacts{*state, std::move(*active)}, ""};
 }
@@ -293,6 +294,25 @@ void BenderDesk::Note(const std::string& session, ScanFate fate, const std::stri
 std::vector<std::string> BenderDesk::ScansThatWaited() const {
   const std::lock_guard lock(mutex_);
   return ledger_.Sessions(ScanFate::kWaiting).value_or(std::vector<std::string>());
+}
+
+hal::Result<std::set<std::string>> BenderDesk::SessionsInHand() const {
+  const std::lock_guard lock(mutex_);
+  std::set<std::string> sessions;
+  for (const ScanFate fate : {ScanFate::kWaiting, ScanFate::kUnknown}) {
+    const auto found = ledger_.Sessions(fate);
+    if (!found) return hal::Fail(found.error());
+    sessions.insert(found->begin(), found->end());
+  }
+  const auto unfinished = journal_.Unfinished();
+  if (!unfinished) return hal::Fail(unfinished.error());
+  if (*unfinished) sessions.insert((*unfinished)->session);
+  return sessions;
+}
+
+hal::Result<void> BenderDesk::DropOld(double most_days) {
+  const std::lock_guard lock(mutex_);
+  return DropOldFromJournal(options_.journal, most_days, Now().unix_ms);
 }
 
 bool BenderDesk::SessionCommitted(const std::string& session) const {

@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,6 +30,7 @@ namespace bendloop::host {
 struct BenderReading {
   std::optional<pipeline::BenderFacts> facts;  // empty: it did not answer
   std::string problem;                         // why not
+  bool is_journals = false;  // the problem is the journal's, which nothing may be done without
 };
 
 // How an earlier commit ended whose end was not known.
@@ -94,6 +96,11 @@ class BenderDesk {
   void Note(const std::string& session, ScanFate fate, const std::string& detail);
   // Scans whose correction waited for the bender when the process ended.
   std::vector<std::string> ScansThatWaited() const;
+
+  // Those whose correction is still to be sent, or may be on its way: nothing of them may go.
+  hal::Result<std::set<std::string>> SessionsInHand() const;
+  // Drops what the journal knows of long ago (ledger/journal_retention.h).
+  hal::Result<void> DropOld(double most_days);
 
   // False when the journal cannot tell; then the commit itself will fail with the reason.
   bool SessionCommitted(const std::string& session) const;

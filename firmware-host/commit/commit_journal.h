@@ -30,6 +30,12 @@ struct CommitAttempt {
   std::string detail;  // of the last step
 };
 
+// How what locks begins where it is no bender's doing (ledger/damaged_journal.h).
+inline constexpr const char* kJournalWasDamaged = "the commit journal was damaged and lies now in ";
+inline bool IsOfJournal(const std::string& breach) {
+  return breach.starts_with(kJournalWasDamaged);
+}
+
 // Append-only record of every attempt, flushed to disk at every step (SQLite, WAL,
 // synchronous=FULL), so that after a power loss it is known what may have been sent. One process
 // at a time. Errors are those of OpenJournalFile() (journal_file.h).

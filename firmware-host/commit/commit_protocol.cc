@@ -40,6 +40,11 @@ std::string Rejection(const hal::BenderState& state) {
 }
 
 std::string WhyLocked(const std::string& breach) {
+  if (IsOfJournal(breach)) {
+    return "nothing was sent: corrections are locked since " + breach +
+           ", and what was sent before is not known; look at the program that the bender holds, "
+           "then 'bendloop acknowledge'";
+  }
   return "nothing was sent: corrections are locked since the bender broke a rule of "
          "drivers/README.md, " +
          breach +

@@ -4,54 +4,45 @@
 #include <chrono>
 #include <utility>
 
+#include "drivers/sqlite/database_format.h"
+
 namespace bendloop::host {
 namespace {
 
-constexpr int kApplicationId = 0x424C434A;       // "BLCJ"
 constexpr std::chrono::seconds kBusyTimeout{2};  // for another process that writes
 
-// Version 2 added the ledger: program, change, tube and scan; version 3 void, breach and
-// acknowledgement.
-constexpr char kSchema[] =
-    "CREATE TABLE IF NOT EXISTS attempt(id INTEGER PRIMARY KEY, session TEXT NOT NULL,"
+constexpr const char* kVersion1 =
+    "CREATE TABLE attempt(id INTEGER PRIMARY KEY, session TEXT NOT NULL,"
     " base TEXT NOT NULL, next TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS step(id INTEGER PRIMARY KEY, attempt INTEGER NOT NULL,"
+    "CREATE TABLE step(id INTEGER PRIMARY KEY, attempt INTEGER NOT NULL,"
     " unix_ms INTEGER NOT NULL, step TEXT NOT NULL, detail TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS sequence(id INTEGER PRIMARY KEY, number INTEGER NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS program(id INTEGER PRIMARY KEY, block TEXT NOT NULL UNIQUE);"
-    "CREATE TABLE IF NOT EXISTS change(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    "CREATE TABLE sequence(id INTEGER PRIMARY KEY, number INTEGER NOT NULL);"
+    "CREATE INDEX attempt_session ON attempt(session);"
+    "CREATE INDEX step_attempt ON step(attempt);";
+
+// The ledger.
+constexpr const char* kVersion2 =
+    "CREATE TABLE program(id INTEGER PRIMARY KEY, block TEXT NOT NULL UNIQUE);"
+    "CREATE TABLE change(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
     " parts_bent INTEGER NOT NULL, program INTEGER NOT NULL, epoch INTEGER NOT NULL,"
     " what TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS tube(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    "CREATE TABLE tube(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
     " count INTEGER, program INTEGER, epoch INTEGER NOT NULL, doubt TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS scan(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    "CREATE TABLE scan(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
     " session TEXT NOT NULL, tube INTEGER, state TEXT NOT NULL, detail TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS void(sequence INTEGER PRIMARY KEY);"  // sequence.id
-    "CREATE TABLE IF NOT EXISTS breach(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
-    " cause TEXT NOT NULL UNIQUE, detail TEXT NOT NULL);"
-    "CREATE TABLE IF NOT EXISTS acknowledgement(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
-    " breach INTEGER NOT NULL, who TEXT NOT NULL);"
-    "CREATE INDEX IF NOT EXISTS attempt_session ON attempt(session);"
-    "CREATE INDEX IF NOT EXISTS step_attempt ON step(attempt);"
-    "CREATE INDEX IF NOT EXISTS scan_session ON scan(session);"
-    "CREATE INDEX IF NOT EXISTS scan_tube ON scan(tube);"
-    "PRAGMA user_version = 3;";
+    "CREATE INDEX scan_session ON scan(session);"
+    "CREATE INDEX scan_tube ON scan(tube);";
 
-// Whose file it is, and what is missing in it.
-hal::Result<void> CheckOrCreate(const drivers::Database& database) {
-  const auto application = database.Integer("PRAGMA application_id");
-  if (!application) return hal::Fail(application.error());
-  const auto tables = database.Integer("SELECT count(*) FROM sqlite_master");
-  if (!tables) return hal::Fail(tables.error());
-  if (*application != kApplicationId && *tables != 0) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     "commit journal " + database.path() +
-                         ": a database of something else; expected application_id 0x424C434A or a "
-                         "new file");
-  }
-  return database.Execute("PRAGMA application_id = " + std::to_string(kApplicationId) + ";" +
-                          kSchema);
-}
+// What is staged to be never committed, and the lock of a bender that broke a rule.
+constexpr const char* kVersion3 =
+    "CREATE TABLE void(sequence INTEGER PRIMARY KEY);"  // sequence.id
+    "CREATE TABLE breach(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    " cause TEXT NOT NULL UNIQUE, detail TEXT NOT NULL);"
+    "CREATE TABLE acknowledgement(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    " breach INTEGER NOT NULL, who TEXT NOT NULL);";
+
+constexpr const char* kSteps[] = {kVersion1, kVersion2, kVersion3};
+constexpr drivers::DatabaseFormat kFormat{0x424C434A, "BLCJ", "commit journal", kSteps};
 
 }  // namespace
 
@@ -67,11 +58,7 @@ hal::Result<drivers::Database> OpenJournalFile(const std::filesystem::path& path
        .mend_damage = "; move the file away, and a new commit journal is begun"});
   if (!database) return database;
   // A stranger's file is not touched: the mode of its journal is written into it.
-  const auto readable = database->Integer("SELECT count(*) FROM sqlite_master");
-  if (!readable) return hal::Fail(readable.error());
-  const auto begun = database->Transact("the commit journal cannot be prepared",
-                                        [&] { return CheckOrCreate(*database); });
-  if (!begun) return hal::Fail(begun.error());
+  if (auto fits = drivers::BringToFormat(*database, kFormat); !fits) return hal::Fail(fits.error());
   if (auto done = database->Execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL");
       !done) {
     return hal::Fail(done.error());

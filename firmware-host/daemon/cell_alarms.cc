@@ -50,7 +50,8 @@ std::vector<Alarm> CellAlarms::TakeNews() {
 }
 
 void CellAlarms::BenderHeard(const BenderReading& heard, std::uint32_t part_number) {
-  board_.Set(AlarmCode::kBenderAway, !heard.facts, heard.problem);
+  board_.Set(AlarmCode::kBenderAway, !heard.facts && !heard.is_journals, heard.problem);
+  board_.Set(AlarmCode::kJournalNotKept, heard.is_journals, heard.problem);
   if (!heard.facts) return;
   const hal::BenderState& state = heard.facts->state;
   board_.Set(AlarmCode::kBenderFault, state.mode == hal::BenderMode::kFault,

@@ -33,6 +33,8 @@
 #include "firmware-host/daemon/setter_box.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/daemon/status_server.h"
+#include "firmware-host/ledger/damaged_journal.h"
+#include "firmware-host/ledger/moment.h"
 #include "firmware-host/recorder/recorder.h"
 
 namespace bendloop::host {
@@ -45,6 +47,8 @@ std::atomic<bool> g_hung_up{false};
 
 // Shorter than a look at the bender takes to come round.
 constexpr auto kReportPeriod = 50ms;
+// Of what is too old: nothing is in a hurry to go.
+constexpr auto kDropPeriod = 24h;
 constexpr auto kFirstRetry = 100ms;
 constexpr auto kLongestRetry = 5000ms;
 
@@ -88,7 +92,7 @@ class Daemon::Impl {
         own_part_(std::make_shared<const PartPlan>(std::move(plan))),
         store_(std::move(store)),
         notify_(clock_),
-        keeper_(store_, cell_.record.directory, *own_part_, alarms_.board()),
+        keeper_(store_, cell_, *own_part_, alarms_.board()),
         parts_(cell_, own_part_, clock_, keeper_, alarms_.board()),
         plc_(alarms_.board()),
         reporter_(clock_) {}
@@ -98,6 +102,7 @@ class Daemon::Impl {
 
  private:
   hal::Result<void> ServeStatus();
+  hal::Result<void> MendJournal();
   void SettleWhatIsOpen();
   CellPorts Ports();
   // Opens the scanner and runs the loop on it until one of them ends. False: stop.
@@ -111,6 +116,7 @@ class Daemon::Impl {
   void TellPlc();
   void ServePeople();
   void ShowLot();
+  void DropOld();
   void ShowLock();
 
   const DaemonOptions options_;
@@ -133,6 +139,7 @@ class Daemon::Impl {
   std::string scanner_problem_;
   std::string bender_problem_;
   std::size_t bends_told_ = 0;
+  std::optional<std::chrono::nanoseconds> dropped_old_;  // by clock_
   bool bender_known_ = false;
   bool acknowledges_ = false;  // the PLC, and it is not done yet
   int exit_code_ = 0;
@@ -141,6 +148,7 @@ class Daemon::Impl {
 hal::Result<void> Daemon::Impl::Prepare() {
   if (auto fits = CheckWatchdog({.watchdog = notify_.period()}); !fits) return fits;
   if (auto loaded = keeper_.Load(*own_part_); !loaded) return hal::Fail(loaded.error());
+  if (auto mended = MendJournal(); !mended) return mended;
   BenderDesk::Options desk;
   desk.journal = store_.journal();
   desk.pipe_radius_mm = own_part_->pipe_radius_mm;
@@ -167,7 +175,10 @@ hal::Result<void> Daemon::Impl::Prepare() {
   if (desk_->has_bender() && desk_->Look().facts) BenderHeard(desk_->Look());
   RecorderOptions recorder;
   recorder.directory = cell_.record.directory;
-  recorder.disk_budget_bytes = cell_.record.disk_budget_mb << 20;
+  recorder.limits = {cell_.record.disk_budget_mb << 20, cell_.storage.min_free_mb << 20,
+                     cell_.storage.max_age_days};
+  recorder.results = store_.results();
+  recorder.kept = [this] { return desk_->SessionsInHand(); };
   recorder_ = std::make_unique<Recorder>(recorder, clock_);
   board_.Update([&](CellSnapshot& s) {
     s.cell = cell_.name;
@@ -176,6 +187,15 @@ hal::Result<void> Daemon::Impl::Prepare() {
   });
   ShowLot();
   return ServeStatus();
+}
+
+// A journal that cannot be read must not keep the cell from measuring; what locks corrections
+// stands in the new one.
+hal::Result<void> Daemon::Impl::MendJournal() {
+  const auto aside = SetDamagedJournalAside(store_.journal(), SystemMoment().unix_ms);
+  if (!aside) return hal::Fail(aside.error());
+  if (*aside) spdlog::error("the commit journal is damaged: moved to {}", (*aside)->string());
+  return LockForDamagedJournals(store_.journal());
 }
 
 // What the last run left open: a commit whose end was not seen, a correction that waited.
@@ -407,7 +427,10 @@ void Daemon::Impl::BenderHeard(const BenderReading& heard) {
     spdlog::info("bender answers: active program {}", Describe(heard.facts->active));
   }
   if (!heard.facts && heard.problem != bender_problem_) {
-    spdlog::warn("bender does not answer: {}", heard.problem);
+    spdlog::warn(
+        "{}: {}",
+        heard.is_journals ? "what the bender does cannot be kept" : "bender does not answer",
+        heard.problem);
   }
   bender_known_ = bender_known_ || heard.facts.has_value();
   bender_problem_ = heard.problem;
@@ -440,7 +463,22 @@ void Daemon::Impl::AcknowledgeForPlc() {
   plc_.Acknowledged();
 }
 
+// At the start, and once a day.
+void Daemon::Impl::DropOld() {
+  const auto now = clock_.Now();
+  if (dropped_old_ && now - *dropped_old_ < kDropPeriod) return;
+  dropped_old_ = now;
+  const auto in_hand = desk_->SessionsInHand();
+  // What the journal cannot tell may be one that is to be kept.
+  if (!in_hand) return;
+  keeper_.DropOld(*in_hand);
+  if (cell_.storage.max_age_days <= 0) return;
+  const auto dropped = desk_->DropOld(cell_.storage.max_age_days);
+  if (!dropped) spdlog::warn("{}", dropped.error().message);
+}
+
 void Daemon::Impl::ServePeople() {
+  DropOld();
   AcknowledgeForPlc();
   ShowLock();
   alarms_.Look(board_.Get());
@@ -469,7 +507,9 @@ void Daemon::Impl::ServePeople() {
 // A bender that broke a rule gets nothing before somebody has acknowledged, restarts or not.
 void Daemon::Impl::ShowLock() {
   const std::string breach = desk_->Locked();
-  if (!breach.empty()) alarms_.board().Begin(AlarmCode::kRulesBroken, breach);
+  if (breach.empty()) return;
+  alarms_.board().Begin(IsOfJournal(breach) ? AlarmCode::kJournalDamaged : AlarmCode::kRulesBroken,
+                        breach);
 }
 
 void Daemon::Impl::ShowLot() {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/sqlite/damaged_file.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/console/whole_file.h"
@@ -13,6 +14,7 @@
 #include "firmware-host/report/report.h"
 #include "firmware-host/result/json.h"
 #include "firmware-host/result/result_json.h"
+#include "firmware-host/retention/retention.h"
 #include "firmware-host/text/result_text.h"
 
 namespace bendloop::host {
@@ -20,20 +22,61 @@ namespace {
 
 // Parts that the report shows beside each other.
 constexpr std::size_t kReportParts = 20;
+// Who asked for what: some 10 000 requests, and as many of before.
+constexpr std::uintmax_t kMostLogBytes = 1u << 20;
+// Of each damaged database: who looks into them looks at the latest.
+constexpr std::size_t kMostMovedAside = 5;
 
 }  // namespace
 
-PartKeeper::PartKeeper(StateStore& store, std::filesystem::path sessions, const PartPlan& own,
+PartKeeper::PartKeeper(StateStore& store, const config::CellConfig& cell, const PartPlan& own,
                        AlarmBoard& alarms)
-    : store_(store), sessions_(std::move(sessions)), own_part_(own.part_number), alarms_(alarms) {}
+    : store_(store),
+      sessions_(cell.record.directory),
+      storage_(cell.storage),
+      own_part_(own.part_number),
+      alarms_(alarms) {}
 
 hal::Result<void> PartKeeper::Load(const PartPlan& own) {
+  const auto opened = OpenHistory();
+  // Another program's file, or one of a newer version: not ours to put away. A disk's trouble may
+  // pass.
+  if (!opened && opened.error().kind == hal::ErrorKind::kBadInput) return opened;
+  // Those of the last run, which nobody saw end.
+  Note([](History& history) { return history.EndAlarms(SystemMoment().unix_ms); });
+  return TakeUp(own);
+}
+
+hal::Result<void> PartKeeper::OpenHistory() {
+  if (history_) return {};
+  if (auto aside = SetDamagedHistoryAside(); !aside) return aside;
   auto history = History::Open(store_.history());
   if (!history) return hal::Fail(history.error());
   history_.emplace(std::move(*history));
-  // Those of the last run, which nobody saw end.
-  Judge(AlarmCode::kHistoryNotKept, history_->EndAlarms(SystemMoment().unix_ms));
-  return TakeUp(own);
+  NameAfter(history_->LargestPartNumber().value_or(0));
+  return {};
+}
+
+hal::Result<void> PartKeeper::SetDamagedHistoryAside() {
+  const std::string damage = drivers::DamageOf(store_.history());
+  if (damage.empty()) return {};
+  const auto aside = drivers::MoveAside(store_.history(), SystemMoment().unix_ms);
+  if (!aside) return hal::Fail(aside.error());
+  alarms_.Begin(AlarmCode::kHistoryDamaged, "it lies now in " + aside->string() + "; " + damage);
+  return {};
+}
+
+void PartKeeper::Note(const HistoryWork& work) {
+  const auto attempt = [&]() -> hal::Result<void> {
+    if (auto opened = OpenHistory(); !opened) return opened;
+    return work(*history_);
+  };
+  hal::Result<void> done = attempt();
+  if (!done && done.error().kind == hal::ErrorKind::kBadInput && history_) {
+    history_.reset();  // the next attempt looks whether the file is damaged
+    done = attempt();
+  }
+  Judge(AlarmCode::kHistoryNotKept, done);
 }
 
 hal::Result<void> PartKeeper::TakeUp(const PartPlan& part) {
@@ -68,6 +111,30 @@ hal::Result<void> PartKeeper::SetLot(const PartPlan& part, const pipeline::LotSt
   return {};
 }
 
+void PartKeeper::DropOld(const std::set<std::string>& in_hand) {
+  std::error_code error;
+  const std::filesystem::path log = store_.requests_log();
+  if (std::filesystem::file_size(log, error) > kMostLogBytes && !error) {
+    std::filesystem::rename(log, log.string() + ".1", error);  // the one before goes
+  }
+  for (const auto& database : {store_.history(), store_.journal()}) {
+    const auto aside = drivers::MovedAside(database);
+    for (std::size_t i = 0; i + kMostMovedAside < aside.size(); ++i) {
+      std::filesystem::remove(aside[i], error);
+    }
+  }
+  if (storage_.max_age_days <= 0) return;
+  std::set<std::string> kept = PinnedNames(sessions_);
+  kept.insert(in_hand.begin(), in_hand.end());
+  Note([&](History& history) -> hal::Result<void> {
+    history.Keep({kept.begin(), kept.end()});
+    const auto dropped = history.DropOld(storage_.max_age_days, SystemMoment().unix_ms);
+    if (!dropped) return hal::Fail(dropped.error());
+    if (*dropped > 0) spdlog::info("history: {} old parts dropped", *dropped);
+    return {};
+  });
+}
+
 ScanIdentity PartKeeper::Identify() {
   last_number_ = std::max(last_number_, store_.LastNumber(sessions_)) + 1;
   return {PartName(last_number_), UtcText(SystemMoment().unix_ms), {}};
@@ -79,7 +146,7 @@ void PartKeeper::Judge(AlarmCode code, const hal::Result<void>& kept) {
 
 void PartKeeper::KeepAlarms(const std::vector<Alarm>& news) {
   for (const Alarm& alarm : news) {
-    Judge(AlarmCode::kHistoryNotKept, history_->NoteAlarm(alarm));
+    Note([&](History& history) { return history.NoteAlarm(alarm); });
   }
 }
 
@@ -89,9 +156,12 @@ void PartKeeper::WriteResult(const std::string& session, const std::string& json
   Judge(AlarmCode::kResultNotKept, written);
 }
 
-void PartKeeper::KeepResult(const RunResult& result) {
+void PartKeeper::KeepResult(const RunResult& result, std::uint32_t part_number) {
   WriteResult(result.session, WriteResultJson(result));
-  Judge(AlarmCode::kHistoryNotKept, history_->AddOrReplace(result));
+  const auto lot = lots_.find(part_number);
+  std::optional<std::int64_t> number;
+  if (lot != lots_.end() && lot->second.state) number = lot->second.state->number;
+  Note([&](History& history) { return history.AddOrReplace(result, number); });
 }
 
 void PartKeeper::Keep(PartOutcome outcome) {
@@ -103,7 +173,7 @@ void PartKeeper::Keep(PartOutcome outcome) {
     kept.state = outcome.next;
     Judge(AlarmCode::kLotNotKept, store_.KeepLot(*kept.state, kept.key, kept.file));
   }
-  KeepResult(result);
+  KeepResult(result, outcome.part_number);
   std::string verdict = VerdictLine(result, false);
   while (!verdict.empty() && verdict.back() == '\n') verdict.pop_back();
   spdlog::info("{}: {}", result.session, verdict);
@@ -166,7 +236,7 @@ void PartKeeper::Settle(const SettledCommit& settled) {
     recent.bender = report;
     WriteReport();
   }
-  Judge(AlarmCode::kHistoryNotKept, history_->SetCommit(settled.session, report));
+  Note([&](History& history) { return history.SetCommit(settled.session, report); });
   const auto path = store_.results() / (settled.session + ".json");
   std::error_code none;
   if (!std::filesystem::exists(path, none)) return;  // cleared by hand, or a crash came first

@@ -6,11 +6,14 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <future>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "config/cell_config.h"
 #include "firmware-host/alarms/alarm_board.h"
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/part_run.h"
@@ -24,7 +27,7 @@ namespace bendloop::host {
 class PartKeeper {
  public:
   // `own` is the cell file's part. What cannot be kept is an alarm on `alarms`, which outlives it.
-  PartKeeper(StateStore& store, std::filesystem::path sessions, const PartPlan& own,
+  PartKeeper(StateStore& store, const config::CellConfig& cell, const PartPlan& own,
              AlarmBoard& alarms);
 
   // No name comes twice, whatever was removed from the disk: not below `number` either, which is
@@ -50,6 +53,8 @@ class PartKeeper {
   void KeepAlarms(const std::vector<Alarm>& news);
   // What of the latest part could not be kept, and why; "": all of it was.
   const std::string& problem() const { return problem_; }
+  // What the history knows of long ago goes, but pinned parts and those `in_hand`.
+  void DropOld(const std::set<std::string>& in_hand);
   // Waits for the report that is being written, for so long at most; false: the disk hangs.
   bool FlushWithin(std::chrono::nanoseconds patience);
 
@@ -57,7 +62,14 @@ class PartKeeper {
   void WriteReport();
   // What became of a scan: the one that is not kept is the problem until one is.
   void WriteResult(const std::string& session, const std::string& json);
-  void KeepResult(const RunResult& result);
+  void KeepResult(const RunResult& result, std::uint32_t part_number);
+  // The history, opened where it is not: a disk that was away may be back. A damaged one is moved
+  // aside first.
+  hal::Result<void> OpenHistory();
+  hal::Result<void> SetDamagedHistoryAside();
+  // Does `work` on it; where that shows it to be damaged, once more on a new one.
+  using HistoryWork = std::function<hal::Result<void>(History&)>;
+  void Note(const HistoryWork& work);
   // Logs what went wrong; an alarm until it goes well again.
   void Judge(AlarmCode code, const hal::Result<void>& kept);
 
@@ -69,6 +81,7 @@ class PartKeeper {
 
   StateStore& store_;
   std::filesystem::path sessions_;
+  config::StorageConfig storage_;
   std::uint32_t own_part_;
   AlarmBoard& alarms_;
   std::map<std::uint32_t, KeptLot> lots_;  // by part number

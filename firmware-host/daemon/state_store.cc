@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "firmware-host/cell/run_context.h"
 #include "firmware-host/console/output_file.h"
@@ -38,6 +39,23 @@ unsigned LargestNumber(const fs::path& directory) {
   return largest;
 }
 
+// What a power cut left of files that were being written (output_file.cc): ".lot.json." and 16 hex
+// digits. Who holds the lock is the only one who writes there.
+void RemoveHalfWritten(const fs::path& directory) {
+  constexpr std::size_t kDigits = 16;
+  std::vector<fs::path> found;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    const std::size_t dot = name.rfind('.');
+    if (name.starts_with('.') && dot > 0 && name.size() == dot + 1 + kDigits &&
+        name.find_first_not_of("0123456789abcdef", dot + 1) == std::string::npos) {
+      found.push_back(it->path());
+    }
+  }
+  for (const fs::path& path : found) fs::remove(path, error);
+}
+
 }  // namespace
 
 hal::Result<StateStore> StateStore::Open(const fs::path& directory, StateUser user) {
@@ -63,6 +81,8 @@ hal::Result<StateStore> StateStore::Open(const fs::path& directory, StateUser us
                          "it or give this one its own state_dir");
   }
   StateStore store(directory, lock);
+  RemoveHalfWritten(directory);
+  RemoveHalfWritten(store.results());
   if (user == StateUser::kCell && fs::exists(store.acceptance(), error)) {
     return hal::Fail(hal::ErrorKind::kDevice,
                      store.acceptance().string() +

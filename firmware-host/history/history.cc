@@ -6,17 +6,18 @@
 #include <string>
 #include <utility>
 
+#include "firmware-host/ledger/moment.h"
+#include "firmware-host/result/json.h"
 #include "firmware-host/result/result_json.h"
 #include "firmware-host/result/words.h"
+#include "firmware-host/retention/age.h"
 
 namespace bendloop::host {
 namespace {
 
-constexpr int kApplicationId = 0x424C4849;  // "BLHI"
-constexpr int kVersion = 1;
 constexpr std::chrono::seconds kBusyTimeout{2};  // for another process that adds
 
-constexpr const char* kSchema =
+constexpr const char* kVersion1 =
     "CREATE TABLE part("
     "  id INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  time TEXT NOT NULL,"     // ISO 8601, start of the scan
@@ -28,8 +29,8 @@ constexpr const char* kSchema =
     "  result TEXT NOT NULL);"  // bendloop.result/1 without spine and timing
     "CREATE INDEX part_name ON part(part, id);";
 
-// Later than the first version 1, which passes over it.
-constexpr const char* kAlarmSchema =
+// The alarms came later than the first files of version 1, and without a number of their own.
+constexpr const char* kVersion2 =
     "CREATE TABLE IF NOT EXISTS alarm("
     "  id INTEGER PRIMARY KEY AUTOINCREMENT,"
     "  code INTEGER NOT NULL,"   // 1001: BL1001
@@ -38,7 +39,12 @@ constexpr const char* kAlarmSchema =
     "  detail TEXT NOT NULL,"
     "  began TEXT NOT NULL,"  // ISO 8601
     "  ended TEXT,"           // NULL: it goes on
-    "  UNIQUE(code, began));";
+    "  UNIQUE(code, began));"
+    "ALTER TABLE part ADD COLUMN lot INTEGER;"  // counted for each part; NULL: not known
+    "CREATE INDEX part_time ON part(time);"
+    "CREATE INDEX part_session ON part(session);";
+
+constexpr const char* kSteps[] = {kVersion1, kVersion2};
 
 // Verdict, commit and sequence.
 void BindOutcome(drivers::Statement& statement, const RunResult& result) {
@@ -56,6 +62,11 @@ void BindOutcome(drivers::Statement& statement, const RunResult& result) {
 
 }  // namespace
 
+const drivers::DatabaseFormat& HistoryFormat() {
+  static constexpr drivers::DatabaseFormat kFormat{0x424C4849, "BLHI", "history of parts", kSteps};
+  return kFormat;
+}
+
 hal::Result<History> History::Open(const std::filesystem::path& path,
                                    const HistoryOptions& options) {
   auto database =
@@ -67,69 +78,39 @@ hal::Result<History> History::Open(const std::filesystem::path& path,
     error.message += "; expected a folder that can be written";
     return hal::Fail(std::move(error));
   }
-  History history(std::move(*database), options);
-  if (auto prepared = history.Prepare(); !prepared) return hal::Fail(prepared.error());
-  return history;
+  if (auto fits = drivers::BringToFormat(*database, HistoryFormat()); !fits) {
+    return hal::Fail(fits.error());
+  }
+  const auto done = database->Execute("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL");
+  if (!done) return hal::Fail(done.error());
+  return History(std::move(*database), options);
 }
 
-hal::Result<void> History::Prepare() {
-  if (auto done = database_.Execute("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL"); !done) {
-    return done;
-  }
-  // In a transaction, so that two processes that create the file do not both write the schema.
-  return database_.Transact("history", [this] { return CheckOrCreate(); });
-}
-
-hal::Result<void> History::CheckOrCreate() {
-  const auto application = database_.Integer("PRAGMA application_id");
-  if (!application) return hal::Fail(application.error());
-  const auto version = database_.Integer("PRAGMA user_version");
-  if (!version) return hal::Fail(version.error());
-  const auto tables = database_.Integer("SELECT count(*) FROM sqlite_master");
-  if (!tables) return hal::Fail(tables.error());
-  if (*application == 0 && *version == 0 && *tables == 0) {
-    return database_.Execute(std::string(kSchema) + kAlarmSchema +
-                             "PRAGMA application_id=" + std::to_string(kApplicationId) +
-                             "; PRAGMA user_version=" + std::to_string(kVersion));
-  }
-  if (*application != kApplicationId) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     database_.path() + ": application_id " + std::to_string(*application) +
-                         ", expected " + std::to_string(kApplicationId) +
-                         " (\"BLHI\"): not a history of parts; choose another file");
-  }
-  if (*version != kVersion) {
-    return hal::Fail(hal::ErrorKind::kBadInput, database_.path() + ": user_version " +
-                                                    std::to_string(*version) + ", expected " +
-                                                    std::to_string(kVersion) +
-                                                    ": written by another version of bendloop");
-  }
-  return database_.Execute(kAlarmSchema);
-}
-
-hal::Result<std::int64_t> History::Add(const RunResult& result) {
+hal::Result<std::int64_t> History::Add(const RunResult& result, std::optional<std::int64_t> lot) {
   std::int64_t id = 0;
   const auto added = database_.Transact("adding a part", [&]() -> hal::Result<void> {
-    const auto inserted = Insert(result);
+    const auto inserted = Insert(result, lot);
     if (!inserted) return hal::Fail(inserted.error());
     id = *inserted;
-    auto drop = database_.Prepare("DELETE FROM part WHERE id <= ?");
+    auto drop = database_.Prepare(
+        "DELETE FROM part WHERE id <= ? AND session NOT IN (SELECT value FROM json_each(?))");
     if (!drop) return hal::Fail(drop.error());
     const auto most =
         static_cast<std::int64_t>(std::clamp<std::size_t>(options_.most_parts, 1, 1'000'000'000));
-    drop->Bind(id - most);
+    drop->Bind(id - most).Bind(Dump(kept_));
     return database_.Run(*drop, "dropping old parts");
   });
   if (!added) return hal::Fail(added.error());
   return id;
 }
 
-hal::Result<std::int64_t> History::Insert(const RunResult& result) {
+hal::Result<std::int64_t> History::Insert(const RunResult& result,
+                                          std::optional<std::int64_t> lot) {
   auto insert = database_.Prepare(
-      "INSERT INTO part(time, part, session, verdict, correction, sequence, result)"
-      " VALUES(?, ?, ?, ?, ?, ?, ?)");
+      "INSERT INTO part(time, part, session, lot, verdict, correction, sequence, result)"
+      " VALUES(?, ?, ?, ?, ?, ?, ?, ?)");
   if (!insert) return hal::Fail(insert.error());
-  insert->Bind(result.time).Bind(result.part).Bind(result.session);
+  insert->Bind(result.time).Bind(result.part).Bind(result.session).Bind(lot);
   BindOutcome(*insert, result);
   insert->Bind(Dump(ResultJson(result, {.spine = false, .timing = false})));
   if (auto done = database_.Run(*insert, "adding a part"); !done) return hal::Fail(done.error());
@@ -145,7 +126,7 @@ hal::Result<void> History::Replace(std::int64_t id, const RunResult& result) {
   return database_.Run(*update, "changing a part");
 }
 
-hal::Result<void> History::AddOrReplace(const RunResult& result) {
+hal::Result<void> History::AddOrReplace(const RunResult& result, std::optional<std::int64_t> lot) {
   auto find = database_.Prepare("SELECT id FROM part WHERE session = ? ORDER BY id DESC LIMIT 1");
   if (!find) return hal::Fail(find.error());
   find->Bind(result.session);
@@ -158,7 +139,7 @@ hal::Result<void> History::AddOrReplace(const RunResult& result) {
     find->Reset();
     return Replace(id, result);
   }
-  if (auto added = Add(result); !added) return hal::Fail(added.error());
+  if (auto added = Add(result, lot); !added) return hal::Fail(added.error());
   return {};
 }
 
@@ -202,6 +183,43 @@ hal::Result<std::vector<HistoryPart>> History::Last(std::size_t count,
   }
   std::reverse(parts.begin(), parts.end());
   return parts;
+}
+
+hal::Result<std::size_t> History::DropOld(double most_days, std::int64_t now_ms) {
+  std::size_t dropped = 0;
+  const auto done = database_.Transact("dropping old parts", [&]() -> hal::Result<void> {
+    auto select = database_.Prepare("SELECT id, time, session FROM part ORDER BY id DESC");
+    if (!select) return hal::Fail(select.error());
+    Age age(now_ms);
+    auto outcome = drivers::Statement::Outcome::kRow;
+    std::vector<std::int64_t> old;
+    while ((outcome = select->Step()) == drivers::Statement::Outcome::kRow) {
+      const double days = age.DaysOf(ParseUtc(std::string(select->Text(1))).value_or(now_ms));
+      const bool is_kept = std::find(kept_.begin(), kept_.end(), select->Text(2)) != kept_.end();
+      if (days > most_days && !is_kept) old.push_back(select->Integer(0));
+    }
+    if (outcome == drivers::Statement::Outcome::kFailed) {
+      return hal::Fail(database_.Failed("reading parts"));
+    }
+    auto drop = database_.Prepare("DELETE FROM part WHERE id = ?");
+    if (!drop) return hal::Fail(drop.error());
+    for (const std::int64_t id : old) {
+      drop->Bind(id);
+      if (auto gone = database_.Run(*drop, "dropping old parts"); !gone) return gone;
+    }
+    dropped = old.size();
+    return {};
+  });
+  if (!done) return hal::Fail(done.error());
+  return dropped;
+}
+
+hal::Result<unsigned> History::LargestPartNumber() const {
+  const auto number = database_.Integer(
+      "SELECT ifnull(max(CAST(substr(session, 6) AS INTEGER)), 0) FROM part"
+      " WHERE session LIKE 'part-%'");
+  if (!number) return hal::Fail(number.error());
+  return static_cast<unsigned>(*number);
 }
 
 hal::Result<std::size_t> History::Count() const {

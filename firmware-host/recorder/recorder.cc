@@ -220,7 +220,7 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
       std::error_code error;
       fs::create_directories(options_.directory, error);
       const fs::path path = PathOf(item.name);
-      const auto removed = KeepDiskBudget(options_.directory, options_.disk_budget_bytes, path);
+      MakeRoom(item.name);
       drivers::SessionWriterOptions options;
       options.commit_interval = kCommitInterval;
       auto writer = drivers::SessionWriter::Create(path.string(), clock_, options);
@@ -232,8 +232,7 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
       }
       LookAtDisk();
       const std::lock_guard lock(mutex_);
-      counters_.removed_sessions += removed.size();
-      if (session) ++counters_.sessions;
+      ++(session ? counters_.sessions : counters_.dropped_sessions);
       return;
     }
     case Step::kProfile: {
@@ -266,6 +265,18 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
       return;
     }
   }
+}
+
+void Recorder::MakeRoom(const std::string& name) {
+  hal::Result<std::set<std::string>> kept;
+  if (options_.kept) kept = options_.kept();
+  if (!kept) return Fail(kept.error().message);
+  kept->insert(name);
+  const Removed removed = KeepLimits({options_.directory, options_.results}, options_.limits, *kept,
+                                     SystemRetentionWorld());
+  const std::lock_guard lock(mutex_);
+  counters_.removed_sessions += removed.sessions.size();
+  counters_.removed_results += removed.results.size();
 }
 
 void Recorder::LookAtDisk() {

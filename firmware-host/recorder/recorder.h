@@ -6,14 +6,16 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include "firmware-host/recorder/disk_budget.h"
+#include "firmware-host/retention/retention.h"
 #include "hal/clock.h"
 #include "hal/laser_profile.h"
 #include "hal/result.h"
@@ -23,7 +25,12 @@ namespace bendloop::host {
 
 struct RecorderOptions {
   std::filesystem::path directory;
-  std::uint64_t disk_budget_bytes = 4096ull << 20;
+  // What may stay beside the recordings is looked at before each of them.
+  RetentionLimits limits = {};
+  std::filesystem::path results = {};  // NAME.json of each session, which goes with time, too
+  // Names that must stay: of corrections that are still to be sent; an error: nobody knows, and
+  // nothing goes. From the recorder's thread.
+  std::function<hal::Result<std::set<std::string>>()> kept = {};
   // Points that may wait for the disk; beyond them profiles are left out of the recording.
   std::size_t queue_points = 8u << 20;  // 64 MB
   // Profiles and events that may wait, however few points they have; some 30 MB.
@@ -36,8 +43,9 @@ struct RecorderCounters {
   std::uint64_t profiles = 0;
   std::uint64_t dropped_profiles = 0;  // the disk was too slow, or the profile not writable
   std::uint64_t dropped_events = 0;    // the disk was too slow
-  std::uint64_t dropped_sessions = 0;  // the same: wholly left out, their profiles are counted too
-  std::uint64_t removed_sessions = 0;  // to stay within the disk budget
+  std::uint64_t dropped_sessions = 0;  // wholly left out: the disk hung, or did not take the file
+  std::uint64_t removed_sessions = 0;  // to stay within the limits
+  std::uint64_t removed_results = 0;
   std::uint64_t queued_points = 0;
   std::uint64_t queued_items = 0;
   std::uint64_t sessions_bytes = 0;  // on the disk, when a session last began or ended
@@ -101,6 +109,7 @@ class Recorder {
   void Write(Item& item, std::unique_ptr<Session>& session);
   void Fail(const std::string& what);
   void LookAtDisk();
+  void MakeRoom(const std::string& name);
 
   const RecorderOptions options_;
   const hal::Clock& clock_;

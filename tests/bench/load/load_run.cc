@@ -275,7 +275,7 @@ hal::Result<LoadResult> LoadCell::Run() {
   desk_ = std::move(*opened);
   host::RecorderOptions recorder;
   recorder.directory = cell_.record.directory;
-  recorder.disk_budget_bytes = cell_.record.disk_budget_mb << 20;
+  recorder.limits.most_sessions_bytes = cell_.record.disk_budget_mb << 20;
   if (load_.record) recorder_ = std::make_unique<host::Recorder>(recorder, clock_);
 
   host::CellLoopOptions options;

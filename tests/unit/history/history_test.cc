@@ -7,6 +7,7 @@
 
 #include <fstream>
 
+#include "firmware-host/ledger/moment.h"
 #include "firmware-host/result/result_json.h"
 #include "tests/unit/result/sample_run.h"
 
@@ -94,12 +95,62 @@ TEST_F(HistoryFile, RefusesForeignAndNewerFilesInOneLine) {
 
   std::filesystem::remove(path());
   ASSERT_TRUE(History::Open(path()));
-  Sql("PRAGMA user_version=2");
+  Sql("PRAGMA user_version=3");
   history = History::Open(path());
   ASSERT_FALSE(history);
-  EXPECT_THAT(history.error().message, HasSubstr("user_version 2, expected 1"));
+  EXPECT_EQ(history.error().kind, hal::ErrorKind::kBadInput);
+  EXPECT_THAT(history.error().message,
+              HasSubstr("of version 3, and this bendloop knows versions up "
+                        "to 2: a newer one wrote it"));
 
   EXPECT_FALSE(History::Open(folder_ / "none" / "history.db"));
+}
+
+// As the first release wrote it.
+constexpr const char* kFirstSchema =
+    "CREATE TABLE part(  id INTEGER PRIMARY KEY AUTOINCREMENT,  time TEXT NOT NULL,"
+    "  part TEXT NOT NULL,  session TEXT NOT NULL,  verdict TEXT,  correction TEXT,"
+    "  sequence INTEGER,  result TEXT NOT NULL);CREATE INDEX part_name ON part(part, id);"
+    "PRAGMA application_id=1112295497; PRAGMA user_version=1;"
+    "INSERT INTO part(time, part, session, verdict, result) VALUES('2026-01-02T03:04:05.678Z',"
+    " 'elbow', 'part-0041', 'pass', '{\"schema\":\"bendloop.result/1\",\"part\":\"elbow\"}')";
+
+TEST_F(HistoryFile, TakesUpWhatTheFirstReleaseWrote) {
+  for (const char* later : {"SELECT 1",
+                            "CREATE TABLE alarm(id INTEGER PRIMARY KEY AUTOINCREMENT,"
+                            "code INTEGER NOT NULL, severity TEXT NOT NULL, text TEXT "
+                            "NOT NULL, detail TEXT NOT NULL, began TEXT NOT NULL,"
+                            "ended TEXT, UNIQUE(code, began))"}) {
+    Sql(kFirstSchema);
+    Sql(later);
+    auto history = History::Open(path());
+    ASSERT_TRUE(history) << history.error().message;
+    EXPECT_EQ(*history->Count(), 1u);
+    EXPECT_EQ(*history->LargestPartNumber(), 41u);
+    EXPECT_EQ(*history->Add(SampleRun(), 3), 2);
+    EXPECT_TRUE(history->NoteAlarm({AlarmCode::kBenderAway, "", 1, 0, 0}));
+    ASSERT_TRUE(History::Open(path()));  // and again as it is now
+    std::filesystem::remove(path());
+  }
+}
+
+TEST_F(HistoryFile, WhatIsOldGoesAndWhatIsKeptStays) {
+  auto history = History::Open(path(), {.most_parts = 4});
+  ASSERT_TRUE(history);
+  history->Keep({"part-0001"});
+  for (int i = 1; i <= 6; ++i) {
+    RunResult run = SampleRun(i, 0.1, 10);
+    run.session = "part-000" + std::to_string(i);
+    run.time = "2026-03-0" + std::to_string(i) + "T00:00:00.000Z";
+    ASSERT_TRUE(history->Add(run));
+  }
+  EXPECT_EQ(*history->Count(), 5u);  // of 4, and the one that is kept
+  const std::int64_t now_ms = *ParseUtc("2026-03-07T00:00:00.000Z");
+  EXPECT_EQ(*history->DropOld(2.5, now_ms), 2u);
+  std::vector<std::string> left;
+  const auto parts = history->Last(10);
+  for (const HistoryPart& part : *parts) left.push_back(part.result.session);
+  EXPECT_THAT(left, testing::ElementsAre("part-0001", "part-0005", "part-0006"));
 }
 
 TEST_F(HistoryFile, ADamagedRowIsAnErrorThatNamesIt) {

@@ -233,6 +233,7 @@ TEST_F(RecorderTest, AFullDiskOrAnExistingFileIsTold) {
   recorder.Finish({});
   recorder.Flush();
   EXPECT_THAT(recorder.counters().last_error, ::testing::HasSubstr("part-0001.session"));
+  EXPECT_EQ(recorder.counters().dropped_sessions, 1u);
 }
 
 TEST_F(RecorderTest, WritesEverythingBeforeItEnds) {
@@ -245,35 +246,30 @@ TEST_F(RecorderTest, WritesEverythingBeforeItEnds) {
   EXPECT_EQ(ProfilesOf(directory_ / "part-0001.session"), 2000u);
 }
 
-class DiskBudget : public RecorderTest {
- protected:
-  fs::path Put(const char* name, std::size_t bytes, int age_minutes) {
-    const fs::path path = directory_ / name;
-    std::ofstream(path) << std::string(bytes, 'x');
-    fs::last_write_time(path, fs::file_time_type::clock::now() - std::chrono::minutes(age_minutes));
-    return path;
-  }
-};
-
-TEST_F(DiskBudget, TheOldestUnpinnedSessionsGoFirst) {
-  const fs::path oldest = Put("a.session", 1000, 50);
-  const fs::path pinned = Put("b.session", 1000, 40);
-  Put("b.session.keep", 0, 0);
-  const fs::path old = Put("c.session", 1000, 30);
-  const fs::path side = Put("c.session-wal", 500, 30);
-  const fs::path recent = Put("d.session", 1000, 20);
-  const fs::path in_use = Put("e.session", 1000, 60);
-  const fs::path other = Put("notes.txt", 100000, 90);
-  const auto removed = KeepDiskBudget(directory_, 3000, in_use);
-  EXPECT_THAT(removed, ::testing::ElementsAre(oldest, old));
-  EXPECT_FALSE(fs::exists(side));
-  for (const auto& path : {pinned, recent, in_use, other}) EXPECT_TRUE(fs::exists(path)) << path;
-}
-
-TEST_F(DiskBudget, NothingGoesWhileThereIsRoom) {
-  Put("a.session", 1000, 50);
-  EXPECT_TRUE(KeepDiskBudget(directory_, 1000, {}).empty());
-  EXPECT_TRUE(KeepDiskBudget(directory_ / "missing", 0, {}).empty());
+// Where nobody can tell what is still to be sent, nothing goes.
+TEST_F(RecorderTest, MakesRoomButForWhatIsInHand) {
+  std::ofstream(directory_ / "part-0001.session") << "sent";
+  std::ofstream(directory_ / "part-0002.session") << "waits";
+  RecorderOptions options{directory_};
+  options.limits.most_sessions_bytes = 0;
+  bool is_known = false;
+  options.kept = [&]() -> hal::Result<std::set<std::string>> {
+    if (!is_known) return hal::Fail(hal::ErrorKind::kDevice, "the journal cannot be read");
+    return std::set<std::string>{"part-0002"};
+  };
+  Recorder recorder(options, clock_);
+  recorder.Begin("part-0003", {});
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_TRUE(fs::exists(directory_ / "part-0001.session"));
+  EXPECT_EQ(recorder.counters().last_error, "the journal cannot be read");
+  is_known = true;
+  recorder.Begin("part-0004", {});
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_FALSE(fs::exists(directory_ / "part-0001.session"));
+  EXPECT_TRUE(fs::exists(directory_ / "part-0002.session"));
+  EXPECT_EQ(recorder.counters().removed_sessions, 2u);  // part-0003, too
 }
 
 }  // namespace
