@@ -21,6 +21,7 @@ CLI::App* AddCheckCommand(CLI::App& app, Run& run);
 CLI::App* AddDemoCommand(CLI::App& app, Run& run);
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run);
 CLI::App* AddFirstProgramCommand(CLI::App& app, Run& run);
+CLI::App* AddHistoryCommand(CLI::App& app, Run& run);
 CLI::App* AddLotCommand(CLI::App& app, Run& run);
 CLI::App* AddReconstructCommand(CLI::App& app, Run& run);
 CLI::App* AddReplayCommand(CLI::App& app, Run& run);

@@ -53,6 +53,7 @@ int Main(int argc, char** argv) {
   AddDoctorCommand(app, run);
   AddAcceptanceCommand(app, run);
   AddStatusCommand(app, run);
+  AddHistoryCommand(app, run);
   AddLotCommand(app, run);
   AddUndoCommand(app, run);
   AddFirstProgramCommand(app, run);

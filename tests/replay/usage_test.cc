@@ -27,8 +27,8 @@ TEST(Usage, HelpAndVersionAreNoErrors) {
   const Scratch scratch;
   EXPECT_EQ(scratch.Bendloop("--help").code, 0);
   EXPECT_THAT(scratch.Bendloop("--version").out, StartsWith("bendloop "));
-  for (const char* command :
-       {"demo", "reconstruct", "replay", "simulate", "convert", "check", "doctor", "status"}) {
+  for (const char* command : {"demo", "reconstruct", "replay", "simulate", "convert", "check",
+                              "doctor", "history", "status"}) {
     const Ran help = scratch.Bendloop(std::string(command) + " --help");
     EXPECT_EQ(help.code, 0) << command;
     EXPECT_THAT(help.out, HasSubstr("xample")) << command;
