@@ -185,7 +185,7 @@ until grep -q listening can.out && grep -q listening usb.out; do
   [ "$tries" -lt 150 ] || fail "no machines: $(cat can.out usb.out)"
   sleep 0.2
 done
-sed -i -e 's/^kind = .*/kind = "usb"\nserial = "CELL3"/' -e '/^port = /d' -e 's/canopen.*//' \
+sed -i -e 's/^kind = .*/kind = "usb"\nserial = "CELL3"/' -e '/^port = /d' \
   -e 's#^link = .*#link = "canopen"\ncan_interface = "can0"\ncan_node_id = 5\nobject_dictionary = "object-dictionaries/default.eds"#' \
   -e 's#default.toml#canopen.toml#' /etc/bendloop/cell.toml
 ! bendloopd --config /etc/bendloop/cell.toml --check-only 2>&1 | grep 'problem' || fail "the cell is wrong"
