@@ -20,6 +20,7 @@ CLI::App* AddAcceptanceCommand(CLI::App& app, Run& run);
 CLI::App* AddCheckCommand(CLI::App& app, Run& run);
 CLI::App* AddDemoCommand(CLI::App& app, Run& run);
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run);
+CLI::App* AddFeaturesCommand(CLI::App& app, Run& run);
 CLI::App* AddFirstProgramCommand(CLI::App& app, Run& run);
 CLI::App* AddHistoryCommand(CLI::App& app, Run& run);
 CLI::App* AddLotCommand(CLI::App& app, Run& run);

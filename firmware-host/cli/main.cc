@@ -46,6 +46,7 @@ int Main(int argc, char** argv) {
   Run run;
   AddDemoCommand(app, run);
   AddReconstructCommand(app, run);
+  AddFeaturesCommand(app, run);
   AddReplayCommand(app, run);
   AddSimulateCommand(app, run);
   AddConvertCommand(app, run, std::cin, std::cout, std::cerr);

@@ -20,9 +20,9 @@ using Eigen::Vector3d;
 
 struct CeresFitSettings {
   // Weights between this and its inverse: beyond, a control point is hardly seen.
-  double least_weight = 0.05;
+  double least_weight = 0.1;
   // [mean length of a piece] Handles.
-  double least_handle = 1e-3, most_handle = 20;
+  double least_handle = 1e-3, most_handle = 2;
   // [points' rms off the start] Held that weakly: the slide of a joint along the curve in mean
   // lengths of a piece, and the difference of a piece's two weights, which no conic needs.
   double holding = 1e-3;
@@ -178,18 +178,19 @@ class Fitter {
     options.logging_type = ceres::SILENT;
     options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (CurveFoot& foot : feet_) options.linear_solver_ordering->AddElementToGroup(&foot.u, 0);
-    for (auto& joint : unknowns_.joints_mm) Later(problem, options, joint.data());
-    for (auto& tangent : unknowns_.tangents) Later(problem, options, tangent.data());
-    for (auto& piece : unknowns_.pieces) Later(problem, options, piece.shape.data());
+    // Each block a group of its own: within one, Ceres goes by addresses, which differ between
+    // runs.
+    int group = 0;
+    const auto later = [&](double* block) {
+      if (!problem.HasParameterBlock(block)) return;
+      options.linear_solver_ordering->AddElementToGroup(block, ++group);
+    };
+    for (auto& joint : unknowns_.joints_mm) later(joint.data());
+    for (auto& tangent : unknowns_.tangents) later(tangent.data());
+    for (auto& piece : unknowns_.pieces) later(piece.shape.data());
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
     return static_cast<int>(summary.iterations.size());
-  }
-
-  static void Later(const ceres::Problem& problem, ceres::Solver::Options& options, double* block) {
-    if (problem.HasParameterBlock(block)) {
-      options.linear_solver_ordering->AddElementToGroup(block, 1);
-    }
   }
 
   void AddPoints(ceres::Problem& problem) {
@@ -268,9 +269,9 @@ RationalBezier WithPieceSplit(const RationalBezier& curve, std::size_t piece) {
   return finer;
 }
 
-double Criterion(const BorderFit& fit, double least_noise_mm) {
-  const double n = 2.0 * static_cast<double>(fit.feet.size());
-  const double variance = std::max(fit.SumMm2() / n, least_noise_mm * least_noise_mm);
+double Criterion(const BorderFit& fit, double least_noise_mm, double points_of_independent) {
+  const double all = 2.0 * static_cast<double>(fit.feet.size()), n = all / points_of_independent;
+  const double variance = std::max(fit.SumMm2() / all, least_noise_mm * least_noise_mm);
   return n * std::log(variance) + fit.parameters * std::log(n);
 }
 
@@ -279,15 +280,18 @@ BorderFit WithAsManyPiecesAsPay(const OrderedBorder& border, const CurveFitOptio
       Fitter(border, SketchBorder(border, EvenBreaks(border, FirstPieces(border)))).Run(true);
   const double least_mm = kFit.least_noise * fit.curve.LengthMm();
   BorderFit best = fit;
+  const double together = std::max(1.0, options.points_of_independent);
   int without_gain = 0;
   while (without_gain < kFit.patience &&
          static_cast<int>(fit.curve.pieces.size()) < options.most_pieces) {
     if (fit.SumMm2() <= least_mm * least_mm * static_cast<double>(fit.feet.size())) break;
     const RationalBezier finer = WithPieceSplit(fit.curve, WorstPiece(border, fit));
     const int unknowns = BorderUnknowns::Of(finer).Parameters();
-    if (kFit.points_of_parameter * unknowns > static_cast<double>(border.points_mm.size())) break;
+    if (together * kFit.points_of_parameter * unknowns >
+        static_cast<double>(border.points_mm.size()))
+      break;
     fit = Fitter(border, finer).Run(true);
-    if (Criterion(fit, least_mm) < Criterion(best, least_mm)) {
+    if (Criterion(fit, least_mm, together) < Criterion(best, least_mm, together)) {
       best = fit;
       without_gain = 0;
     } else {
@@ -328,8 +332,9 @@ OrderedBorder AtMost(const OrderedBorder& border, std::size_t most) {
   return few;
 }
 
-void AddSigma(BorderFit& fit) {
-  const CurveSigma sigma = SigmaOfCurve(fit.curve, fit.feet, fit.noise_sigma_mm);
+void AddSigma(BorderFit& fit, double points_of_independent) {
+  const double noise_mm = fit.noise_sigma_mm * std::sqrt(std::max(1.0, points_of_independent));
+  const CurveSigma sigma = SigmaOfCurve(fit.curve, fit.feet, noise_mm);
   fit.curve_sigma_mm = sigma.mean_mm;
   fit.most_curve_sigma_mm = sigma.most_mm;
 }
@@ -428,7 +433,7 @@ hal::Result<BorderFit> FitBorderFrom(const OrderedBorder& border, const Rational
                      "a fit starts from a curve of one piece at least, closed from two");
   }
   BorderFit fit = Fitter(border, start).Run();
-  AddSigma(fit);
+  AddSigma(fit, 1);
   return fit;
 }
 
@@ -451,7 +456,7 @@ hal::Result<BorderFit> FitBorder(const OrderedBorder& border, const CurveFitOpti
   } else {
     fit = WithAsManyPiecesAsPay(fitted, options);
   }
-  AddSigma(fit);
+  AddSigma(fit, options.points_of_independent);
   if (fitted.points_mm.size() != border.points_mm.size()) {
     fit.feet.clear();
     for (const Vector3d& point : border.points_mm) fit.feet.push_back(fit.curve.NearestTo(point));

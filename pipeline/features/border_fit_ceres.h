@@ -12,6 +12,9 @@ struct CurveFitOptions {
   int most_pieces = 40;
   // Corners that the border does not name are looked for (border_corners.h).
   bool find_corners = true;
+  // Neighbouring points that are off together, as points are that were smoothed: so many of them
+  // tell as much as one.
+  double points_of_independent = 1;
   // Further points are left out, evenly.
   std::size_t most_points = 6000;
 };
