@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -106,6 +107,9 @@ std::string FeaturesText(const FeatureBorders& found, bool colour) {
 
 Json Vector(const Eigen::Vector3d& v) { return {Number(v.x()), Number(v.y()), Number(v.z())}; }
 
+// Far below what Number keeps.
+Json Small(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+
 Json PieceJson(const pipeline::RationalCubic& piece, const pipeline::PieceQuality& quality) {
   Json control = Json::array(), weights = Json::array();
   for (std::size_t j = 0; j < 4; ++j) {
@@ -115,8 +119,8 @@ Json PieceJson(const pipeline::RationalCubic& piece, const pipeline::PieceQualit
   return {{"control_mm", control},
           {"weights", weights},
           {"points", quality.points},
-          {"mean_square_error_mm2", Number(quality.mean_square_mm2, 12)},
-          {"relative_error", Number(quality.Relative(), 12)}};
+          {"mean_square_error_mm2", Small(quality.mean_square_mm2)},
+          {"relative_error", Small(quality.Relative())}};
 }
 
 Json BorderJson(const FeatureBorder& border) {
@@ -132,7 +136,7 @@ Json BorderJson(const FeatureBorder& border) {
           {"gaps", border.gaps},
           {"branches", border.branches},
           {"length_mm", Number(border.fit.curve.LengthMm())},
-          {"relative_error", Number(border.fit.Relative(), 12)},
+          {"relative_error", Small(border.fit.Relative())},
           {"noise_sigma_mm", Number(border.fit.noise_sigma_mm)},
           {"curve_sigma_mm", Number(border.fit.curve_sigma_mm)},
           {"corner_at_start_of_piece", corners},
