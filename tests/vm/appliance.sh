@@ -1,6 +1,6 @@
 # shellcheck shell=sh
 # In a guest with a bare Debian and its systemd: the packages by apt, a corrected part, the service with a
-# bender and a scanner on loopback, what is left of it when it is killed, and the same on USB and CAN.
+# bender and a scanner on loopback, what is left of it when it is killed.
 # kills.txt: how often it is killed.
 set -e
 step() { echo "== [$(cut -d ' ' -f 1 /proc/uptime) s] $*"; }
@@ -160,69 +160,6 @@ await_result "$before"
 newest_is_committed
 echo "$kills kills: service up $kills times, $sent programs sent once, $unfinished scans cut before their result," \
   "$(find /var/lib/bendloop/sessions -name '*.session' | wc -l) sessions, none damaged"
-
-step "The service with a scanner on USB and a bender on CAN"
-echo quit >&3
-echo quit >&4
-printf '[NetDev]\nName=can0\nKind=vcan\n' >/etc/systemd/network/can0.netdev
-printf '[Match]\nName=can0\n[Network]\nLinkLocalAddressing=no\n' >/etc/systemd/network/can0.network
-systemctl start systemd-networkd
-tries=0
-until grep -qs up /sys/class/net/can0/operstate || [ "$(cat /sys/class/net/can0/flags 2>/dev/null)" = 0xc1 ]; do
-  tries=$((tries + 1))
-  [ "$tries" -lt 100 ] || fail "no can0: $(cat /sys/class/net/can0/flags /sys/class/net/can0/operstate)"
-  sleep 0.2
-done
-mkfifo can.in usb.in
-bendloop-simbender --canopen can0 --node 5 --object-dictionary /etc/bendloop/object-dictionaries/default.eds \
-  --map /etc/bendloop/register-maps/canopen.toml --tray tray --program demo-out/first-program.json \
-  --part-number 7 --pipe-radius 4 <can.in >can.out 2>&1 &
-exec 3>can.in
-bendloop-usbscanner --serial CELL3 --pace max <usb.in >usb.out 2>&1 &
-exec 4>usb.in
-tries=0
-until grep -q listening can.out && grep -q listening usb.out; do
-  tries=$((tries + 1))
-  [ "$tries" -lt 150 ] || fail "no machines: $(cat can.out usb.out)"
-  sleep 0.2
-done
-sed -i -e 's/^kind = .*/kind = "usb"\nserial = "CELL3"/' -e '/^port = /d' \
-  -e 's#^link = .*#link = "canopen"\ncan_interface = "can0"\ncan_node_id = 5\nobject_dictionary = "object-dictionaries/default.eds"#' \
-  -e 's#default.toml#canopen.toml#' /etc/bendloop/cell.toml
-! bendloopd --config /etc/bendloop/cell.toml --check-only 2>&1 | grep 'problem' || fail "the cell is wrong"
-# The drop-in is of the cell before: refused, and told why.
-! systemctl restart bendloopd 2>/dev/null || fail "started with another cell's rights"
-journalctl -u bendloopd --no-pager -n 20 | grep -o 'the cell needs.*' | head -n 1 || fail "refused for no reason"
-bendloop check --unit-drop-in /etc/bendloop/cell.toml >/etc/systemd/system/bendloopd.service.d/50-cell.conf
-systemctl daemon-reload
-systemctl restart bendloopd || fail "the service does not start with USB and CAN"
-systemd-analyze security bendloopd | tail -n 1
-await_ready
-before=$(results)
-: >can.out
-echo bend >&3
-tries=0
-until grep -q bent can.out; do
-  tries=$((tries + 1))
-  [ "$tries" -lt 300 ] || fail "nothing bent: $(cat can.out)"
-  sleep 0.1
-done
-sleep 1
-echo "scan demo-out/sessions/part-0001.session" >&4
-await_result "$before"
-newest_is_committed
-journalctl -u bendloopd --no-pager | grep -o 'scanner.*CELL3.*' | head -n 1 || true
-echo "committed over CANopen, scanned over USB"
-
-step "A serial port: the service may open it"
-sed -i -e 's#^link = .*#link = "modbus-rtu"\ndevice = "/dev/ttyS1"#' -e '/^can_/d' -e '/^object_dictionary/d' \
-  -e 's#canopen.toml#default.toml#' /etc/bendloop/cell.toml
-bendloop check --unit-drop-in /etc/bendloop/cell.toml >/etc/systemd/system/bendloopd.service.d/50-cell.conf
-systemctl daemon-reload
-systemctl restart bendloopd || fail "the service does not start with a serial port"
-await_ready
-! journalctl -u bendloopd --no-pager -n 30 | grep -i 'ttyS1.*\(not permitted\|denied\)' || fail "no way to the serial port"
-journalctl -u bendloopd --no-pager -n 30 | grep 'ttyS1' | head -n 1 || true
 
 step "Stopped and removed; the data stay"
 systemctl stop bendloopd

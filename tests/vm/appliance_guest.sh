@@ -29,4 +29,4 @@ if [ ! -e "$image" ]; then
 fi
 echo "$kills" >"$work/kills.txt"
 export GUEST_DISK="$image" GUEST_MEMORY_MB=1024 GUEST_CPUS=2
-"$here/run_guest.sh" "$cache" "vcan can-raw dummy_hcd usb_f_fs" "$here/appliance.sh" "$@" "$here/one_bend.toml" "$work/kills.txt"
+"$here/run_guest.sh" "$cache" "" "$here/appliance.sh" "$@" "$here/one_bend.toml" "$work/kills.txt"
