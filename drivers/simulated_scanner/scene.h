@@ -31,7 +31,9 @@ struct SceneHit {
 // What stands in front of the sensor: the part first, then other tubes, a table, clamps.
 class Scene {
  public:
-  explicit Scene(const hal::Tube& part) { tubes_.emplace_back(part); }
+  explicit Scene(const hal::Tube& part, const hal::TubeFeatures& features = {}) {
+    tubes_.emplace_back(part, features);
+  }
   void Add(const hal::Tube& tube) { tubes_.emplace_back(tube); }
   void Add(const TablePlane& table) { tables_.push_back(table); }
   void Add(const Box& box) { boxes_.push_back(box); }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "hal/angles.h"
+
 namespace bendloop::drivers {
 namespace {
 
@@ -80,7 +82,7 @@ void ForEachRoot(const DepressedQuartic& f, double limit, Found found) {
 
 }  // namespace
 
-TubeSurface::TubeSurface(const hal::Tube& tube)
+TubeSurface::TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features)
     : pipe_radius_mm_(tube.pipe_radius_mm), segments_(hal::SpineSegments(tube.program, tube.X_WT)) {
   for (const hal::SpineSegment& segment : segments_) {
     if (!(segment.length_mm > 0)) continue;
@@ -98,13 +100,90 @@ TubeSurface::TubeSurface(const hal::Tube& tube)
     part.bounds.radius_mm += 1e-6;
     parts_.push_back(part);
   }
+  CutEnds(features);
+  for (const hal::WallOpening& opening : features.openings) {
+    const hal::SurfaceFrame frame = hal::FrameAt(segments_, opening.along_mm, opening.around_deg);
+    const double axis = opening.axis_deg * hal::kRadiansPerDegree;
+    const Vector3d along = std::cos(axis) * frame.tangent + std::sin(axis) * frame.sideways();
+    openings_.push_back({frame, along, frame.outward.cross(along),
+                         0.5 * (opening.length_mm - opening.width_mm), 0.5 * opening.width_mm});
+  }
+  for (const hal::PressedDent& dent : features.dents) {
+    dents_.push_back(
+        {hal::FrameAt(segments_, dent.along_mm, dent.around_deg), dent.depth_mm, dent.width_mm});
+  }
+}
+
+// Lengthens the end straights by what an oblique cut leaves beyond their ends, and cuts them.
+void TubeSurface::CutEnds(const hal::TubeFeatures& features) {
+  for (const bool at_start : {true, false}) {
+    const hal::EndCut& cut = at_start ? features.first_end : features.last_end;
+    const double slope = std::tan(cut.obliquity_deg * hal::kRadiansPerDegree);
+    if (slope == 0 || parts_.empty()) continue;
+    Part& part = at_start ? parts_.front() : parts_.back();
+    if (part.segment.is_arc()) continue;
+    const double at_mm =
+        at_start ? 0.0 : segments_.back().from_start_mm + segments_.back().length_mm;
+    const hal::SurfaceFrame frame = hal::FrameAt(segments_, at_mm, cut.around_deg);
+    const Vector3d outward = at_start ? Vector3d(-frame.tangent) : frame.tangent;
+    part.cuts.push_back({frame.spine_mm, (outward - slope * frame.outward).normalized()});
+    const double beyond_mm = pipe_radius_mm_ * slope;
+    if (at_start) part.segment.start_mm += beyond_mm * outward;
+    part.segment.length_mm += beyond_mm;
+    part.bounds.radius_mm += beyond_mm;
+  }
+}
+
+bool TubeSurface::IsAway(const Part& part, const Vector3d& point_mm) const {
+  for (const Plane& cut : part.cuts) {
+    if ((point_mm - cut.point_mm).dot(cut.outward) > 0) return true;
+  }
+  for (const Opening& opening : openings_) {
+    const Vector3d from_mm = point_mm - opening.frame.spine_mm;
+    // Of this wall, and not of what else lies behind it.
+    const double above_mm = from_mm.dot(opening.frame.outward);
+    if (above_mm < 0 || above_mm > 1.5 * pipe_radius_mm_) continue;
+    const double along_mm = from_mm.dot(opening.along);
+    const double off_mm = std::max(0.0, std::abs(along_mm) - opening.half_line_mm);
+    if (std::hypot(off_mm, from_mm.dot(opening.across)) < opening.half_width_mm) return true;
+  }
+  return false;
+}
+
+double TubeSurface::PressedMm(const Vector3d& point_mm) const {
+  double depth_mm = 0;
+  for (const Dent& dent : dents_) {
+    const Vector3d middle_mm = dent.frame.spine_mm + pipe_radius_mm_ * dent.frame.outward;
+    const double off = (point_mm - middle_mm).squaredNorm() / (dent.width_mm * dent.width_mm);
+    if (off < 40.0) depth_mm += dent.depth_mm * std::exp(-0.5 * off);
+  }
+  return depth_mm;
+}
+
+// Where the ray that met the round skin meets the pressed one, taken for flat over the way there.
+std::optional<Hit> TubeSurface::Pressed(const Ray& ray, const Hit& round) const {
+  if (dents_.empty()) return round;
+  constexpr double kGrazing = 0.05;  // cosine; beyond it nothing returns
+  constexpr int kSteps = 8;          // each leaves a fraction of what the step before left
+  const double cosine = -ray.direction.dot(round.normal);
+  if (cosine < 0 && -cosine * round.along_mm <= PressedMm(ray.At(round.along_mm)) + kSeamMm) {
+    return std::nullopt;  // the ray began above the pressed skin
+  }
+  if (cosine < kGrazing) return round;
+  Hit hit = round;
+  for (int i = 0; i < kSteps; ++i) {
+    const double depth_mm = PressedMm(ray.At(hit.along_mm));
+    hit.along_mm = round.along_mm + depth_mm / cosine;
+  }
+  return hit;
 }
 
 std::optional<Hit> TubeSurface::FirstHit(std::size_t index, const Ray& ray, double from_mm,
                                          double to_mm) const {
   const Part& part = parts_[index];
-  return part.segment.is_arc() ? HitArc(part, ray, from_mm, to_mm)
-                               : HitLine(part, ray, from_mm, to_mm);
+  const std::optional<Hit> round = part.segment.is_arc() ? HitArc(part, ray, from_mm, to_mm)
+                                                         : HitLine(part, ray, from_mm, to_mm);
+  return round ? Pressed(ray, *round) : round;
 }
 
 std::optional<Hit> TubeSurface::HitLine(const Part& part, const Ray& ray, double from_mm,
@@ -128,6 +207,7 @@ std::optional<Hit> TubeSurface::HitLine(const Part& part, const Ray& ray, double
     if (x < from_mm || x > to_mm || along < -kSeamMm || along > part.segment.length_mm + kSeamMm) {
       continue;
     }
+    if (IsAway(part, ray.At(x))) continue;
     return Hit{x, (across + x * direction_across) / pipe_radius_mm_};
   }
   return std::nullopt;
@@ -166,6 +246,7 @@ std::optional<Hit> TubeSurface::HitArc(const Part& part, const Ray& ray, double 
     double phi = std::atan2(p.y(), p.x());
     if (phi < -seam_rad) phi += 2 * std::numbers::pi;
     if (phi > angle_rad + seam_rad) return false;
+    if (IsAway(part, ray.At(middle + x))) return false;
     const double ring = std::hypot(p.x(), p.y());
     const Vector3d normal = (p - Vector3d(p.x(), p.y(), 0) * (R / ring)) / r;
     hit = Hit{middle + x, normal.x() * x_axis + normal.y() * y_axis + normal.z() * z_axis};

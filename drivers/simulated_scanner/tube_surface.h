@@ -8,6 +8,7 @@
 
 #include "hal/spine.h"
 #include "hal/tube.h"
+#include "hal/tube_features.h"
 
 namespace bendloop::drivers {
 
@@ -30,10 +31,11 @@ struct Sphere {
 };
 
 // The skin of a bent tube: cylinders and pieces of tori around the spine's lines and arcs, open at
-// both ends. Rays meet it exactly (torus: roots of the quartic).
+// both ends. Rays meet it exactly (torus: roots of the quartic), and pass through what is cut off
+// or drilled; dents are met to a thousandth of their depth. An oblique cut stays on its straight.
 class TubeSurface {
  public:
-  explicit TubeSurface(const hal::Tube& tube);
+  explicit TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features = {});
 
   std::size_t part_count() const { return parts_.size(); }
   // Holds the whole part.
@@ -46,20 +48,43 @@ class TubeSurface {
   double pipe_radius_mm() const { return pipe_radius_mm_; }
 
  private:
+  struct Plane {
+    Eigen::Vector3d point_mm, outward;
+  };
   struct Part {
     hal::SpineSegment segment;
     Sphere bounds;
     // Arcs: center, and axes from it to the start and along the start's tangent.
     Eigen::Vector3d center_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d to_start = Eigen::Vector3d::UnitX();
+    // Planes of the ends that lie on it: what is outside of them is cut off.
+    std::vector<Plane> cuts;
+  };
+  struct Opening {
+    hal::SurfaceFrame frame;
+    Eigen::Vector3d along, across;  // unit, of its length and its width
+    double half_line_mm = 0;        // the line about which it is drilled, from its middle
+    double half_width_mm = 0;
+  };
+  struct Dent {
+    hal::SurfaceFrame frame;
+    double depth_mm = 0, width_mm = 0;
   };
 
+  void CutEnds(const hal::TubeFeatures& features);
+  // Whether material is missing where the skin of the round tube would be.
+  bool IsAway(const Part& part, const Eigen::Vector3d& point_mm) const;
+  // How far the skin is pressed in at this point of the round tube.
+  double PressedMm(const Eigen::Vector3d& point_mm) const;
+  std::optional<Hit> Pressed(const Ray& ray, const Hit& round) const;
   std::optional<Hit> HitLine(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
   std::optional<Hit> HitArc(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
 
   double pipe_radius_mm_;
   std::vector<hal::SpineSegment> segments_;
   std::vector<Part> parts_;  // of the segments that have a length
+  std::vector<Opening> openings_;
+  std::vector<Dent> dents_;
 };
 
 }  // namespace bendloop::drivers

@@ -11,6 +11,7 @@
 #include "hal/laser_profile.h"
 #include "hal/scan_event.h"
 #include "hal/tube.h"
+#include "hal/tube_features.h"
 
 namespace bendloop::drivers {
 
@@ -46,6 +47,7 @@ struct VirtualScanOptions {
   double pose_noise_mm = 0;           // 1 sigma of the reported position, each axis
   bool quantise = true;               // to whole micrometres, as the wire carries them
 
+  hal::TubeFeatures features;  // of the part
   Clutter clutter;
 };
 
