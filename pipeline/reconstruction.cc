@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/features/end_cut.h"
+#include "pipeline/features/openings.h"
 #include "pipeline/fit/bowed_fit.h"
 #include "pipeline/fit/correlations.h"
 #include "pipeline/fit/coverage.h"
@@ -149,13 +151,20 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportQuality(tube->structure, fit, CompareHalves(fit, tube->blocks, final.options),
                 NominalBends(), measurement);
   timer.Done("self_check");
-  const TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, tube->blocks, workers);
+  TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, tube->blocks, workers);
+  const EndCuts cuts = FindEndCuts(final.noise_mm, tube->blocks, ends);
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   ReportForm(FindForm(fit, measurement.tube, final.noise_mm, tube->blocks, final.options.reach_mm),
              measurement);
   LookBeyondEnds(ends, final.noise_mm, measurement);
+  measurement.features = {true, cuts.first, cuts.last,
+                          FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
+                                       tube->blocks, workers)};
+  // The plane of what sits on an end is not the tube's.
+  if (measurement.first_end.length_mm > 0) measurement.features.first_end.reset();
+  if (measurement.last_end.length_mm > 0) measurement.features.last_end.reset();
   SayOtherPart(measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.noise_mm = final.noise_mm;

@@ -10,6 +10,7 @@
 #include "pipeline/tube/easing.h"
 #include "pipeline/tube/flattening.h"
 #include "pipeline/tube/joint_uncertainty.h"
+#include "pipeline/tube/tube_features.h"
 
 namespace bendloop::pipeline {
 
@@ -106,6 +107,7 @@ struct Measurement {
   std::vector<StraightForm> straights;   // one more than bends; none: not known, as of canals
   std::vector<DentFound> dents;
   EndForm first_end, last_end;
+  TubeFeaturesFound features;
   std::vector<PassOffset> passes;  // none: all points came in one, or in no order that is known
   // By how much the tube is better than the next best one with another number of bends: twice the
   // natural logarithm of the odds. Below 10 it was a close call; NaN: not known, as of canals.

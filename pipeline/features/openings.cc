@@ -1,0 +1,437 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/openings.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "hal/angles.h"
+#include "pipeline/features/posterior.h"
+#include "pipeline/features/surface_cells.h"
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct OpeningSettings {
+  // [sigma] and [of r_P] From the surface, the greater: samples of the wall beside an opening.
+  double on_surface = 4.0, on_surface_r = 0.05;
+  // [of r_P] Samples further in are not the wall's; further out nothing hides it.
+  double inside = 0.3, outside = 1.0;
+  // The place is looked at as far as this around its middle, in its own size, and [of r_P] further.
+  double look = 1.3, look_more = 0.5;
+  // [of r_P] From the middle: what is further aside is seen along the surface.
+  double limb = 0.9;
+  // Places where the distance to the nearest sample is asked for, across the void.
+  int probes = 24;
+  // How often as wide as the widest gap beside it an opening must be.
+  double least_gaps = 2.2;
+  std::size_t most_gap_probes = 400;
+  // Samples that the wall would have there; fewer may be missing by chance (e^-16).
+  double least_missing = 16.0;
+  // Of these, so many may lie in it: fliers and mixed pixels.
+  double most_inside = 0.04;
+  // Its border has samples on so many of its sides.
+  int sides = 24, least_sides = 23;
+  // [of r_P] The widest, and how much longer than wide.
+  double widest = 1.7, longest = 12.0;
+  // [sigma] A slot is longer than wide by so much, and by this part of its width.
+  double slot_sigmas = 5.0, slot_part = 0.08;
+  // Of the noise along the normal: how far it displaces a sample along the surface.
+  double along = 0.5;
+  double flier = 1e-3;  // part of the samples that may lie anywhere
+  // Samples of laser lines are no scattered ones: of the sigmas that these would have. By trial.
+  double of_lines = 1.3;
+  int walk = 2500;
+};
+constexpr OpeningSettings kOpening;
+
+double LogCovered(double distance_mm, double smear_mm) {
+  const double covered = 0.5 * std::erfc(-distance_mm / smear_mm * std::numbers::sqrt2 / 2.0);
+  return std::log(kOpening.flier + (1.0 - kOpening.flier) * covered);
+}
+
+// What lies about a place, in the plane across the outward direction there.
+struct Surroundings {
+  std::vector<Eigen::Vector2d> wall;  // samples of the surface
+  // These, and whatever else may hide it or shows that something is there.
+  std::vector<Eigen::Vector2d> present;
+};
+
+Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall_mm, double r_mm,
+                    std::span<const SegmentFrame> frames, std::span<const PointBlock> blocks) {
+  Surroundings around;
+  const Eigen::Vector3d middle = frame.spine_mm + r_mm * frame.outward;
+  const Eigen::Vector3d sideways = frame.sideways();
+  const double ball_mm = std::hypot(reach_mm, (1.0 + kOpening.outside) * r_mm);
+  std::vector<std::int32_t> candidates;
+  for (const PointBlock& block : blocks) {
+    const double near_mm = ball_mm + block.half_diagonal_mm;
+    if ((block.center_mm - middle).squaredNorm() > near_mm * near_mm) continue;
+    CandidateSegments(block, frames, 2.5 * r_mm, candidates);
+    if (candidates.empty()) continue;
+    for (const Eigen::Vector3d& point : block.points) {
+      const Eigen::Vector3d from = point - frame.spine_mm;
+      const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(sideways));
+      if (place.norm() > reach_mm || from.dot(frame.outward) < 0) continue;
+      const double off_mm = NearestSegment(point, frames, candidates).distance_mm - r_mm;
+      if (off_mm < -kOpening.inside * r_mm || off_mm > kOpening.outside * r_mm) continue;
+      around.present.push_back(place);
+      if (std::abs(off_mm) < wall_mm) around.wall.push_back(place);
+    }
+  }
+  return around;
+}
+
+double NearestMm(const Eigen::Vector2d& place, std::span<const Eigen::Vector2d> samples) {
+  double nearest = 1e300;
+  for (const Eigen::Vector2d& sample : samples) {
+    nearest = std::min(nearest, (sample - place).squaredNorm());
+  }
+  return std::sqrt(nearest);
+}
+
+// The void about the middle: how wide it is, where, and how long.
+std::optional<OpeningBorder> RoughBorder(std::span<const Eigen::Vector2d> present, double size_mm,
+                                         double r_mm) {
+  const double step_mm = 2.0 * size_mm / kOpening.probes;
+  std::vector<Eigen::Vector2d> places;
+  std::vector<double> free_mm;
+  double widest_mm = 0;
+  for (int i = 0; i <= kOpening.probes; ++i) {
+    for (int k = 0; k <= kOpening.probes; ++k) {
+      const Eigen::Vector2d place(step_mm * i - size_mm, step_mm * k - size_mm);
+      if (place.norm() > size_mm || std::abs(place.y()) > kOpening.limb * r_mm) continue;
+      places.push_back(place);
+      free_mm.push_back(NearestMm(place, present));
+      widest_mm = std::max(widest_mm, free_mm.back());
+    }
+  }
+  // The line about which it is cut is where it is nearly as wide as anywhere.
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  double count = 0;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (free_mm[i] < 0.8 * widest_mm) continue;
+    middle += places[i];
+    count += 1;
+  }
+  if (count == 0) return std::nullopt;
+  middle /= count;
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (free_mm[i] < 0.8 * widest_mm) continue;
+    spread += (places[i] - middle) * (places[i] - middle).transpose() / count;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(spread);
+  const Eigen::Vector2d axis = eigen.eigenvectors().col(1);
+  OpeningBorder border;
+  border.middle_mm = middle;
+  border.width_mm = 2.0 * widest_mm;
+  const double excess = std::max(0.0, eigen.eigenvalues()[1] - eigen.eigenvalues()[0]);
+  border.length_mm = border.width_mm + std::sqrt(12.0 * excess);
+  border.axis_rad = std::atan2(axis.y(), axis.x());
+  return border;
+}
+
+// How far a place may be from the nearest sample beside the opening.
+double GapBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> present,
+                 double r_mm) {
+  std::vector<double> gaps;
+  const double from_mm = 0.25 * border.width_mm, to_mm = from_mm + 0.5 * border.width_mm;
+  // Places spread evenly over the ring (Vogel's spiral).
+  const double reach_mm = 0.5 * border.length_mm + to_mm;
+  const auto n = static_cast<double>(kOpening.most_gap_probes);
+  for (double i = 0.5; i < n; i += 1.0) {
+    const double radius = reach_mm * std::sqrt(i / n);
+    const double turn = i * std::numbers::pi * (3.0 - std::sqrt(5.0));
+    const Eigen::Vector2d place =
+        border.middle_mm + radius * Eigen::Vector2d(std::cos(turn), std::sin(turn));
+    const double off_mm = border.DistanceMm(place);
+    if (std::abs(place.y()) > kOpening.limb * r_mm) continue;
+    if (off_mm > from_mm && off_mm < to_mm) gaps.push_back(NearestMm(place, present));
+  }
+  return Quantile(std::move(gaps), 0.98);
+}
+
+// Samples per area in a band beside the border, and how that grows over the place [part of it a
+// mm]: where one pass of the scan ends, one side has more than the other.
+struct Density {
+  double per_mm2 = 0;
+  Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+
+  // Samples that an opening takes away; `about_mm`: where `per_mm2` is.
+  double Missing(const OpeningBorder& border, const Eigen::Vector2d& about_mm) const {
+    return per_mm2 * border.AreaMm2() * (1.0 + slope.dot(border.middle_mm - about_mm));
+  }
+};
+
+Density DensityBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall) {
+  const double to_mm = 0.4 * border.width_mm;
+  double count = 0;
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
+  for (const Eigen::Vector2d& place : wall) {
+    const double off_mm = border.DistanceMm(place);
+    if (!(off_mm > 0 && off_mm < to_mm)) continue;
+    const Eigen::Vector2d from = place - border.middle_mm;
+    count += 1;
+    mean += from;
+    square += from * from.transpose();
+  }
+  OpeningBorder wider = border;
+  wider.width_mm += 2.0 * to_mm;
+  wider.length_mm += 2.0 * to_mm;
+  Density density;
+  density.per_mm2 = count / (wider.AreaMm2() - border.AreaMm2());
+  if (square.determinant() > 0) density.slope = square.inverse() * mean;
+  // No side has fewer than none.
+  const double most = 1.8 / border.length_mm;
+  if (density.slope.norm() > most) density.slope *= most / density.slope.norm();
+  return density;
+}
+
+// Whether an opening with this border leaves these samples: none in it, and some on all its sides,
+// no further from it than they are from each other.
+bool IsCut(const OpeningBorder& border, const Surroundings& around, double gap_mm) {
+  const double missing = DensityBeside(border, around.wall).per_mm2 * border.AreaMm2();
+  double inside = 0;
+  std::vector<bool> has(static_cast<std::size_t>(kOpening.sides), false);
+  const double clear_mm = 0.1 * border.width_mm;
+  for (const Eigen::Vector2d& place : around.present) {
+    if (border.DistanceMm(place) < -clear_mm) inside += 1;
+  }
+  for (const Eigen::Vector2d& place : around.wall) {
+    const double off_mm = border.DistanceMm(place);
+    if (off_mm < -clear_mm || off_mm > 2.0 * gap_mm + clear_mm) continue;
+    // Sides by how far around the border: that of a long slot is stretched to be round.
+    const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
+    const Eigen::Vector2d from = place - border.middle_mm;
+    const double x = (c * from.x() + s * from.y()) * border.width_mm / border.length_mm;
+    const double turn = std::atan2(c * from.y() - s * from.x(), x) / (2.0 * std::numbers::pi) + 0.5;
+    const auto side = static_cast<std::size_t>(turn * kOpening.sides);
+    has[std::min(side, has.size() - 1)] = true;
+  }
+  return missing >= kOpening.least_missing &&
+         inside <= std::max(1.0, kOpening.most_inside * missing) &&
+         std::count(has.begin(), has.end(), true) >= kOpening.least_sides;
+}
+
+// Numbers of a border in the walk: place, half width, half of what it is longer; the axis.
+OpeningBorder BorderOf(const Eigen::VectorXd& x, bool is_slot) {
+  OpeningBorder border;
+  border.middle_mm = x.head<2>();
+  border.width_mm = 2.0 * x[2];
+  border.length_mm = border.width_mm + (is_slot ? 2.0 * x[3] : 0.0);
+  border.axis_rad = is_slot ? x[4] : 0.0;
+  return border;
+}
+
+FittedOpening FitShape(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
+                       bool is_slot, double smear_mm) {
+  const Density density = DensityBeside(about, samples);
+  // Samples far outside tell nothing.
+  const double far_mm = 0.35 * about.width_mm;
+  std::vector<Eigen::Vector2d> near;
+  for (const Eigen::Vector2d& sample : samples) {
+    if (about.DistanceMm(sample) < far_mm) near.push_back(sample);
+  }
+  const auto log_density = [&](const Eigen::VectorXd& x) {
+    if (x[2] < 0.25 * about.width_mm || x[2] > about.width_mm) return -1e300;
+    if (is_slot && (x[3] < 0 || std::abs(x[4] - about.axis_rad) > 0.5 * std::numbers::pi)) {
+      return -1e300;
+    }
+    const OpeningBorder border = BorderOf(x, is_slot);
+    double log = density.Missing(border, about.middle_mm);
+    const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
+    const double half_line_mm = is_slot ? x[3] : 0.0, free_mm = x[2] + 5.0 * smear_mm;
+    for (const Eigen::Vector2d& sample : near) {
+      const Eigen::Vector2d from = sample - border.middle_mm;
+      const double along = std::max(0.0, std::abs(c * from.x() + s * from.y()) - half_line_mm);
+      const double across = c * from.y() - s * from.x();
+      const double square = along * along + across * across;
+      if (square > free_mm * free_mm) continue;  // nowhere near the border
+      log += LogCovered(std::sqrt(square) - x[2], smear_mm);
+    }
+    return log;
+  };
+  const int numbers = is_slot ? 5 : 3;
+  Eigen::VectorXd start(numbers), scale(numbers);
+  start.head<3>() << about.middle_mm, 0.48 * about.width_mm;
+  scale.head<3>().setConstant(0.02 * about.width_mm);
+  if (is_slot) {
+    start.tail<2>() << 0.5 * (about.length_mm - about.width_mm), about.axis_rad;
+    scale.tail<2>() << 0.02 * about.width_mm, 0.02 * about.width_mm / about.length_mm;
+  }
+  const Posterior posterior = SamplePosterior(start, scale, kOpening.walk, log_density);
+  FittedOpening fitted{BorderOf(posterior.mean, is_slot), {}};
+  fitted.sigma.middle_mm = {posterior.Sigma(0), posterior.Sigma(1)};
+  fitted.sigma.width_mm = 2.0 * posterior.Sigma(2);
+  fitted.sigma.length_mm = fitted.sigma.width_mm;
+  if (is_slot) {
+    const Eigen::MatrixXd& c = posterior.covariance;
+    fitted.sigma.length_mm = 2.0 * std::sqrt(std::max(0.0, c(2, 2) + c(3, 3) + 2.0 * c(2, 3)));
+    fitted.sigma.axis_rad = posterior.Sigma(4);
+  }
+  return fitted;
+}
+
+// One place where cells of the surface are empty, looked at closely.
+class Candidate {
+ public:
+  Candidate(const hal::Tube& tube, std::span<const hal::SpineSegment> segments,
+            std::span<const SegmentFrame> frames, double sigma_mm,
+            std::span<const PointBlock> blocks)
+      : r_mm_(tube.pipe_radius_mm),
+        segments_(segments),
+        frames_(frames),
+        sigma_mm_(sigma_mm),
+        blocks_(blocks) {}
+
+  std::optional<OpeningFound> LookAt(const EmptyPlace& place) const {
+    const double size_mm = 0.5 * place.size_mm;
+    const double reach_mm = kOpening.look * 2.0 * size_mm + kOpening.look_more * r_mm_;
+    const double wall_mm = std::max(kOpening.on_surface * sigma_mm_, kOpening.on_surface_r * r_mm_);
+    hal::SurfaceFrame frame = hal::FrameAt(segments_, place.along_mm, place.around_deg);
+    for (int round = 0; round < 2; ++round) {
+      const Surroundings around =
+          pipeline::LookAt(frame, reach_mm, wall_mm, r_mm_, frames_, blocks_);
+      if (around.wall.size() < 20) return std::nullopt;
+      const auto rough = RoughBorder(around.present, size_mm, r_mm_);
+      if (!rough || rough->width_mm > kOpening.widest * r_mm_) return std::nullopt;
+      // About its own middle, across whose normal it is round.
+      if (round == 0) {
+        frame = FrameOf(frame, rough->middle_mm);
+        continue;
+      }
+      return Fit(frame, *rough, around);
+    }
+    return std::nullopt;
+  }
+
+ private:
+  std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& rough,
+                                  const Surroundings& around) const {
+    if (rough.length_mm > kOpening.longest * rough.width_mm) return std::nullopt;
+    const double gap_mm = GapBeside(rough, around.present, r_mm_);
+    if (rough.width_mm < 2.0 * kOpening.least_gaps * gap_mm) return std::nullopt;
+    const Density density = DensityBeside(rough, around.wall);
+    if (density.per_mm2 * rough.AreaMm2() < kOpening.least_missing) return std::nullopt;
+    const double smear_mm = std::max(kOpening.along * sigma_mm_, 1e-4 * r_mm_);
+    const FittedOpening fitted = FitOpening(around.wall, rough, smear_mm);
+    if (!IsCut(fitted.border, around, gap_mm)) return std::nullopt;
+    return Found(frame, fitted);
+  }
+
+  // The frame of a place in the plane of another.
+  hal::SurfaceFrame FrameOf(const hal::SurfaceFrame& frame, const Eigen::Vector2d& place_mm) const {
+    const auto [along_mm, around_deg] = PlaceOf(frame, place_mm);
+    return hal::FrameAt(segments_, along_mm, around_deg);
+  }
+  std::pair<double, double> PlaceOf(const hal::SurfaceFrame& frame,
+                                    const Eigen::Vector2d& place_mm) const {
+    const double height_mm = std::sqrt(std::max(0.0, r_mm_ * r_mm_ - place_mm.y() * place_mm.y()));
+    const Eigen::Vector3d point = frame.spine_mm + place_mm.x() * frame.tangent +
+                                  place_mm.y() * frame.sideways() + height_mm * frame.outward;
+    double nearest_mm = 1e300, along_mm = 0;
+    for (const hal::SpineSegment& segment : segments_) {
+      double on_mm = (point - segment.start_mm).dot(segment.tangent);
+      if (segment.is_arc()) {
+        const Eigen::Vector3d from = point - segment.center_mm();
+        on_mm =
+            segment.bend_radius_mm *
+            std::atan2(from.dot(segment.tangent), -from.dot(segment.normal.cross(segment.tangent)));
+      }
+      on_mm = std::clamp(on_mm, 0.0, segment.length_mm);
+      const double away_mm = (point - segment.PointAt(on_mm)).norm();
+      if (away_mm < nearest_mm) nearest_mm = away_mm, along_mm = segment.from_start_mm + on_mm;
+    }
+    const hal::SurfaceFrame there = hal::FrameAt(segments_, along_mm, 0.0);
+    return {along_mm, hal::AroundDeg(there.outward, there.tangent, point - there.spine_mm)};
+  }
+
+  OpeningFound Found(const hal::SurfaceFrame& frame, const FittedOpening& fitted) const {
+    const OpeningBorder& border = fitted.border;
+    const auto [along_mm, around_deg] = PlaceOf(frame, border.middle_mm);
+    const hal::SurfaceFrame own = hal::FrameAt(segments_, along_mm, around_deg);
+    OpeningFound found;
+    const double axis_deg = std::remainder(border.axis_rad * hal::kDegreesPerRadian, 180.0);
+    found.opening = {along_mm, around_deg, border.length_mm, border.width_mm,
+                     border.is_hole() ? 0.0 : axis_deg};
+    const double wider = kOpening.of_lines;
+    found.sigma = {wider * fitted.sigma.middle_mm.x(),
+                   wider * fitted.sigma.middle_mm.y() / r_mm_ * hal::kDegreesPerRadian,
+                   wider * fitted.sigma.length_mm, wider * fitted.sigma.width_mm,
+                   wider * fitted.sigma.axis_rad * hal::kDegreesPerRadian};
+    found.position_mm = own.spine_mm + r_mm_ * own.outward;
+    const double axis = found.opening.axis_deg * hal::kRadiansPerDegree;
+    found.direction = std::cos(axis) * own.tangent + std::sin(axis) * own.sideways();
+    return found;
+  }
+
+  double r_mm_;
+  std::span<const hal::SpineSegment> segments_;
+  std::span<const SegmentFrame> frames_;
+  double sigma_mm_;
+  std::span<const PointBlock> blocks_;
+};
+
+}  // namespace
+
+double OpeningBorder::DistanceMm(const Eigen::Vector2d& place_mm) const {
+  const Eigen::Vector2d from = place_mm - middle_mm;
+  if (is_hole()) return from.norm() - 0.5 * width_mm;
+  const double c = std::cos(axis_rad), s = std::sin(axis_rad);
+  const double along = std::abs(c * from.x() + s * from.y()) - 0.5 * (length_mm - width_mm);
+  const double across = c * from.y() - s * from.x();
+  return std::hypot(std::max(0.0, along), across) - 0.5 * width_mm;
+}
+
+double OpeningBorder::AreaMm2() const {
+  return 0.25 * std::numbers::pi * width_mm * width_mm + (length_mm - width_mm) * width_mm;
+}
+
+FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
+                         double smear_mm) {
+  FittedOpening slot = FitShape(samples, about, true, smear_mm);
+  const double longer_mm = slot.border.length_mm - slot.border.width_mm;
+  const double sigma_mm = std::hypot(slot.sigma.length_mm, slot.sigma.width_mm);
+  if (longer_mm > kOpening.slot_sigmas * sigma_mm &&
+      longer_mm > kOpening.slot_part * slot.border.width_mm) {
+    return slot;
+  }
+  OpeningBorder round = slot.border;
+  round.width_mm = round.length_mm = std::sqrt(slot.border.AreaMm2() * 4.0 / std::numbers::pi);
+  return FitShape(samples, round, false, smear_mm);
+}
+
+std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easing,
+                                       const TubeEnds& ends, double sigma_mm,
+                                       std::span<const PointBlock> blocks, Workers* workers) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, blocks, workers);
+  std::vector<OpeningFound> openings;
+  if (places.empty()) return openings;
+  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
+  const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
+  const Candidate candidate(tube, segments, frames, sigma_mm, blocks);
+  for (const EmptyPlace& place : places) {
+    auto found = candidate.LookAt(place);
+    if (!found) continue;
+    const bool from_end = 2.0 * found->opening.along_mm > hal::SpineLength(tube.program);
+    found->sigma.along_mm =
+        std::hypot(found->sigma.along_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
+    // The same one, seen at another size of cells.
+    const bool is_known =
+        std::any_of(openings.begin(), openings.end(), [&](const OpeningFound& other) {
+          return (other.position_mm - found->position_mm).norm() < 0.5 * other.opening.length_mm;
+        });
+    if (!is_known) openings.push_back(*found);
+  }
+  std::sort(openings.begin(), openings.end(), [](const OpeningFound& a, const OpeningFound& b) {
+    return a.opening.along_mm < b.opening.along_mm;
+  });
+  return openings;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/posterior.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+namespace bendloop::pipeline {
+namespace {
+
+// SplitMix64: the same numbers with every standard library.
+class Dice {
+ public:
+  double Uniform() {  // (0, 1)
+    state_ += 0x9E3779B97F4A7C15U;
+    std::uint64_t x = state_;
+    x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9U;
+    x = (x ^ (x >> 27U)) * 0x94D049BB133111EBU;
+    return (static_cast<double>((x ^ (x >> 31U)) >> 11U) + 0.5) * 0x1.0p-53;
+  }
+  double Normal() {
+    return std::sqrt(-2.0 * std::log(Uniform())) * std::cos(2.0 * std::numbers::pi * Uniform());
+  }
+
+ private:
+  std::uint64_t state_ = 0x62656E646C6F6F70U;
+};
+
+// Rounds in which the steps learn, and the part of the walk that each of them takes.
+constexpr int kLearningRounds = 4;
+constexpr double kLearningPart = 0.2;
+// Of the best step of a normal density (Roberts, Gelman and Gilks 1997).
+constexpr double kBestStep = 2.38;
+constexpr double kKeptShape = 0.05;  // of the shape before, so that none degenerates
+
+struct Sums {
+  explicit Sums(Eigen::Index n)
+      : first(Eigen::VectorXd::Zero(n)), second(Eigen::MatrixXd::Zero(n, n)) {}
+  void Add(const Eigen::VectorXd& x, const Eigen::VectorXd& from) {
+    for (Eigen::Index i = 0; i < first.size(); ++i) {
+      first[i] += x[i] - from[i];
+      for (Eigen::Index k = 0; k <= i; ++k) second(i, k) += (x[i] - from[i]) * (x[k] - from[k]);
+    }
+    count += 1;
+  }
+  Eigen::VectorXd Mean() const { return first / count; }
+  Eigen::MatrixXd Covariance() const {
+    const Eigen::MatrixXd both = second.selfadjointView<Eigen::Lower>();
+    return both / count - Mean() * Mean().transpose();
+  }
+
+  Eigen::VectorXd first;
+  Eigen::MatrixXd second;
+  double count = 0;
+};
+
+}  // namespace
+
+Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& scale, int walk,
+                          const std::function<double(const Eigen::VectorXd&)>& log_density) {
+  const Eigen::Index n = start.size();
+  Dice dice;
+  Eigen::VectorXd at = start, to = start, step(n);
+  double here = log_density(at);
+  Eigen::MatrixXd shape = scale.array().square().matrix().asDiagonal();
+  double length = kBestStep / std::sqrt(static_cast<double>(n));
+  const auto round = [&](int steps) {
+    const Eigen::MatrixXd factor = length * Eigen::MatrixXd(shape.llt().matrixL());
+    Sums sums(n);  // about the start, so that no digits are lost
+    int taken = 0;
+    for (int taking = 0; taking < steps; ++taking) {
+      for (Eigen::Index k = 0; k < n; ++k) step[k] = dice.Normal();
+      to = at;
+      for (Eigen::Index k = 0; k < n; ++k) {
+        for (Eigen::Index i = k; i < n; ++i) to[i] += factor(i, k) * step[k];
+      }
+      const double there = log_density(to);
+      if (std::log(dice.Uniform()) < there - here) {
+        at.swap(to);
+        here = there;
+        ++taken;
+      }
+      sums.Add(at, start);
+    }
+    // About a quarter of the steps should be taken.
+    const double part = static_cast<double>(taken) / steps;
+    length *= std::clamp(part / 0.25, 0.3, 2.0);
+    return sums;
+  };
+  for (int i = 0; i < kLearningRounds; ++i) {
+    const Sums sums = round(std::max(1, static_cast<int>(kLearningPart * walk)));
+    shape = sums.Covariance() + kKeptShape * shape;
+  }
+  const Sums sums = round(walk);
+  return {start + sums.Mean(), sums.Covariance()};
+}
+
+}  // namespace bendloop::pipeline

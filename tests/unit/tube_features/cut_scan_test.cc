@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// Virtual scans of tubes with oblique ends, holes, a slot and a dent, measured: what was cut is
+// found, and of tubes that nothing was cut into nothing is.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "drivers/simulated_scanner/virtual_scan.h"
+#include "hal/clock.h"
+#include "hal/tube_features.h"
+#include "pipeline/reconstruction.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+hal::Tube BentTube() {
+  return {8, {{{90, 0, 60, 25.0}, {70, 90, 45, 25.0}, {80, 0, 0, std::nullopt}}}, {}};
+}
+
+drivers::VirtualScanOptions AllAround(std::uint64_t seed) {
+  drivers::VirtualScanOptions options;
+  options.seed = seed;
+  options.rays = 320;
+  options.path.profile_spacing_mm = 0.5;
+  options.path.views_deg = drivers::SpreadViewsDeg(4, true);
+  return options;
+}
+
+Measurement Measure(const hal::Tube& tube, const drivers::VirtualScanOptions& options) {
+  const drivers::VirtualScan scan(tube, options);
+  const hal::ManualClock clock;
+  Reconstruction reconstruction({}, clock);
+  hal::LaserProfile profile(scan.max_points());
+  for (std::size_t i = 0; i < scan.profile_count(); ++i) {
+    scan.Make(i, profile);
+    reconstruction.Add(profile);
+  }
+  auto measurement = reconstruction.Finish();
+  EXPECT_TRUE(measurement) << (measurement ? "" : measurement.error().message);
+  return measurement ? *measurement : Measurement{};
+}
+
+double Turn(double a_deg, double b_deg) { return std::remainder(a_deg - b_deg, 360.0); }
+
+TEST(CutScan, FindsEndsHolesAndSlot) {
+  const hal::Tube tube = drivers::LayOnTable(BentTube(), 3);
+  drivers::VirtualScanOptions options = AllAround(3);
+  const double length_mm = hal::SpineLength(tube.program);
+  options.features.first_end = {2.5, 40};
+  options.features.last_end = {4.0, -120};
+  options.features.openings = {
+      {30, 60, 6, 6, 0}, {60, -100, 12, 5, 25}, {length_mm - 35, 10, 5, 5, 0}};
+  const Measurement m = Measure(tube, options);
+  const TubeFeaturesFound& found = m.features;
+
+  ASSERT_TRUE(found.first_end);
+  EXPECT_NEAR(found.first_end->cut.obliquity_deg, 2.5, 3 * found.first_end->obliquity_sigma_deg);
+  EXPECT_LT(std::abs(Turn(found.first_end->cut.around_deg, 40)),
+            3 * found.first_end->around_sigma_deg);
+  EXPECT_LT(found.first_end->obliquity_sigma_deg, 0.6);
+  ASSERT_TRUE(found.last_end);
+  EXPECT_NEAR(found.last_end->cut.obliquity_deg, 4.0, 3 * found.last_end->obliquity_sigma_deg);
+  EXPECT_LT(std::abs(Turn(found.last_end->cut.around_deg, -120)),
+            3 * found.last_end->around_sigma_deg);
+  // To the planes at the axis, not to where the long sides stop.
+  EXPECT_NEAR(m.tube.program.rows.front().length_mm, 90, 3 * m.sigma.rows.front().length_mm + 1e-9);
+  EXPECT_NEAR(m.tube.program.rows.back().length_mm, 80, 3 * m.sigma.rows.back().length_mm);
+
+  ASSERT_EQ(found.openings.size(), options.features.openings.size());
+  for (std::size_t i = 0; i < found.openings.size(); ++i) {
+    const hal::WallOpening& truth = options.features.openings[i];
+    const hal::WallOpening& opening = found.openings[i].opening;
+    const hal::WallOpening& sigma = found.openings[i].sigma;
+    EXPECT_EQ(opening.is_hole(), truth.is_hole()) << i;
+    EXPECT_NEAR(opening.width_mm, truth.width_mm, 3 * sigma.width_mm) << i;
+    EXPECT_NEAR(opening.length_mm, truth.length_mm, 3 * sigma.length_mm) << i;
+    EXPECT_LT(std::abs(Turn(opening.around_deg, truth.around_deg)), 3 * sigma.around_deg) << i;
+    const double from_end_mm =
+        truth.along_mm > 0.5 * length_mm
+            ? (hal::SpineLength(m.tube.program) - opening.along_mm) - (length_mm - truth.along_mm)
+            : opening.along_mm - truth.along_mm;
+    EXPECT_LT(std::abs(from_end_mm), 3 * sigma.along_mm) << i;
+    EXPECT_LT(sigma.width_mm, 0.1) << i;
+    if (!truth.is_hole()) {
+      EXPECT_LT(std::abs(std::remainder(opening.axis_deg - truth.axis_deg, 180.0)),
+                3 * sigma.axis_deg);
+    }
+  }
+}
+
+TEST(CutScan, LeavesLengthsRotationsAndAnglesAlone) {
+  const hal::Tube tube = drivers::LayOnTable(BentTube(), 5);
+  drivers::VirtualScanOptions options = AllAround(5);
+  options.features.openings = {{45, 60, 8, 8, 0}, {160, 0, 14, 6, 0}};
+  const Measurement m = Measure(tube, options);
+  EXPECT_EQ(m.features.openings.size(), 2U);
+  for (std::size_t i = 0; i < tube.program.rows.size(); ++i) {
+    const hal::BendRow& truth = tube.program.rows[i];
+    const hal::BendRow& row = m.tube.program.rows[i];
+    const hal::BendRow& sigma = m.sigma.rows[i];
+    EXPECT_NEAR(row.length_mm, truth.length_mm, 3.5 * sigma.length_mm) << i;
+    if (i + 1 == tube.program.rows.size()) continue;
+    EXPECT_NEAR(row.angle_deg, truth.angle_deg, 3.5 * sigma.angle_deg) << i;
+    if (i > 0) {
+      EXPECT_LT(std::abs(Turn(row.rotation_deg, truth.rotation_deg)), 3.5 * sigma.rotation_deg);
+    }
+  }
+}
+
+struct Plain {
+  const char* name;
+  int views;
+  bool all_around;
+  int rays;
+  double spacing_mm;
+  int clamps;
+  bool table;
+  double jitter_mm;
+};
+
+class PlainScan : public testing::TestWithParam<Plain> {};
+
+TEST_P(PlainScan, HasNoOpeningsAndSquareEnds) {
+  const Plain& plain = GetParam();
+  const hal::Tube tube = drivers::LayOnTable(BentTube(), 7);
+  drivers::VirtualScanOptions options;
+  options.seed = 7;
+  options.rays = plain.rays;
+  options.path.profile_spacing_mm = plain.spacing_mm;
+  options.path.views_deg = drivers::SpreadViewsDeg(plain.views, plain.all_around);
+  options.path.jitter_mm = plain.jitter_mm;
+  options.path.jitter_deg = plain.jitter_mm;
+  options.clutter.clamps = plain.clamps;
+  options.clutter.table = plain.table;
+  const Measurement m = Measure(tube, options);
+  EXPECT_TRUE(m.features.openings.empty())
+      << m.features.openings.front().opening.along_mm << " mm, "
+      << m.features.openings.front().opening.around_deg << " degrees, "
+      << m.features.openings.front().opening.width_mm << " mm";
+  for (const auto* end : {&m.features.first_end, &m.features.last_end}) {
+    if (*end) {
+      EXPECT_LT((*end)->cut.obliquity_deg, 5 * (*end)->obliquity_sigma_deg);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scans, PlainScan,
+                         testing::Values(Plain{"OneView", 1, false, 320, 1.0, 0, false, 0},
+                                         Plain{"Clamps", 3, false, 320, 1.0, 2, true, 0},
+                                         Plain{"Thin", 3, true, 120, 3.0, 0, false, 0.2},
+                                         Plain{"Hand", 3, true, 320, 1.0, 1, true, 0.5},
+                                         Plain{"Dense", 4, true, 640, 0.5, 0, true, 0}),
+                         [](const testing::TestParamInfo<Plain>& info) { return info.param.name; });
+
+}  // namespace
+}  // namespace bendloop::pipeline

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// Planes of tube ends: their error against the bound of the sampled border, and whether 1 sigma is
+// what it says.
+#include "pipeline/features/end_cut.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "hal/angles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kRadiusMm = 8, kWindowMm = 3 * kRadiusMm;
+
+struct Border {
+  double at_mm = 0, slope = 0, around_rad = 0;
+  double At(double around) const {
+    return at_mm + kRadiusMm * slope * std::cos(around - around_rad);
+  }
+};
+
+class Tubes {
+ public:
+  explicit Tubes(unsigned seed) : random_(seed) {}
+  double Uniform(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+  double Normal(double sigma) { return std::normal_distribution<double>(0, sigma)(random_); }
+
+  Border ABorder(double obliquity_deg) {
+    return {Uniform(-1, 1), std::tan(obliquity_deg * hal::kRadiansPerDegree),
+            Uniform(-std::numbers::pi, std::numbers::pi)};
+  }
+  // Evenly all over; noise moves them along the tube by `smear_mm`.
+  std::vector<EndSample> Scattered(const Border& border, double per_mm2, double smear_mm) {
+    const double from_mm = -kWindowMm - 10, to_mm = 4;
+    const double area = 2 * std::numbers::pi * kRadiusMm * (to_mm - from_mm);
+    std::vector<EndSample> samples;
+    for (int i = 0; i < static_cast<int>(per_mm2 * area); ++i) {
+      const double around = Uniform(-std::numbers::pi, std::numbers::pi);
+      const double at_mm = Uniform(from_mm, to_mm);
+      if (at_mm < border.At(around)) samples.push_back({around, at_mm + Normal(smear_mm)});
+    }
+    return samples;
+  }
+  // Passes of a laser line from several sides.
+  std::vector<EndSample> Lines(const Border& border, double spacing_mm, int passes,
+                               double smear_mm) {
+    std::vector<EndSample> samples;
+    for (int pass = 0; pass < passes; ++pass) {
+      const double first_mm = -kWindowMm - 10 + Uniform(0, spacing_mm);
+      const double tilt = Normal(0.005), tilt_to = Uniform(-3, 3);
+      for (double at_mm = first_mm; at_mm < 4; at_mm += spacing_mm) {
+        for (double across = -0.95; across < 0.95; across += 0.03) {
+          const double around = std::remainder(
+              std::asin(across) + 2 * std::numbers::pi * pass / passes, 2 * std::numbers::pi);
+          const double line_mm = at_mm + kRadiusMm * tilt * std::cos(around - tilt_to);
+          if (line_mm < border.At(around)) samples.push_back({around, line_mm + Normal(smear_mm)});
+        }
+      }
+    }
+    return samples;
+  }
+
+ private:
+  std::mt19937_64 random_;
+};
+
+// Mean squares of the errors, and of the errors in sigmas.
+struct Errors {
+  double at = 0, slope = 0, at_sigmas = 0, slope_sigmas = 0, count = 0;
+  void Add(const Border& truth, const EndPlane& plane) {
+    const double off = plane.at_mm - truth.at_mm;
+    const double slope2 =
+        0.5 * (std::pow(plane.cosine - truth.slope * std::cos(truth.around_rad), 2) +
+               std::pow(plane.sine - truth.slope * std::sin(truth.around_rad), 2));
+    at += off * off;
+    slope += slope2;
+    at_sigmas += std::pow(off / plane.at_sigma_mm, 2);
+    slope_sigmas += slope2 / std::pow(plane.slope_sigma, 2);
+    count += 1;
+  }
+  double At() const { return std::sqrt(at / count); }
+  double Slope() const { return std::sqrt(slope / count); }
+};
+
+// Samples with density n behind a border that noise smears by s are a Poisson process whose
+// intensity falls like the normal distribution's; moving the border tells as much as
+// n / s * integral of phi^2 / Phi = 0.903 n / s of each mm of it. So the Cramer-Rao bound of a
+// plane's place is sqrt(s / (0.903 n 2 pi r)), and of either slope sqrt(2) / r of that.
+TEST(EndPlane, IsAsSureAsTheSampledBorderLets) {
+  constexpr double kDensity = 6, kSmearMm = 0.05;
+  constexpr int kTubes = 60;
+  Tubes tubes(1);
+  Errors errors;
+  for (int i = 0; i < kTubes; ++i) {
+    const Border border = tubes.ABorder(i % 2 == 0 ? 2.0 : 0.0);
+    const auto plane = FitEndPlane(tubes.Scattered(border, kDensity, kSmearMm), kRadiusMm,
+                                   kWindowMm, 2 * kSmearMm);
+    ASSERT_TRUE(plane);
+    errors.Add(border, *plane);
+  }
+  const double information = 0.903 * kDensity / kSmearMm * 2 * std::numbers::pi * kRadiusMm;
+  const double bound_mm = 1 / std::sqrt(information);
+  EXPECT_LT(errors.At(), 1.3 * bound_mm);
+  EXPECT_LT(errors.Slope(), 1.3 * std::sqrt(2.0) * bound_mm / kRadiusMm);
+  EXPECT_LT(std::sqrt(errors.at_sigmas / errors.count), 1.3);
+  EXPECT_LT(std::sqrt(errors.slope_sigmas / errors.count), 1.3);
+}
+
+// Of laser lines along the border one may have passed just beyond it: half a gap is unknown.
+TEST(EndPlane, OfLaserLinesIsBetweenTheLastAndTheNext) {
+  for (const int passes : {1, 3}) {
+    Tubes tubes(2);
+    Errors errors;
+    for (int i = 0; i < 30; ++i) {
+      const Border border = tubes.ABorder(i % 2 == 0 ? 3.0 : 0.0);
+      const auto plane =
+          FitEndPlane(tubes.Lines(border, 1.0, passes, 0.015), kRadiusMm, kWindowMm, 0.03);
+      ASSERT_TRUE(plane);
+      errors.Add(border, *plane);
+    }
+    EXPECT_LT(errors.At(), 1.3 / std::sqrt(12.0)) << passes;
+    EXPECT_LT(std::sqrt(errors.at_sigmas / errors.count), 1.5) << passes;
+    EXPECT_LT(std::sqrt(errors.slope_sigmas / errors.count), 1.5) << passes;
+  }
+}
+
+TEST(EndPlane, IsNotToldByAFewSamples) {
+  Tubes tubes(3);
+  const auto samples = tubes.Scattered({}, 0.02, 0.01);
+  EXPECT_FALSE(FitEndPlane(samples, kRadiusMm, kWindowMm, 0.02));
+}
+
+// A table touches one side and goes on beyond the end.
+TEST(EndPlane, LeavesOutWhatGoesOnBesideIt) {
+  Tubes tubes(4);
+  const Border border = tubes.ABorder(0);
+  auto samples = tubes.Scattered(border, 6, 0.02);
+  for (double at_mm = -30; at_mm < 6; at_mm += 0.2) {
+    for (double around = 1.0; around < 1.3; around += 0.03) samples.push_back({around, at_mm});
+  }
+  const auto plane = FitEndPlane(samples, kRadiusMm, kWindowMm, 0.04);
+  ASSERT_TRUE(plane);
+  EXPECT_NEAR(plane->at_mm, border.at_mm, 0.1);
+  EXPECT_LT(std::hypot(plane->cosine, plane->sine), std::tan(1.0 * hal::kRadiansPerDegree));
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// Holes and slots: the error of a border against the bound of its sampling, and what is none.
+#include "pipeline/features/openings.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "hal/angles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+double Uniform(std::mt19937_64& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+
+// Evenly over a square; those in the opening are missing, noise moves the others by `smear_mm`.
+std::vector<Eigen::Vector2d> Wall(const OpeningBorder& opening, double per_mm2, double smear_mm,
+                                  std::mt19937_64& random) {
+  const double half_mm = opening.length_mm;
+  std::normal_distribution<double> noise(0.0, smear_mm);
+  std::vector<Eigen::Vector2d> samples;
+  for (int i = 0; i < static_cast<int>(per_mm2 * 4 * half_mm * half_mm); ++i) {
+    const Eigen::Vector2d place(Uniform(random, -half_mm, half_mm),
+                                Uniform(random, -half_mm, half_mm));
+    if (opening.DistanceMm(place) < 0) continue;
+    samples.emplace_back(place.x() + noise(random), place.y() + noise(random));
+  }
+  return samples;
+}
+
+// As in end_cut_test.cc each mm of border tells 0.903 n / s of where it is: of a circle's radius
+// all of it, of either coordinate of its middle half.
+TEST(OpeningBorder, OfAHoleIsAsSureAsItsSamplesLet) {
+  constexpr double kDensity = 8, kSmearMm = 0.05, kDiameterMm = 6;
+  constexpr int kHoles = 60;
+  std::mt19937_64 random(1);
+  double place2 = 0, size2 = 0, place_sigmas = 0, size_sigmas = 0;
+  for (int i = 0; i < kHoles; ++i) {
+    OpeningBorder hole;
+    hole.middle_mm = {Uniform(random, -0.3, 0.3), Uniform(random, -0.3, 0.3)};
+    hole.length_mm = hole.width_mm = kDiameterMm;
+    OpeningBorder about = hole;
+    about.middle_mm.x() += 0.1;
+    about.length_mm += 0.4;
+    about.width_mm += 0.2;
+    const FittedOpening fitted =
+        FitOpening(Wall(hole, kDensity, kSmearMm, random), about, kSmearMm);
+    EXPECT_TRUE(fitted.border.is_hole());
+    const Eigen::Vector2d off = fitted.border.middle_mm - hole.middle_mm;
+    const double wider = fitted.border.width_mm - kDiameterMm;
+    place2 += 0.5 * off.squaredNorm() / kHoles;
+    size2 += wider * wider / kHoles;
+    place_sigmas += 0.5 * off.cwiseQuotient(fitted.sigma.middle_mm).squaredNorm() / kHoles;
+    size_sigmas += std::pow(wider / fitted.sigma.width_mm, 2) / kHoles;
+  }
+  const double information = 0.903 * kDensity / kSmearMm * std::numbers::pi * kDiameterMm;
+  EXPECT_LT(std::sqrt(place2), 1.3 * std::sqrt(2 / information));
+  EXPECT_LT(std::sqrt(size2), 1.3 * 2 / std::sqrt(information));
+  EXPECT_LT(std::sqrt(place_sigmas), 1.3);
+  EXPECT_LT(std::sqrt(size_sigmas), 1.3);
+}
+
+TEST(OpeningBorder, OfASlotHasLengthWidthAndAxis) {
+  std::mt19937_64 random(2);
+  double worst = 0;
+  for (int i = 0; i < 20; ++i) {
+    OpeningBorder slot;
+    slot.middle_mm = {Uniform(random, -0.3, 0.3), Uniform(random, -0.3, 0.3)};
+    slot.length_mm = 12;
+    slot.width_mm = 5;
+    slot.axis_rad = Uniform(random, -1, 1);
+    OpeningBorder about = slot;
+    about.length_mm += 0.5;
+    about.width_mm += 0.2;
+    about.axis_rad += 0.03;
+    const FittedOpening fitted = FitOpening(Wall(slot, 6, 0.05, random), about, 0.05);
+    ASSERT_FALSE(fitted.border.is_hole());
+    for (const double sigmas : {(fitted.border.length_mm - slot.length_mm) / fitted.sigma.length_mm,
+                                (fitted.border.width_mm - slot.width_mm) / fitted.sigma.width_mm,
+                                (fitted.border.axis_rad - slot.axis_rad) / fitted.sigma.axis_rad}) {
+      worst = std::max(worst, std::abs(sigmas));
+    }
+  }
+  EXPECT_LT(worst, 4);  // of 60 values
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
