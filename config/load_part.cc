@@ -128,7 +128,43 @@ void CheckPoints(TomlDocument& document, const PartConfig& part) {
   }
 }
 
+// Each hole and slot has one place, and fits on the tube.
+void CheckOpenings(TomlDocument& document, std::string_view table,
+                   const std::vector<OpeningConfig>& openings, const PartConfig& part) {
+  for (std::size_t i = 0; i < openings.size(); ++i) {
+    const OpeningConfig& opening = openings[i];
+    const auto path = [&](std::string_view key) {
+      return std::string(table) + "[" + std::to_string(i + 1) + "]." + std::string(key);
+    };
+    const bool good_places =
+        document.IsGood(path("from_start_mm")) && document.IsGood(path("from_end_mm"));
+    if (good_places && opening.from_start_mm.has_value() == opening.from_end_mm.has_value()) {
+      document.Report(path("from_start_mm"),
+                      std::string("found ") +
+                          (opening.from_start_mm ? "it and from_end_mm" : "nothing") +
+                          ", expected either from_start_mm or from_end_mm: along the centre line, "
+                          "from the end that is nearer");
+    }
+    const std::string_view width = table == "hole" ? "diameter_mm" : "width_mm";
+    if (document.IsGood("pipe_radius_mm") && document.IsGood(path(width)) &&
+        opening.width_mm >= 2 * part.pipe_radius_mm) {
+      document.Report(path(width), "found " + NumberText(opening.width_mm) +
+                                       ", expected less than the pipe's diameter of " +
+                                       Mm(2 * part.pipe_radius_mm));
+    }
+    if (table == "slot" && document.IsGood(path("length_mm")) && document.IsGood(path(width)) &&
+        opening.length_mm <= opening.width_mm) {
+      document.Report(path("length_mm"), "found " + NumberText(opening.length_mm) +
+                                             ", expected more than the width of " +
+                                             Mm(opening.width_mm) +
+                                             "; what is as long as wide is a [[hole]]");
+    }
+  }
+}
+
 void CheckPart(TomlDocument& document, PartConfig& part) {
+  CheckOpenings(document, "hole", part.holes, part);
+  CheckOpenings(document, "slot", part.slots, part);
   const bool has_radius = document.root().contains("pipe_radius_mm");
   const bool has_diameter = document.root().contains("pipe_diameter_mm");
   if (has_radius == has_diameter) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "hal/bend_program.h"
+#include "hal/tube_features.h"
 
 namespace bendloop::config {
 
@@ -31,6 +32,26 @@ struct Material {
   double elongation_percent = 0;  // (measured length - cut length) / sum of the arc lengths
 };
 
+// A [[hole]] or [[slot]]; a hole's length and width are its diameter.
+struct OpeningConfig {
+  std::optional<double> from_start_mm;  // along the spine, to its middle; one of these two
+  std::optional<double> from_end_mm;
+  double around_deg = 0;  // hal/tube_features.h says from where
+  double length_mm = 0;
+  double width_mm = 0;
+  double axis_deg = 0;
+  double place_tolerance_mm = 0.5;
+  double around_tolerance_deg = 2;
+  double size_tolerance_mm = 0.3;
+  double axis_tolerance_deg = 2;
+};
+
+// [end]: how the ends are cut.
+struct EndsConfig {
+  hal::EndCut first, last;
+  std::optional<double> obliquity_tolerance_deg;  // none: not judged
+};
+
 // One part number: its nominal, what may deviate, what it is made of. The defaults here are the
 // defaults of the part file, schema "bendloop.part/1" (README.md).
 struct PartConfig {
@@ -42,6 +63,8 @@ struct PartConfig {
   hal::BendProgram rows;                 // from [[row]]; every bend has its bend radius
   std::vector<Eigen::Vector3d> xyz_mm;   // from [nominal]: control polygon, both ends included
   std::optional<double> bend_radius_mm;  // CLR of every bend without its own; given with xyz_mm
+  std::vector<OpeningConfig> holes, slots;
+  EndsConfig ends;
   Tolerances tolerance;
   Material material;
 

@@ -3,6 +3,57 @@
 
 namespace bendloop::config {
 
+namespace {
+
+constexpr std::size_t kMaxOpenings = 100;
+
+void VisitPlace(FieldVisitor& v, OpeningConfig& opening) {
+  v.OptionalNumber("from_start_mm", opening.from_start_mm, {0, 100000});
+  v.OptionalNumber("from_end_mm", opening.from_end_mm, {0, 100000});
+  v.Number("around_deg", opening.around_deg, {-180, 360}, Need::kRequired);
+}
+
+void VisitOpeningTolerances(FieldVisitor& v, OpeningConfig& opening) {
+  v.Number("place_tolerance_mm", opening.place_tolerance_mm, {0.001, 100});
+  v.Number("around_tolerance_deg", opening.around_tolerance_deg, {0.001, 180});
+  v.Number("size_tolerance_mm", opening.size_tolerance_mm, {0.001, 100});
+}
+
+void VisitFeatures(FieldVisitor& v, PartConfig& part) {
+  std::size_t holes = part.holes.size();
+  v.Tables("hole", holes, kMaxOpenings, [&](FieldVisitor& h, std::size_t i) {
+    if (i >= part.holes.size()) part.holes.resize(i + 1);
+    OpeningConfig& hole = part.holes[i];
+    VisitPlace(h, hole);
+    h.Number("diameter_mm", hole.length_mm, {0.1, 1000}, Need::kRequired);
+    hole.width_mm = hole.length_mm;
+    VisitOpeningTolerances(h, hole);
+  });
+  std::size_t slots = part.slots.size();
+  v.Tables("slot", slots, kMaxOpenings, [&](FieldVisitor& s, std::size_t i) {
+    if (i >= part.slots.size()) part.slots.resize(i + 1);
+    OpeningConfig& slot = part.slots[i];
+    VisitPlace(s, slot);
+    s.Number("length_mm", slot.length_mm, {0.1, 1000}, Need::kRequired);
+    s.Number("width_mm", slot.width_mm, {0.1, 1000}, Need::kRequired);
+    s.Number("axis_deg", slot.axis_deg, {-90, 90});
+    VisitOpeningTolerances(s, slot);
+    s.Number("axis_tolerance_deg", slot.axis_tolerance_deg, {0.001, 90});
+  });
+  const bool has_end = part.ends.obliquity_tolerance_deg || !(part.ends.first == hal::EndCut()) ||
+                       !(part.ends.last == hal::EndCut());
+  if (!v.Present("end", has_end)) return;
+  v.Table("end", Need::kOptional, [&](FieldVisitor& e) {
+    e.Number("first_obliquity_deg", part.ends.first.obliquity_deg, {0, 60});
+    e.Number("first_around_deg", part.ends.first.around_deg, {-180, 360});
+    e.Number("last_obliquity_deg", part.ends.last.obliquity_deg, {0, 60});
+    e.Number("last_around_deg", part.ends.last.around_deg, {-180, 360});
+    e.OptionalNumber("obliquity_tolerance_deg", part.ends.obliquity_tolerance_deg, {0.001, 60});
+  });
+}
+
+}  // namespace
+
 void VisitPart(FieldVisitor& v, PartConfig& part) {
   v.Text("name", part.name, Need::kRequired);
   v.Integer("part_number", part.part_number, 1, 0xffffffff, Need::kRequired);
@@ -29,6 +80,7 @@ void VisitPart(FieldVisitor& v, PartConfig& part) {
       n.Points("xyz_mm", part.xyz_mm, {-100000, 100000}, kMaxRows + 1);
     });
   }
+  VisitFeatures(v, part);
   v.Table("tolerance", Need::kOptional, [&](FieldVisitor& t) {
     t.Number("length_mm", part.tolerance.length_mm, {0.001, 100});
     t.Number("rotation_deg", part.tolerance.rotation_deg, {0.001, 90});

@@ -72,6 +72,41 @@ hal::Result<hal::BendProgram> NominalProgram(const config::PartConfig& part) {
   return program;
 }
 
+pipeline::NominalFeatures FeaturesOf(const config::PartConfig& part) {
+  pipeline::NominalFeatures features;
+  const auto add = [&](const config::OpeningConfig& opening, const std::string& name) {
+    pipeline::NominalOpening nominal;
+    nominal.name = name;
+    nominal.from_end = opening.from_end_mm.has_value();
+    nominal.opening = {nominal.from_end ? *opening.from_end_mm : opening.from_start_mm.value_or(0),
+                       opening.around_deg, opening.length_mm, opening.width_mm, opening.axis_deg};
+    nominal.place_tolerance_mm = opening.place_tolerance_mm;
+    nominal.around_tolerance_deg = opening.around_tolerance_deg;
+    nominal.size_tolerance_mm = opening.size_tolerance_mm;
+    nominal.axis_tolerance_deg = opening.axis_tolerance_deg;
+    features.openings.push_back(std::move(nominal));
+  };
+  for (std::size_t i = 0; i < part.holes.size(); ++i) {
+    add(part.holes[i], "hole " + std::to_string(i + 1));
+  }
+  for (std::size_t i = 0; i < part.slots.size(); ++i) {
+    add(part.slots[i], "slot " + std::to_string(i + 1));
+  }
+  features.first_end = part.ends.first;
+  features.last_end = part.ends.last;
+  features.obliquity_tolerance_deg = part.ends.obliquity_tolerance_deg;
+  return features;
+}
+
+hal::TubeFeatures CutsOf(const config::PartConfig& part, double length_mm) {
+  hal::TubeFeatures cuts{{}, part.ends.first, part.ends.last, {}};
+  for (const pipeline::NominalOpening& nominal : FeaturesOf(part).openings) {
+    cuts.openings.push_back(nominal.opening);
+    if (nominal.from_end) cuts.openings.back().along_mm = length_mm - nominal.opening.along_mm;
+  }
+  return cuts;
+}
+
 hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   auto nominal = NominalProgram(cell.part);
   if (!nominal) return hal::Fail(nominal.error());
@@ -102,6 +137,7 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.inspection.tolerances.surface_mm = tolerance.surface_mm;
   plan.inspection.tolerances.straightness_mm = tolerance.straightness_mm;
   plan.inspection.tolerances.dent_depth_mm = tolerance.dent_depth_mm;
+  plan.inspection.features = FeaturesOf(cell.part);
   plan.inspection.decision_sigmas =
       cell.verdict.rule == config::VerdictRule::kGuarded ? cell.verdict.guard_factor : 0.0;
   plan.inspection.direction.choice = ChoiceOf(cell.scan.direction);

@@ -38,5 +38,9 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell);
 // The nominal as rows, whichever way the part file gives it.
 hal::Result<hal::BendProgram> NominalProgram(const config::PartConfig& part);
 pipeline::Material MaterialOf(const config::PartConfig& part);
+// Holes, slots and ends as the part file gives them.
+pipeline::NominalFeatures FeaturesOf(const config::PartConfig& part);
+// The same as they are cut into a tube with a spine of this length.
+hal::TubeFeatures CutsOf(const config::PartConfig& part, double length_mm);
 
 }  // namespace bendloop::host

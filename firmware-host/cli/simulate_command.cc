@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <array>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -33,6 +34,7 @@ struct SimulateArguments {
   double scatter_rotation_deg = 0;
   double scatter_length_mm = 0;
   std::uint32_t serial = 1;
+  std::vector<std::array<double, 4>> dents;
   bool force = false;
 };
 
@@ -43,10 +45,11 @@ Examples:
   bendloop simulate --part part.toml --out shiny.session --noise-growth 2
   bendloop simulate --part part.toml --out bad.session --springback-120 6 \
     --clutter table,clamps
+  bendloop simulate --part part.toml --out dented.session --dent 120,90,0.5,4
 
 The tube is bent from the part's first program: the nominal with its [material]
 made up for. So it comes out at the nominal unless springback, elongation or
-scatter say otherwise. The true rows stand in the session's meta, "true_rows".)";
+scatter say otherwise. Its ends, holes and slots are the part's. The true rows stand in the session's meta, "true_rows".)";
 
 // The file behind a link. What stands there is replaced only if it is a session, or empty.
 hal::Result<std::filesystem::path> SessionToWrite(const std::string& out, bool force) {
@@ -97,6 +100,10 @@ int Simulate(SimulateArguments& arguments) {
     if (what == kClutterClamps) options.scan.clutter.clamps = 2;
     if (what == kClutterSecondTube) options.scan.clutter.second_tube = true;
   }
+  options.scan.features = CutsOf(*part, hal::SpineLength(tube.program));
+  for (const auto& [along_mm, around_deg, depth_mm, width_mm] : arguments.dents) {
+    options.scan.features.dents.push_back({along_mm, around_deg, depth_mm, width_mm});
+  }
   options.part = part->name;
   options.software = kSoftware;
   options.more_meta["true_rows"] = Dump(RowsJson(tube.program));
@@ -143,6 +150,12 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
   command->add_option("--serial", a->serial, "Which part of the scatter's sequence")
       ->check(CLI::Range(1, 1'000'000'000).description("1 or more"))
       ->capture_default_str();
+  command
+      ->add_option("--dent", a->dents,
+                   "Pressed in: mm along the tube, degrees around, depth and width (1 sigma) [mm]; "
+                   "may be given again")
+      ->delimiter(',')
+      ->type_name("ALONG,AROUND,DEPTH,WIDTH");
   command->callback([a, &run] { run = [a] { return Simulate(*a); }; });
   return command;
 }

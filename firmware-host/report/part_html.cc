@@ -7,9 +7,11 @@
 #include <span>
 
 #include "firmware-host/report/html.h"
+#include "firmware-host/report/unrolled_svg.h"
 #include "firmware-host/result/words.h"
 #include "firmware-host/text/result_text.h"
 #include "firmware-host/text/table.h"
+#include "hal/spine.h"
 
 namespace bendloop::host {
 namespace {
@@ -264,10 +266,48 @@ std::string DentTable(std::span<const pipeline::DentFound> dents) {
   return html + "</tbody></table>";
 }
 
+std::string EndTable(const pipeline::TubeFeaturesFound& features) {
+  std::string rows;
+  for (const auto* end : {&features.first_end, &features.last_end}) {
+    if (!*end) continue;
+    rows += std::string("<tr><td>") + (end == &features.first_end ? "first" : "last") + "</td>" +
+            Number((*end)->cut.obliquity_deg, 2) + Number((*end)->obliquity_sigma_deg, 2) +
+            Number((*end)->cut.around_deg, 0) + "</tr>";
+  }
+  if (rows.empty()) return "";
+  return "<p>How the ends are cut</p>" +
+         HeadOf({"end", "oblique <small>deg</small>", "&#177;", "longest at <small>deg</small>"}) +
+         rows + "</tbody></table>";
+}
+
+std::string OpeningTable(const pipeline::Measurement& m) {
+  if (m.features.openings.empty()) return "";
+  const double length_mm = hal::SpineLength(m.tube.program);
+  std::string html = "<p>Holes and slots</p>" +
+                     HeadOf({"", "from the end <small>mm</small>", "&#177;",
+                             "around <small>deg</small>", "&#177;", "size <small>mm</small>",
+                             "&#177;", "width <small>mm</small>", "axis <small>deg</small>"});
+  for (const pipeline::OpeningFound& found : m.features.openings) {
+    const hal::WallOpening& opening = found.opening;
+    const bool from_end = opening.along_mm > 0.5 * length_mm;
+    html += std::string("<tr><td>") + (opening.is_hole() ? "hole" : "slot") +
+            (from_end ? ", last end" : ", first end") + "</td>" +
+            Number(from_end ? length_mm - opening.along_mm : opening.along_mm, 2) +
+            Number(found.sigma.along_mm, 2) + Number(opening.around_deg, 1) +
+            Number(found.sigma.around_deg, 1) + Number(opening.length_mm, 2) +
+            Number(found.sigma.length_mm, 2);
+    html += opening.is_hole() ? "<td></td><td></td>"
+                              : Number(opening.width_mm, 2) + Number(opening.axis_deg, 1);
+    html += "</tr>";
+  }
+  return html + "</tbody></table>";
+}
+
 // What the tube is beside lines, arcs and one section.
 std::string FormBody(const RunResult& run) {
   const auto& m = run.measurement;
-  return StraightnessTable(m.straights) + EasingTable(m.bend_easings) + DentTable(m.dents);
+  return StraightnessTable(m.straights) + EasingTable(m.bend_easings) + EndTable(m.features) +
+         OpeningTable(m) + DentTable(m.dents) + UnrolledSvg(m);
 }
 
 std::string TimingBody(const RunResult& run) {

@@ -10,18 +10,6 @@ using pipeline::ToleranceState;
 
 Json Optional(const std::optional<double>& value) { return value ? Number(*value) : Json(nullptr); }
 
-Json DeviationJson(const Deviation& d) {
-  return {{"nominal", Number(d.nominal)},       {"measured", Number(d.measured)},
-          {"deviation", Number(d.deviation)},   {"sigma", Number(d.sigma)},
-          {"tolerance", Optional(d.tolerance)}, {"state", Word(d.state)}};
-}
-
-Deviation ReadDeviation(const JsonReader& json) {
-  return {json.At("nominal").Number(),         json.At("measured").Number(),
-          json.At("deviation").Number(),       json.At("sigma").Number(),
-          json.At("tolerance").NumberOrNull(), ReadWord<ToleranceState>(json.At("state"))};
-}
-
 Json RowsOfDeviations(const std::vector<pipeline::RowInspection>& rows) {
   Json json = Json::array();
   for (const auto& row : rows) {
@@ -77,28 +65,44 @@ void ReadSurface(const JsonReader& json, pipeline::SurfaceDistances& surface) {
 
 }  // namespace
 
+Json DeviationJson(const Deviation& d) {
+  return {{"nominal", Number(d.nominal)},       {"measured", Number(d.measured)},
+          {"deviation", Number(d.deviation)},   {"sigma", Number(d.sigma)},
+          {"tolerance", Optional(d.tolerance)}, {"state", Word(d.state)}};
+}
+
+Deviation ReadDeviation(const JsonReader& json) {
+  return {json.At("nominal").Number(),         json.At("measured").Number(),
+          json.At("deviation").Number(),       json.At("sigma").Number(),
+          json.At("tolerance").NumberOrNull(), ReadWord<ToleranceState>(json.At("state"))};
+}
+
 Json InspectionJson(const pipeline::Inspection& in) {
-  return {{"verdict", Word(in.verdict)},
-          {"probability", Number(in.probability)},
-          {"reasons", in.reasons},
-          {"direction",
-           {{"state", Word(in.direction.state)},
-            {"reversed", in.direction.reversed},
-            {"message", in.direction.message}}},
-          {"rows", RowsOfDeviations(in.rows)},
-          {"pipe_radius_mm", DeviationJson(in.pipe_radius_mm)},
-          {"measured",
-           {{"pipe_radius_mm", Number(in.measured.pipe_radius_mm)},
-            {"rows", RowsJson(in.measured.program)},
-            {"position_mm", PointJson(in.measured.X_WT.position_mm)},
-            {"orientation_wxyz", OrientationJson(in.measured.X_WT.orientation)}}},
-          {"alignment",
-           {{"position_mm", PointJson(in.alignment.X_NW.position_mm)},
-            {"orientation_wxyz", OrientationJson(in.alignment.X_NW.orientation)},
-            {"rms_mm", Number(in.alignment.rms_mm)},
-            {"max_mm", Number(in.alignment.max_mm)}}},
-          {"envelope", EnvelopeJson(in)},
-          {"surface", SurfaceJson(in.surface)}};
+  Json json = {{"verdict", Word(in.verdict)},
+               {"probability", Number(in.probability)},
+               {"reasons", in.reasons},
+               {"direction",
+                {{"state", Word(in.direction.state)},
+                 {"reversed", in.direction.reversed},
+                 {"message", in.direction.message}}},
+               {"rows", RowsOfDeviations(in.rows)},
+               {"pipe_radius_mm", DeviationJson(in.pipe_radius_mm)},
+               {"measured",
+                {{"pipe_radius_mm", Number(in.measured.pipe_radius_mm)},
+                 {"rows", RowsJson(in.measured.program)},
+                 {"position_mm", PointJson(in.measured.X_WT.position_mm)},
+                 {"orientation_wxyz", OrientationJson(in.measured.X_WT.orientation)}}},
+               {"alignment",
+                {{"position_mm", PointJson(in.alignment.X_NW.position_mm)},
+                 {"orientation_wxyz", OrientationJson(in.alignment.X_NW.orientation)},
+                 {"rms_mm", Number(in.alignment.rms_mm)},
+                 {"max_mm", Number(in.alignment.max_mm)}}},
+               {"envelope", EnvelopeJson(in)},
+               {"surface", SurfaceJson(in.surface)}};
+  if (Json features = FeatureInspectionJson(in.features); !features.empty()) {
+    json["features"] = std::move(features);
+  }
+  return json;
 }
 
 pipeline::Inspection ReadInspection(const JsonReader& json) {
@@ -134,6 +138,7 @@ pipeline::Inspection ReadInspection(const JsonReader& json) {
   in.alignment.max_mm = alignment.At("max_mm").Number();
   ReadEnvelope(json.At("envelope"), in);
   ReadSurface(json.At("surface"), in.surface);
+  if (json.Has("features")) ReadFeatureInspection(json.At("features"), in.features);
   return in;
 }
 

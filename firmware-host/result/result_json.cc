@@ -111,6 +111,7 @@ Json ResultJson(const RunResult& result, const ResultJsonOptions& options) {
   if (!m.passes.empty()) json["fit"]["passes"] = PassesJson(m.passes);
   if (!m.bend_shapes.empty()) json["bend_shapes"] = BendShapesJson(m.bend_shapes);
   if (Json form = FormJson(m); !form.empty()) json["form"] = std::move(form);
+  if (Json features = FeaturesJson(m); !features.empty()) json["features"] = std::move(features);
   json["warnings"] = m.warnings;
   if (result.nominal) json["nominal"] = {{"rows", RowsJson(*result.nominal)}};
   if (result.inspection) json["inspection"] = InspectionJson(*result.inspection);

@@ -92,6 +92,7 @@ void ReadMeasurement(const JsonReader& json, pipeline::Measurement& m) {
     }
   }
   if (json.Has("form")) ReadForm(json.At("form"), m);
+  if (json.Has("features")) ReadFeatures(json.At("features"), m);
 
   if (json.Has("warnings")) m.warnings = json.At("warnings").Texts();
   if (json.Has("spine")) {

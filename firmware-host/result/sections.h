@@ -45,6 +45,15 @@ CommitReport ReadBender(const JsonReader& json);
 Json FormJson(const pipeline::Measurement& m);
 void ReadForm(const JsonReader& json, pipeline::Measurement& m);
 
+// What is cut into the tube and drilled through its wall; empty: nobody looked.
+Json FeaturesJson(const pipeline::Measurement& m);
+void ReadFeatures(const JsonReader& json, pipeline::Measurement& m);
+Json DeviationJson(const pipeline::Deviation& d);
+pipeline::Deviation ReadDeviation(const JsonReader& json);
+// Against the nominal's; empty: it has none.
+Json FeatureInspectionJson(const pipeline::FeatureInspection& features);
+void ReadFeatureInspection(const JsonReader& json, pipeline::FeatureInspection& features);
+
 Json PassesJson(const std::vector<pipeline::PassOffset>& passes);
 std::vector<pipeline::PassOffset> ReadPasses(const JsonReader& json);
 

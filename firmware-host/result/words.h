@@ -28,6 +28,14 @@ struct Words<pipeline::Verdict> {
 };
 
 template <>
+struct Words<pipeline::OpeningState> {
+  using E = pipeline::OpeningState;
+  static constexpr const char* kExpected = "\"found\", \"missing\" or \"not_seen\"";
+  static constexpr std::pair<E, std::string_view> kTable[] = {
+      {E::kFound, "found"}, {E::kMissing, "missing"}, {E::kNotSeen, "not_seen"}};
+};
+
+template <>
 struct Words<pipeline::ToleranceState> {
   using E = pipeline::ToleranceState;
   static constexpr const char* kExpected = "\"in\", \"out\", \"undecided\" or \"not_judged\"";

@@ -9,6 +9,7 @@
 #include "firmware-host/console/wrap.h"
 #include "firmware-host/result/words.h"
 #include "firmware-host/text/table.h"
+#include "hal/spine.h"
 #include "pipeline/math/text.h"
 #include "pipeline/tube/row_names.h"
 
@@ -223,6 +224,40 @@ std::string FormText(const pipeline::Measurement& m) {
   return out;
 }
 
+// Ends that are certainly not square (5 sigma), holes and slots.
+std::string FeaturesText(const pipeline::Measurement& m) {
+  std::string out;
+  const auto degrees = [](double value, double sigma) {
+    return Fixed(value, 2) + " +- " + Fixed(sigma, 2) + " degrees";
+  };
+  const auto mm = [](double value, double sigma) {
+    return Fixed(value, kDecimals) + " +- " + Fixed(sigma, kDecimals) + " mm";
+  };
+  for (const auto* end : {&m.features.first_end, &m.features.last_end}) {
+    if (!*end || (*end)->cut.obliquity_deg < 5 * (*end)->obliquity_sigma_deg) continue;
+    out += Below(std::string(end == &m.features.first_end ? "first" : "last") + " end: cut " +
+                 degrees((*end)->cut.obliquity_deg, (*end)->obliquity_sigma_deg) +
+                 " oblique, longest at " +
+                 degrees((*end)->cut.around_deg, (*end)->around_sigma_deg) + " around");
+  }
+  const double length_mm = hal::SpineLength(m.tube.program);
+  for (const pipeline::OpeningFound& found : m.features.openings) {
+    const hal::WallOpening& opening = found.opening;
+    const bool from_end = opening.along_mm > 0.5 * length_mm;
+    std::string size = mm(opening.width_mm, found.sigma.width_mm);
+    if (!opening.is_hole()) {
+      size = mm(opening.length_mm, found.sigma.length_mm) + " long, " + size + " wide, axis at " +
+             degrees(opening.axis_deg, found.sigma.axis_deg);
+    }
+    out +=
+        Below((opening.is_hole() ? "hole: " : "slot: ") + size + ", " +
+              mm(from_end ? length_mm - opening.along_mm : opening.along_mm, found.sigma.along_mm) +
+              (from_end ? " from the last end, " : " from the first end, ") +
+              degrees(opening.around_deg, found.sigma.around_deg) + " around");
+  }
+  return out;
+}
+
 }  // namespace
 
 ShownValue ShowValue(RowValueKind kind, double value, double sigma) {
@@ -347,7 +382,7 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
   std::string out = rows.empty() ? "  no rows: see the spine\n" : table.Render(colour);
   if (unknown) out += std::string("  ") + kUnknownLegend + "\n";
   return out + TogetherText(TogetherLines(m.joint, m.tube.program.bend_count())) + "\n" +
-         FitText(m) + BendShapesText(m.bend_shapes) + FormText(m);
+         FitText(m) + BendShapesText(m.bend_shapes) + FormText(m) + FeaturesText(m);
 }
 
 std::string ComparisonText(const RunResult& result, bool colour) {

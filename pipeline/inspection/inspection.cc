@@ -82,6 +82,13 @@ class Jury {
     if (state == ToleranceState::kNotJudged || state == ToleranceState::kIn) return;
     Say(state, what + " " + Fixed(value_mm, 2) + " mm", value_mm, *tolerance_mm, sigma_mm, "mm");
   }
+  // What is no number.
+  void HearFact(bool out, std::string what) {
+    out_ |= out;
+    undecided_ |= !out;
+    probability_ = 0;
+    reasons_.push_back(std::move(what));
+  }
   Verdict verdict() const {
     return out_ ? Verdict::kFail : undecided_ ? Verdict::kUndecided : Verdict::kPass;
   }
@@ -127,6 +134,36 @@ class Jury {
   std::vector<std::string> reasons_;
 };
 
+void JudgeFeatures(const FeatureInspection& features, const NominalFeatures& nominal, Jury& jury) {
+  for (const OpeningInspection& opening : features.openings) {
+    if (opening.state == OpeningState::kMissing) {
+      jury.HearFact(true, opening.name + " is missing: the scan shows the wall where it should be");
+      continue;
+    }
+    if (opening.state == OpeningState::kNotSeen) {
+      jury.HearFact(false, opening.name +
+                               " was not found, and the scan hardly saw where it should be: scan "
+                               "that side, or more slowly");
+      continue;
+    }
+    const bool is_slot = opening.width_mm.tolerance.has_value();
+    jury.Hear(opening.name + " place along the tube", opening.along_mm, "mm");
+    jury.Hear(opening.name + " angle around", opening.around_deg, "degrees");
+    jury.Hear(opening.name + (is_slot ? " length" : " diameter"), opening.length_mm, "mm");
+    jury.Hear(opening.name + " width", opening.width_mm, "mm");
+    jury.Hear(opening.name + " axis", opening.axis_deg, "degrees");
+  }
+  for (const EndInspection* end : {&features.first_end, &features.last_end}) {
+    if (!nominal.obliquity_tolerance_deg) continue;
+    const std::string name = end == &features.first_end ? "first end" : "last end";
+    if (!end->is_known) {
+      jury.HearFact(false, name + ": the scan shows too little of it to tell how it is cut");
+      continue;
+    }
+    jury.Hear(name + " is cut", end->obliquity_deg, "degrees");
+  }
+}
+
 // `reversed`: the measurement's start is the nominal's end.
 void JudgeForm(const Measurement& measurement, const InspectionOptions& options, bool reversed,
                Jury& jury) {
@@ -168,6 +205,7 @@ void Decide(const InspectionOptions& options, const Measurement& measurement, bo
   jury.Hear("surface", inspection.surface.p99_abs_mm, noise_mm,
             inspection.surface.tolerance_mm.value_or(0.0), inspection.surface.state);
   JudgeForm(measurement, options, reversed, jury);
+  JudgeFeatures(inspection.features, options.features, jury);
   inspection.verdict = jury.verdict();
   inspection.probability = jury.probability();
   inspection.reasons = jury.TakeReasons();
@@ -202,6 +240,8 @@ void InspectOneWay(const Measurement& measurement, const hal::BendProgram& nomin
   inspection.surface = DistancesFromSurface(
       measurement.surface, nominal, radius_mm, inspection.alignment.X_NW, end_excess_mm,
       measurement.noise_mm, options.tolerances.surface_mm, options.decision_sigmas);
+  inspection.features = InspectFeatures(measurement, options.features, inspection.measured,
+                                        reversed, options.decision_sigmas);
   Decide(options, measurement, reversed, inspection);
 }
 

@@ -11,6 +11,7 @@
 #include "hal/tube.h"
 #include "pipeline/inspection/direction.h"
 #include "pipeline/inspection/envelope.h"
+#include "pipeline/inspection/feature_inspection.h"
 #include "pipeline/inspection/surface_distances.h"
 #include "pipeline/tube/alignment.h"
 #include "pipeline/tube/measurement.h"
@@ -33,6 +34,7 @@ struct Tolerances {
 
 struct InspectionOptions {
   Tolerances tolerances;
+  NominalFeatures features;
   // A deviation within so many sigma of its limit is undecided; 0: each is in or out as measured.
   double decision_sigmas = 2.0;
   // Between bends one of which is smaller than this, the rotation has no meaning and is not judged.
@@ -63,6 +65,7 @@ struct Inspection {
   std::vector<EnvelopePoint> envelope;
   double envelope_max_mm = 0;
   SurfaceDistances surface;
+  FeatureInspection features;
   Verdict verdict = Verdict::kUndecided;
   // That every judged number truly is in tolerance, by what the measurement leaves open; the same
   // whatever the rule. 0 where rows could not be compared.

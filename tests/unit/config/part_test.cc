@@ -56,6 +56,52 @@ TEST(Part, ReadsRows) {
   EXPECT_EQ(part->material.springback_at_120_deg, 3.0);
 }
 
+TEST(Part, ReadsHolesSlotsAndEnds) {
+  const auto part = ParsePart(kHead + kRows + R"([[hole]]
+from_start_mm = 20
+around_deg = 90
+diameter_mm = 4
+[[slot]]
+from_end_mm = 15
+around_deg = -30
+length_mm = 9
+width_mm = 3
+axis_deg = 45
+size_tolerance_mm = 0.1
+[end]
+last_obliquity_deg = 30
+last_around_deg = 180
+obliquity_tolerance_deg = 1
+)",
+                              "part.toml");
+  ASSERT_TRUE(part) << part.error().message;
+  ASSERT_EQ(part->holes.size(), 1u);
+  EXPECT_EQ(part->holes[0].from_start_mm, 20.0);
+  EXPECT_EQ(part->holes[0].length_mm, 4);
+  EXPECT_EQ(part->holes[0].width_mm, 4);
+  ASSERT_EQ(part->slots.size(), 1u);
+  EXPECT_EQ(part->slots[0].from_end_mm, 15.0);
+  EXPECT_EQ(part->slots[0].axis_deg, 45);
+  EXPECT_EQ(part->slots[0].size_tolerance_mm, 0.1);
+  EXPECT_EQ(part->ends.last, (hal::EndCut{30, 180}));
+  EXPECT_EQ(part->ends.first, hal::EndCut());
+  EXPECT_EQ(part->ends.obliquity_tolerance_deg, 1.0);
+}
+
+TEST(Part, NamesHolesAndSlotsThatCannotBe) {
+  const std::string hole = "[[hole]]\naround_deg = 0\n";
+  EXPECT_THAT(ErrorOf(kHead + kRows + hole + "diameter_mm = 4\n"),
+              HasSubstr("hole[1].from_start_mm"));
+  EXPECT_THAT(
+      ErrorOf(kHead + kRows + hole + "diameter_mm = 4\nfrom_start_mm = 1\nfrom_end_mm = 2\n"),
+      HasSubstr("found it and from_end_mm"));
+  EXPECT_THAT(ErrorOf(kHead + kRows + hole + "diameter_mm = 11\nfrom_start_mm = 1\n"),
+              HasSubstr("less than the pipe's diameter of 10 mm"));
+  EXPECT_THAT(ErrorOf(kHead + kRows +
+                      "[[slot]]\naround_deg = 0\nfrom_end_mm = 9\nlength_mm = 3\nwidth_mm = 3\n"),
+              HasSubstr("is a [[hole]]"));
+}
+
 TEST(Part, ReadsPoints) {
   const auto part =
       ParsePart(With(kHead, "pipe_radius_mm = 5", "pipe_diameter_mm = 9") + kPoints, "part.toml");

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "pipeline/tube/representations.h"
@@ -83,6 +84,77 @@ TEST(Inspection, JudgesStraightnessAndDentsWhereTheyHaveLimits) {
   const Inspection dented = Inspect(measured, kPart, kPipeRadius, options);
   EXPECT_EQ(dented.verdict, Verdict::kFail);
   EXPECT_THAT(dented.reasons, ElementsAre(HasSubstr("dent at 40 mm along the tube")));
+}
+
+InspectionOptions WithHole() {
+  InspectionOptions options;
+  options.features.openings = {{"hole 1", {40, 90, 6, 6, 0}, false, 0.5, 2.0, 0.3, std::nullopt}};
+  return options;
+}
+
+TEST(Inspection, JudgesTheHolesThatItFinds) {
+  Measurement measured = Measured(kPart);
+  const auto segments = hal::SpineSegments(measured.tube.program, measured.tube.X_WT);
+  const auto drill = [&](double along_mm, double around_deg, double diameter_mm) {
+    const hal::SurfaceFrame frame = hal::FrameAt(segments, along_mm, around_deg);
+    measured.features.openings = {{{along_mm, around_deg, diameter_mm, diameter_mm, 0},
+                                   {0.02, 0.1, 0.02, 0.02, 0},
+                                   frame.spine_mm + kPipeRadius * frame.outward,
+                                   frame.tangent}};
+  };
+  drill(40.1, 90.2, 6.05);
+  const Inspection good = Inspect(measured, kPart, kPipeRadius, WithHole());
+  EXPECT_EQ(good.verdict, Verdict::kPass);
+  ASSERT_EQ(good.features.openings.size(), 1u);
+  EXPECT_EQ(good.features.openings[0].state, OpeningState::kFound);
+  EXPECT_NEAR(good.features.openings[0].along_mm.deviation, 0.1, 1e-9);
+  drill(40.1, 90.2, 6.6);
+  const Inspection wide = Inspect(measured, kPart, kPipeRadius, WithHole());
+  EXPECT_EQ(wide.verdict, Verdict::kFail);
+  EXPECT_THAT(wide.reasons, ElementsAre(HasSubstr("hole 1 diameter 0.60 mm above nominal")));
+
+  // The same tube measured from its other end.
+  drill(40.1, 90.2, 6.05);
+  Measurement turned = measured;
+  turned.tube = ReverseTube(measured.tube);
+  turned.sigma = ReverseProgram(measured.sigma);
+  hal::WallOpening& opening = turned.features.openings[0].opening;
+  opening.along_mm = hal::SpineLength(kPart) - opening.along_mm;
+  opening.around_deg = 12;  // counted from another bend
+  const Inspection reversed = Inspect(turned, kPart, kPipeRadius, WithHole());
+  EXPECT_EQ(reversed.verdict, Verdict::kPass) << reversed.reasons.size();
+  EXPECT_NEAR(reversed.features.openings[0].along_mm.deviation, 0.1, 1e-6);
+  EXPECT_NEAR(reversed.features.openings[0].around_deg.deviation, 0.2, 1e-6);
+}
+
+TEST(Inspection, FailsWhereAHoleIsMissingAndIsUndecidedWhereNobodyLooked) {
+  support::Rng rng(7);
+  Measurement seen = support::MeasurementOf({kPipeRadius, kPart, {}}, rng, 20'000);
+  const Inspection missing = Inspect(seen, kPart, kPipeRadius, WithHole());
+  EXPECT_EQ(missing.features.openings[0].state, OpeningState::kMissing);
+  EXPECT_EQ(missing.verdict, Verdict::kFail);
+  EXPECT_THAT(missing.reasons, ElementsAre(HasSubstr("hole 1 is missing")));
+  // The side of the hole was not scanned.
+  const auto frame = hal::FrameAt(hal::SpineSegments(kPart, {}), 40, 90);
+  std::erase_if(seen.surface, [&](const SurfaceSample& sample) {
+    return (sample.position_mm - frame.spine_mm).dot(frame.outward) > 0 &&
+           std::abs((sample.position_mm - frame.spine_mm).dot(frame.tangent)) < 30;
+  });
+  const Inspection hidden = Inspect(seen, kPart, kPipeRadius, WithHole());
+  EXPECT_EQ(hidden.features.openings[0].state, OpeningState::kNotSeen);
+  EXPECT_EQ(hidden.verdict, Verdict::kUndecided);
+}
+
+TEST(Inspection, JudgesHowEndsAreCut) {
+  Measurement measured = Measured(kPart);
+  measured.features.last_end = EndCutFound{{2.0, 30}, 0.1, 3};
+  EXPECT_EQ(Inspect(measured, kPart, kPipeRadius, {}).verdict, Verdict::kPass);
+  InspectionOptions options;
+  options.features.obliquity_tolerance_deg = 1.0;
+  const Inspection inspection = Inspect(measured, kPart, kPipeRadius, options);
+  EXPECT_EQ(inspection.verdict, Verdict::kFail);
+  EXPECT_NEAR(inspection.features.last_end.obliquity_deg.deviation, 2.0, 1e-9);
+  EXPECT_FALSE(inspection.features.first_end.is_known);
 }
 
 TEST(Inspection, IsUndecidedWithinTheUncertaintyOfTheLimit) {

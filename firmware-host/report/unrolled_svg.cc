@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/report/unrolled_svg.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "firmware-host/text/table.h"
+#include "hal/angles.h"
+#include "hal/spine.h"
+
+namespace bendloop::host {
+namespace {
+
+// [px] The picture, and what is left for the numbers beside it.
+constexpr double kPaperWidth = 640, kPaperHeight = 200, kPaperLeft = 44, kPaperBelow = 28,
+                 kPaperMargin = 14;
+constexpr double kOblique = 5.0;  // [sigma] ends that are drawn as they are cut
+
+// Places on the paper: mm along the tube to the right, degrees around it upwards.
+struct Paper {
+  double length_mm, pipe_radius_mm;
+
+  double X(double along_mm) const {
+    return kPaperLeft + kPaperMargin +
+           (kPaperWidth - kPaperLeft - 2 * kPaperMargin) * along_mm / length_mm;
+  }
+  double Y(double around_deg) const {
+    return (kPaperHeight - kPaperBelow) * (0.5 - std::remainder(around_deg, 360.0) / 360.0);
+  }
+  std::string At(double along_mm, double around_deg) const {
+    return Fixed(X(along_mm), 1) + "," + Fixed(Y(around_deg), 1) + " ";
+  }
+};
+
+std::string PaperText(double x, double y, const std::string& text) {
+  return "<text x=\"" + Fixed(x, 1) + "\" y=\"" + Fixed(y, 1) +
+         "\" font-size=\"11\" text-anchor=\"middle\" fill=\"currentColor\">" + text + "</text>";
+}
+
+std::string EndLine(const Paper& paper, const std::optional<pipeline::EndCutFound>& end,
+                    bool at_start) {
+  const bool is_oblique = end && end->cut.obliquity_deg > kOblique * end->obliquity_sigma_deg;
+  const double slope = is_oblique ? std::tan(end->cut.obliquity_deg * hal::kRadiansPerDegree) : 0.0;
+  std::string svg = "<polyline fill=\"none\" stroke=\"currentColor\" points=\"";
+  for (int around_deg = -179; around_deg <= 179; around_deg += 2) {
+    const double turn = (around_deg - (is_oblique ? end->cut.around_deg : 0.0));
+    const double beyond_mm = paper.pipe_radius_mm * slope * std::cos(turn * hal::kRadiansPerDegree);
+    svg += paper.At(at_start ? -beyond_mm : paper.length_mm + beyond_mm, around_deg);
+  }
+  return svg + "\"/>";
+}
+
+// The border of an opening, a point of it for each few degrees.
+std::string OpeningLine(const Paper& paper, const hal::WallOpening& opening) {
+  constexpr int kPoints = 48;
+  const double axis = opening.axis_deg * hal::kRadiansPerDegree;
+  const double half_line_mm = 0.5 * (opening.length_mm - opening.width_mm);
+  std::string svg =
+      "<polygon fill=\"currentColor\" fill-opacity=\"0.25\" stroke=\"currentColor\" points=\"";
+  for (int i = 0; i < kPoints; ++i) {
+    const double turn = 360.0 * (i + 0.5) / kPoints * hal::kRadiansPerDegree;
+    const double u =
+        0.5 * opening.width_mm * std::cos(turn) + std::copysign(half_line_mm, std::cos(turn));
+    const double v = 0.5 * opening.width_mm * std::sin(turn);
+    const double along_mm = u * std::cos(axis) - v * std::sin(axis);
+    const double across_mm = u * std::sin(axis) + v * std::cos(axis);
+    // Not beyond the edge of the paper, where the rest would be on its other side.
+    const double middle_deg = std::remainder(opening.around_deg, 360.0);
+    const double around_deg =
+        middle_deg +
+        std::asin(std::clamp(across_mm / paper.pipe_radius_mm, -1.0, 1.0)) * hal::kDegreesPerRadian;
+    svg += paper.At(opening.along_mm + along_mm, std::clamp(around_deg, -179.9, 179.9));
+  }
+  return svg + "\"/>";
+}
+
+std::string PaperAxes(const Paper& paper, const std::vector<hal::SpineSegment>& segments) {
+  std::string svg;
+  for (const hal::SpineSegment& segment : segments) {
+    if (!segment.is_arc() || !(segment.length_mm > 0)) continue;
+    const double from = paper.X(segment.from_start_mm);
+    svg += "<rect x=\"" + Fixed(from, 1) + "\" y=\"0\" width=\"" +
+           Fixed(paper.X(segment.from_start_mm + segment.length_mm) - from, 1) + "\" height=\"" +
+           Fixed(kPaperHeight - kPaperBelow, 1) +
+           "\" fill=\"currentColor\" fill-opacity=\"0.07\"/>";
+  }
+  for (const int around_deg : {-90, 0, 90}) {
+    const std::string y = Fixed(paper.Y(around_deg), 1);
+    svg +=
+        "<line x1=\"" + Fixed(kPaperLeft, 1) + "\" x2=\"" + Fixed(kPaperWidth, 1) + "\" y1=\"" + y +
+        "\" y2=\"" + y + "\" stroke=\"currentColor\" stroke-opacity=\"0.25\"/>" +
+        PaperText(0.5 * kPaperLeft, paper.Y(around_deg) + 4, std::to_string(around_deg) + "&#176;");
+  }
+  for (const double part : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    svg += PaperText(paper.X(part * paper.length_mm), kPaperHeight - 10,
+                     Fixed(part * paper.length_mm, 0) + (part == 1.0 ? " mm" : ""));
+  }
+  return svg;
+}
+
+}  // namespace
+
+std::string UnrolledSvg(const pipeline::Measurement& m) {
+  const Paper paper{hal::SpineLength(m.tube.program), m.tube.pipe_radius_mm};
+  const auto is_oblique = [](const std::optional<pipeline::EndCutFound>& end) {
+    return end && end->cut.obliquity_deg > kOblique * end->obliquity_sigma_deg;
+  };
+  const bool has_any = !m.features.openings.empty() || is_oblique(m.features.first_end) ||
+                       is_oblique(m.features.last_end);
+  if (!has_any || !(paper.length_mm > 0) || !(paper.pipe_radius_mm > 0)) return "";
+  std::string svg =
+      "<svg role=\"img\" aria-label=\"the surface unrolled: length by angle\" viewBox=\"0 0 " +
+      Fixed(kPaperWidth, 0) + " " + Fixed(kPaperHeight, 0) + "\">" +
+      PaperAxes(paper, hal::SpineSegments(m.tube.program, m.tube.X_WT)) +
+      EndLine(paper, m.features.first_end, true) + EndLine(paper, m.features.last_end, false);
+  for (const pipeline::OpeningFound& found : m.features.openings) {
+    svg += OpeningLine(paper, found.opening);
+  }
+  return svg + "</svg>";
+}
+
+}  // namespace bendloop::host

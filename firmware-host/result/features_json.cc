@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/result/program_json.h"
+#include "firmware-host/result/sections.h"
+
+namespace bendloop::host {
+namespace {
+
+constexpr std::size_t kMostOpenings = 1000;
+
+Json CutJson(const pipeline::EndCutFound& end) {
+  return {{"obliquity_deg", Number(end.cut.obliquity_deg)},
+          {"obliquity_sigma_deg", Number(end.obliquity_sigma_deg)},
+          {"around_deg", Number(end.cut.around_deg)},
+          {"around_sigma_deg", Number(end.around_sigma_deg)}};
+}
+
+pipeline::EndCutFound ReadCut(const JsonReader& json) {
+  return {{json.NumberOr("obliquity_deg", 0), json.NumberOr("around_deg", 0)},
+          json.NumberOr("obliquity_sigma_deg", 0),
+          json.NumberOr("around_sigma_deg", 0)};
+}
+
+// `length_mm`: of the spine.
+Json OpeningJson(const pipeline::OpeningFound& found, double length_mm) {
+  const hal::WallOpening& opening = found.opening;
+  const bool from_end = opening.along_mm > 0.5 * length_mm;
+  Json json = {
+      {"kind", opening.is_hole() ? "hole" : "slot"},
+      {"along_mm", Number(opening.along_mm)},
+      {"along_sigma_mm", Number(found.sigma.along_mm)},
+      {"nearer_end", from_end ? "last" : "first"},
+      {"from_nearer_end_mm", Number(from_end ? length_mm - opening.along_mm : opening.along_mm)},
+      {"around_deg", Number(opening.around_deg)},
+      {"around_sigma_deg", Number(found.sigma.around_deg)}};
+  if (opening.is_hole()) {
+    json["diameter_mm"] = Number(opening.length_mm);
+    json["diameter_sigma_mm"] = Number(found.sigma.length_mm);
+  } else {
+    json["length_mm"] = Number(opening.length_mm);
+    json["length_sigma_mm"] = Number(found.sigma.length_mm);
+    json["width_mm"] = Number(opening.width_mm);
+    json["width_sigma_mm"] = Number(found.sigma.width_mm);
+    json["axis_deg"] = Number(opening.axis_deg);
+    json["axis_sigma_deg"] = Number(found.sigma.axis_deg);
+  }
+  json["position_mm"] = PointJson(found.position_mm);
+  json["direction"] = PointJson(found.direction);
+  return json;
+}
+
+pipeline::OpeningFound ReadOpening(const JsonReader& json) {
+  pipeline::OpeningFound found;
+  found.opening.along_mm = json.NumberOr("along_mm", 0);
+  found.sigma.along_mm = json.NumberOr("along_sigma_mm", 0);
+  found.opening.around_deg = json.NumberOr("around_deg", 0);
+  found.sigma.around_deg = json.NumberOr("around_sigma_deg", 0);
+  if (json.Has("diameter_mm")) {
+    found.opening.length_mm = found.opening.width_mm = json.NumberOr("diameter_mm", 0);
+    found.sigma.length_mm = found.sigma.width_mm = json.NumberOr("diameter_sigma_mm", 0);
+  } else {
+    found.opening.length_mm = json.NumberOr("length_mm", 0);
+    found.sigma.length_mm = json.NumberOr("length_sigma_mm", 0);
+    found.opening.width_mm = json.NumberOr("width_mm", 0);
+    found.sigma.width_mm = json.NumberOr("width_sigma_mm", 0);
+    found.opening.axis_deg = json.NumberOr("axis_deg", 0);
+    found.sigma.axis_deg = json.NumberOr("axis_sigma_deg", 0);
+  }
+  found.position_mm = ReadPoint(json.At("position_mm"));
+  found.direction = ReadPoint(json.At("direction"));
+  return found;
+}
+
+Json EndInspectionJson(const pipeline::EndInspection& end) {
+  return end.is_known ? Json({{"obliquity_deg", DeviationJson(end.obliquity_deg)}}) : Json();
+}
+
+pipeline::EndInspection ReadEndInspection(const JsonReader& json, const char* key) {
+  if (!json.Has(key)) return {};
+  return {true, ReadDeviation(json.At(key).At("obliquity_deg"))};
+}
+
+}  // namespace
+
+Json FeaturesJson(const pipeline::Measurement& m) {
+  Json json = Json::object();
+  const pipeline::TubeFeaturesFound& features = m.features;
+  if (!features.is_known) return json;
+  if (features.first_end) json["first_end"] = CutJson(*features.first_end);
+  if (features.last_end) json["last_end"] = CutJson(*features.last_end);
+  const double length_mm = hal::SpineLength(m.tube.program);
+  Json openings = Json::array();
+  for (const pipeline::OpeningFound& opening : features.openings) {
+    openings.push_back(OpeningJson(opening, length_mm));
+  }
+  json["openings"] = std::move(openings);
+  return json;
+}
+
+void ReadFeatures(const JsonReader& json, pipeline::Measurement& m) {
+  m.features.is_known = true;
+  if (json.Has("first_end")) m.features.first_end = ReadCut(json.At("first_end"));
+  if (json.Has("last_end")) m.features.last_end = ReadCut(json.At("last_end"));
+  const JsonReader openings = json.At("openings");
+  for (std::size_t i = 0, n = openings.Size(kMostOpenings); i < n; ++i) {
+    m.features.openings.push_back(ReadOpening(openings.Item(i)));
+  }
+}
+
+Json FeatureInspectionJson(const pipeline::FeatureInspection& features) {
+  Json json = Json::object();
+  Json openings = Json::array();
+  for (const pipeline::OpeningInspection& opening : features.openings) {
+    openings.push_back({{"name", opening.name},
+                        {"state", Word(opening.state)},
+                        {"found", opening.found},
+                        {"along_mm", DeviationJson(opening.along_mm)},
+                        {"around_deg", DeviationJson(opening.around_deg)},
+                        {"length_mm", DeviationJson(opening.length_mm)},
+                        {"width_mm", DeviationJson(opening.width_mm)},
+                        {"axis_deg", DeviationJson(opening.axis_deg)}});
+  }
+  if (!openings.empty()) json["openings"] = std::move(openings);
+  // Ends that nobody judges stand among the features measured.
+  if (features.first_end.obliquity_deg.tolerance || features.last_end.obliquity_deg.tolerance) {
+    json["first_end"] = EndInspectionJson(features.first_end);
+    json["last_end"] = EndInspectionJson(features.last_end);
+  }
+  return json;
+}
+
+void ReadFeatureInspection(const JsonReader& json, pipeline::FeatureInspection& features) {
+  if (json.Has("openings")) {
+    const JsonReader openings = json.At("openings");
+    for (std::size_t i = 0, n = openings.Size(kMostOpenings); i < n; ++i) {
+      const JsonReader opening = openings.Item(i);
+      features.openings.push_back(
+          {opening.At("name").Text(), ReadWord<pipeline::OpeningState>(opening.At("state")),
+           opening.At("found").Count(), ReadDeviation(opening.At("along_mm")),
+           ReadDeviation(opening.At("around_deg")), ReadDeviation(opening.At("length_mm")),
+           ReadDeviation(opening.At("width_mm")), ReadDeviation(opening.At("axis_deg"))});
+    }
+  }
+  features.first_end = ReadEndInspection(json, "first_end");
+  features.last_end = ReadEndInspection(json, "last_end");
+}
+
+}  // namespace bendloop::host
