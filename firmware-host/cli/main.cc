@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "firmware-host/cad/export_command.h"
+#include "firmware-host/cad/nominal_command.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/standard_output.h"
@@ -50,6 +52,8 @@ int Main(int argc, char** argv) {
   AddReplayCommand(app, run);
   AddSimulateCommand(app, run);
   AddConvertCommand(app, run, std::cin, std::cout, std::cerr);
+  AddNominalCommand(app, run, std::cout, std::cerr);
+  AddExportCommand(app, run, std::cerr);
   AddCheckCommand(app, run);
   AddDoctorCommand(app, run);
   AddAcceptanceCommand(app, run);

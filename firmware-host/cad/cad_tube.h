@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware-host/cad/cad_shape.h"
+#include "firmware-host/cad/end_cut.h"
+#include "firmware-host/cad/tube_chain.h"
+
+namespace bendloop::host {
+
+// A hole or slot through the wall.
+struct WallOpening {
+  double along_mm = 0;    // of its centre, on the developed length from the first end
+  double around_deg = 0;  // from the previous bend's plane (README.md), (-180, 180]
+  double width_mm = 0;    // diameter, or the slot's width
+  double length_mm = 0;   // of a slot; 0: round
+  double axis_deg = 0;    // a slot's long axis against the tube's, [0, 90]
+  std::vector<int> faces;
+};
+
+// An end of the tube.
+struct TubeEnd {
+  double oblique_deg = 0;  // of the cut; 0: square
+  bool is_plane = true;    // false: cut to a shape, and the length is up to its farthest point
+  double fitting_mm = 0;   // the plain outer surface ends so far before it
+};
+
+// A tube of a file.
+struct CadTube {
+  std::string name;      // of its body
+  std::size_t body = 0;  // of the shape, counted from 0
+  bool is_wire = false;
+  double pipe_radius_mm = 0;  // 0: a centre line alone
+  std::optional<double> wall_mm;
+  Spine spine;  // between its ends
+  TubeEnd first, last;
+  std::vector<WallOpening> openings;
+  std::vector<std::string> notes;
+  // Why it is no sequence of lines and arcs; empty: it is one.
+  std::vector<std::string> problems;
+
+  bool is_bent() const { return !spine.arcs.empty(); }
+};
+
+// All tubes of a file, in its order; each from the end that lies nearer to the file's origin.
+std::vector<CadTube> TubesOf(CadShape& shape);
+
+// Describes `tube` from the end that lies nearer to the file's origin.
+void BeginNearOrigin(CadTube& tube);
+
+// Steps of TubesOf.
+std::vector<CadTube> TubesOfSurfaces(CadBody& body);
+std::vector<CadTube> TubesOfCurves(const CadBody& body);
+// Openings in the wall of `tube`, whose spine is known.
+std::vector<WallOpening> OpeningsOf(const CadBody& body, const CadTube& tube);
+
+}  // namespace bendloop::host

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/end_cut.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <vector>
+
+namespace bendloop::host {
+namespace {
+
+using Eigen::Vector3d;
+// Of the sectors around an axis that an end's edge covers.
+constexpr std::size_t kAllAround = 64;
+// Below this an end counts as square [deg]: what rounded coordinates make of a square one.
+constexpr double kSquareDeg = 0.005;
+
+struct Frame {
+  Vector3d origin, along, x, y;
+  double Along(const Vector3d& p) const { return (p - origin).dot(along); }
+  double Angle(const Vector3d& p) const {
+    return std::atan2((p - origin).dot(y), (p - origin).dot(x));
+  }
+};
+
+// Sectors between neighbouring points of an edge are covered, too.
+void Cover(const std::vector<Vector3d>& points, const Frame& frame, Around& around) {
+  const auto set = [&](double angle) {
+    const double turn = angle / (2 * std::numbers::pi);
+    around.set(std::size_t(std::clamp(int((turn - std::floor(turn)) * 72), 0, 71)));
+  };
+  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+    const double a = frame.Angle(points[i]);
+    const double step = std::remainder(frame.Angle(points[i + 1]) - a, 2 * std::numbers::pi);
+    for (int k = 0; k <= 8; ++k) set(a + step * k / 8);
+  }
+}
+
+bool IsAlongAxis(const FaceEdge& edge, const Frame& frame, double tolerance_mm) {
+  const Vector3d d = edge.points.back() - edge.points.front();
+  return edge.points.size() == 2 && (d - d.dot(frame.along) * frame.along).norm() < tolerance_mm;
+}
+
+// Edges of the piece against what is not of it.
+std::vector<const FaceEdge*> BorderOf(const CadBody& body, const TubePiece& piece,
+                                      const Frame& frame, double tolerance_mm) {
+  std::map<int, int> times;
+  std::vector<const FaceEdge*> own;
+  for (const FaceEdge& edge : body.edges) {
+    if (std::find(piece.faces.begin(), piece.faces.end(), edge.face) == piece.faces.end()) continue;
+    ++times[edge.edge];
+    own.push_back(&edge);
+  }
+  std::erase_if(own, [&](const FaceEdge* e) {
+    return times[e->edge] > 1 || e->points.size() < 2 || IsAlongAxis(*e, frame, tolerance_mm);
+  });
+  return own;
+}
+
+// Edges that meet at their ends, in groups.
+std::vector<std::vector<const FaceEdge*>> Loops(std::vector<const FaceEdge*> edges,
+                                                double tolerance_mm) {
+  const auto meet = [&](const FaceEdge* a, const FaceEdge* b) {
+    for (const Vector3d* p : {&a->points.front(), &a->points.back()}) {
+      for (const Vector3d* q : {&b->points.front(), &b->points.back()}) {
+        if ((*p - *q).norm() < tolerance_mm) return true;
+      }
+    }
+    return false;
+  };
+  std::vector<std::vector<const FaceEdge*>> loops;
+  while (!edges.empty()) {
+    std::vector<const FaceEdge*> loop{edges.back()};
+    edges.pop_back();
+    for (std::size_t i = 0; i < loop.size(); ++i) {
+      const auto joined = std::stable_partition(
+          edges.begin(), edges.end(), [&](const FaceEdge* e) { return !meet(loop[i], e); });
+      loop.insert(loop.end(), joined, edges.end());
+      edges.erase(joined, edges.end());
+    }
+    loops.push_back(std::move(loop));
+  }
+  return loops;
+}
+
+EndCut CutThrough(const std::vector<const FaceEdge*>& loop, const Frame& frame,
+                  double tolerance_mm) {
+  Vector3d mean = Vector3d::Zero();
+  double count = 0;
+  EndCut cut;
+  cut.lowest_mm = INFINITY;
+  cut.highest_mm = -INFINITY;
+  for (const FaceEdge* edge : loop) {
+    for (const Vector3d& p : edge->points) {
+      mean += p;
+      ++count;
+      cut.lowest_mm = std::min(cut.lowest_mm, frame.Along(p));
+      cut.highest_mm = std::max(cut.highest_mm, frame.Along(p));
+    }
+  }
+  mean /= count;
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (const FaceEdge* edge : loop) {
+    for (const Vector3d& p : edge->points) spread += (p - mean) * (p - mean).transpose();
+  }
+  Vector3d n = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors().col(0);
+  if (n.dot(frame.along) < 0) n = -n;
+  double off = 0;
+  for (const FaceEdge* edge : loop) {
+    for (const Vector3d& p : edge->points) off = std::max(off, std::abs((p - mean).dot(n)));
+  }
+  const double cosine = n.dot(frame.along);
+  cut.is_plane = off < tolerance_mm && cosine > 0.1;
+  if (!cut.is_plane) {
+    cut.along_mm = cut.highest_mm;
+    return cut;
+  }
+  cut.along_mm = (mean - frame.origin).dot(n) / cosine;
+  cut.oblique_deg = std::atan2(n.cross(frame.along).norm(), cosine) * 180 / std::numbers::pi;
+  if (cut.oblique_deg < kSquareDeg) cut.oblique_deg = 0;
+  return cut;
+}
+
+}  // namespace
+
+std::optional<EndCut> CutOf(const CadBody& body, const TubePiece& piece, const Vector3d& origin,
+                            const Vector3d& outward) {
+  const Vector3d x = outward.unitOrthogonal();
+  const Frame frame{origin, outward, x, outward.cross(x)};
+  const double tolerance_mm = MatchToleranceMm(piece.radius_mm) / 4;
+  std::optional<EndCut> farthest;
+  for (const auto& loop : Loops(BorderOf(body, piece, frame, tolerance_mm), tolerance_mm)) {
+    Around around;
+    for (const FaceEdge* edge : loop) Cover(edge->points, frame, around);
+    if (around.count() < kAllAround) continue;
+    const EndCut cut = CutThrough(loop, frame, tolerance_mm);
+    if (!farthest || cut.highest_mm + cut.lowest_mm > farthest->highest_mm + farthest->lowest_mm) {
+      farthest = cut;
+    }
+  }
+  return farthest;
+}
+
+}  // namespace bendloop::host

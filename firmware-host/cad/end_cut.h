@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "firmware-host/cad/tube_piece.h"
+
+namespace bendloop::host {
+
+// How a straight's end is cut.
+struct EndCut {
+  double along_mm = 0;  // where the cut's plane meets the axis, along the outward direction
+  double oblique_deg = 0;
+  bool is_plane = true;                  // else `along_mm` is the farthest point, as of a saddle
+  double lowest_mm = 0, highest_mm = 0;  // of the edge
+};
+
+// The border of the piece's faces that goes around the axis and lies farthest out; nothing when no
+// edge does (loose faces with gaps). `origin`: where along_mm is 0; `outward`: unit.
+std::optional<EndCut> CutOf(const CadBody& body, const TubePiece& piece,
+                            const Eigen::Vector3d& origin, const Eigen::Vector3d& outward);
+
+}  // namespace bendloop::host

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/nearest_tube.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "hal/clock.h"
+#include "pipeline/reconstruction.h"
+
+namespace bendloop::host {
+namespace {
+
+using Eigen::Vector3d;
+// Samples of a cylinder or torus: so many each way.
+constexpr int kAlong = 120, kAroundSamples = 36;
+// Of a patch's samples, so many are asked whether its others lie behind them.
+constexpr std::size_t kAsked = 200;
+
+// A tube's outer surface is convex across: seen from a sample, its neighbours lie behind it.
+bool IsOuter(const SurfacePatch& patch) {
+  const auto& samples = patch.samples;
+  const std::size_t step = std::max<std::size_t>(1, samples.size() / kAsked);
+  double behind = 0;
+  for (std::size_t i = 0; i < samples.size(); i += step) {
+    for (std::size_t j = 0; j < samples.size(); j += step) {
+      const Vector3d d = samples[j].point - samples[i].point;
+      const double distance = d.norm();
+      if (distance > 1e-9) behind -= d.dot(samples[i].normal) / std::pow(distance, 3);
+    }
+  }
+  return behind > 0;
+}
+
+void AddGrid(const SurfacePatch& patch, std::vector<Vector3d>& points) {
+  const bool torus = patch.kind == PatchKind::kTorus;
+  const int nu = torus ? kAlong : kAroundSamples, nv = torus ? kAroundSamples : kAlong;
+  for (int i = 0; i < nu; ++i) {
+    const double u = patch.u0 + (patch.u1 - patch.u0) * (i + 0.5) / nu;
+    const Vector3d radial = std::cos(u) * patch.x + std::sin(u) * patch.y;
+    for (int j = 0; j < nv; ++j) {
+      const double v = patch.v0 + (patch.v1 - patch.v0) * (j + 0.5) / nv;
+      points.push_back(
+          torus ? Vector3d(patch.origin +
+                           (patch.bend_radius_mm + patch.radius_mm * std::cos(v)) * radial +
+                           patch.radius_mm * std::sin(v) * patch.axis)
+                : Vector3d(patch.origin + patch.radius_mm * radial + v * patch.axis));
+    }
+  }
+}
+
+std::vector<Vector3d> OuterPoints(const CadBody& body, double pipe_radius_mm) {
+  std::vector<Vector3d> points;
+  const double tolerance = MatchToleranceMm(pipe_radius_mm);
+  for (const SurfacePatch& patch : body.patches) {
+    if (patch.kind == PatchKind::kFree) {
+      if (!IsOuter(patch)) continue;
+      for (const OrientedPoint& s : patch.samples) points.push_back(s.point);
+    } else if (!patch.concave &&
+               (pipe_radius_mm == 0 || std::abs(patch.radius_mm - pipe_radius_mm) < tolerance)) {
+      AddGrid(patch, points);
+    }
+  }
+  return points;
+}
+
+}  // namespace
+
+hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
+  const std::vector<Vector3d> points = OuterPoints(body, like.pipe_radius_mm);
+  pipeline::ReconstructionOptions options;
+  if (like.pipe_radius_mm > 0) options.pipe_radius_mm = like.pipe_radius_mm;
+  const hal::SteadyClock clock;
+  auto measured = pipeline::Reconstruct(points, options, clock);
+  if (!measured) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "no lines and arcs are near to it: " + measured.error().message);
+  }
+  CadTube tube = like;
+  tube.problems.clear();
+  tube.openings.clear();
+  tube.pipe_radius_mm = measured->tube.pipe_radius_mm;
+  tube.spine = SpineOf(measured->tube);
+  char text[160];
+  std::snprintf(
+      text, sizeof text,
+      "the part is no lines and arcs; these are the nearest, and its surface lies %.3f mm "
+      "off them (rms)",
+      measured->fit.rms_distance_mm);
+  tube.notes.assign(1, text);
+  return tube;
+}
+
+}  // namespace bendloop::host

@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/nominal_command.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/load.h"
+#include "config/part_writer.h"
+#include "firmware-host/cad/cad_helper.h"
+#include "firmware-host/cad/nearest_tube.h"
+#include "firmware-host/cad/nominal_text.h"
+#include "firmware-host/console/command_line.h"
+#include "firmware-host/console/message.h"
+#include "firmware-host/console/output_file.h"
+#include "firmware-host/console/printable.h"
+#include "firmware-host/console/whole_file.h"
+#include "firmware-host/console/wrap.h"
+#include "pipeline/tube/representations.h"
+
+namespace bendloop::host {
+namespace {
+
+// Larger files are plants, not tubes.
+constexpr std::size_t kMostFileBytes = std::size_t{1} << 30;
+
+// Free surfaces are sampled so densely for their nearest lines and arcs, or more coarsely for pipes
+// of more than three times this radius.
+constexpr double kLeastStepMm = 1;
+
+struct NominalArguments {
+  std::string file;
+  std::string out, json;
+  std::string body;
+  std::string name;
+  std::optional<double> pipe_diameter_mm, wall_mm;
+  std::uint32_t part_number = 1;
+  bool list = false;
+  bool reverse = false;
+  bool nearest = false;
+};
+
+// `step_mm`: how densely free surfaces are sampled; 0: enough to see what they are.
+hal::Result<CadShape> LoadShape(const std::string& file, double step_mm = 0) {
+  // Said here in plain words, and not by OpenCASCADE.
+  const auto text = ReadWholeFile(file, kMostFileBytes);
+  if (!text) return hal::Fail(text.error());
+  if (text->empty())
+    return hal::Fail(hal::ErrorKind::kBadInput, file + ": is empty; expected STEP or IGES");
+  const auto answer = RunCadHelper({"read", file, std::to_string(step_mm)}, "", file);
+  if (!answer) return hal::Fail(answer.error());
+  return ReadCadShape(*answer, file);
+}
+
+// A number of the list, or a name as it stands there.
+hal::Result<CadTube> ByName(const std::vector<CadTube>& tubes, const std::string& wanted,
+                            const std::string& file) {
+  std::size_t number = 0;
+  const auto [end, error] = std::from_chars(wanted.data(), wanted.data() + wanted.size(), number);
+  std::vector<CadTube> named;
+  for (const CadTube& tube : tubes) {
+    if (tube.name == wanted) named.push_back(tube);
+  }
+  // The solid and its centre line have one name.
+  if (named.size() > 1) std::erase_if(named, [](const CadTube& t) { return t.is_wire; });
+  if (named.size() == 1) return named.front();
+  if (named.empty() && error == std::errc() && end == wanted.data() + wanted.size() &&
+      number >= 1 && number <= tubes.size()) {
+    return tubes[number - 1];
+  }
+  return hal::Fail(hal::ErrorKind::kUsage,
+                   "--body: '" + wanted + "' is " +
+                       (named.empty() ? "no tube" : "the name of several tubes") + " of " + file +
+                       "; expected a number or name of:\n" + TubeList(tubes));
+}
+
+// What the file is about, where that is clear: its only bent tube, its only tube, its only centre
+// line, in this order.
+hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArguments& arguments) {
+  if (tubes.empty()) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     arguments.file +
+                         ": holds no round tube: no cylinders of some length and no tori, and no "
+                         "centre line of lines and arcs; a triangulated part (STL in STEP) has "
+                         "none, either: export it as solid");
+  }
+  if (!arguments.body.empty()) return ByName(tubes, arguments.body, arguments.file);
+  const auto only = [&](const auto& is) -> std::optional<CadTube> {
+    const auto count = std::count_if(tubes.begin(), tubes.end(), is);
+    if (count != 1) return std::nullopt;
+    return *std::find_if(tubes.begin(), tubes.end(), is);
+  };
+  const auto is_broken = [](const CadTube& t) { return !t.is_wire && !t.problems.empty(); };
+  const auto is_bent = [](const CadTube& t) { return !t.is_wire && t.is_bent(); };
+  const auto is_solid = [](const CadTube& t) { return !t.is_wire; };
+  const auto is_wire = [](const CadTube& t) { return t.is_wire; };
+  if (std::none_of(tubes.begin(), tubes.end(), is_broken)) {
+    if (auto tube = only(is_bent)) return *tube;
+    const bool bent = std::any_of(tubes.begin(), tubes.end(), is_bent);
+    if (auto tube = only(is_solid); tube && !bent) return *tube;
+  }
+  if (tubes.size() == 1) return tubes.front();
+  const bool all_wires = std::all_of(tubes.begin(), tubes.end(), is_wire);
+  if (auto tube = only([&](const CadTube& t) { return t.is_bent(); }); tube && all_wires) {
+    return *tube;
+  }
+  return hal::Fail(hal::ErrorKind::kUsage, arguments.file + ": holds " +
+                                               std::to_string(tubes.size()) +
+                                               " tubes; choose one by --body:\n" + TubeList(tubes));
+}
+
+double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
+
+// To what a file's rounding leaves: 1e-7 mm, 1e-9 degrees.
+hal::BendProgram RoundedProgram(hal::BendProgram program) {
+  constexpr double kPerMm = 1e7, kPerDeg = 1e9;
+  for (hal::BendRow& row : program.rows) {
+    row.length_mm = std::round(row.length_mm * kPerMm) / kPerMm + 0.0;
+    row.rotation_deg = std::round(row.rotation_deg * kPerDeg) / kPerDeg + 0.0;
+    if (row.rotation_deg == -180) row.rotation_deg = 180;
+    row.angle_deg = std::round(row.angle_deg * kPerDeg) / kPerDeg;
+    if (row.bend_radius_mm) row.bend_radius_mm = std::round(*row.bend_radius_mm * kPerMm) / kPerMm;
+  }
+  return program;
+}
+
+std::string PartText(const Nominal& nominal, const NominalArguments& arguments) {
+  config::PartConfig part;
+  const std::string& body = nominal.tube.name;
+  part.name = !arguments.name.empty() ? arguments.name : body.empty() ? "Tube" : Printable(body);
+  part.part_number = arguments.part_number;
+  part.pipe_radius_mm = Rounded(nominal.tube.pipe_radius_mm, 1e-7);
+  if (nominal.tube.wall_mm) part.wall_mm = Rounded(*nominal.tube.wall_mm, 1e-7);
+  part.rows = nominal.program.program;
+  std::string comment =
+      "From " + Printable(nominal.file) + ". Tolerances and material are defaults: set them.\n";
+  for (const std::string& remark : Remarks(nominal.tube)) comment += remark + "\n";
+  return config::PartToml(part, WrapLines(comment, 98));
+}
+
+hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube>& tubes) {
+  auto tube = Choose(tubes, arguments);
+  if (!tube) return hal::Fail(tube.error());
+  const auto bad = [&](const std::string& what) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     arguments.file + ": " +
+                         (tube->name.empty() ? "" : "'" + Printable(tube->name) + "': ") + what);
+  };
+  if (!tube->problems.empty() && arguments.nearest && !tube->is_wire) {
+    auto dense = LoadShape(arguments.file, std::max(kLeastStepMm, tube->pipe_radius_mm / 3));
+    if (!dense) return hal::Fail(dense.error());
+    auto nearest = NearestTube(dense->bodies.at(tube->body), *tube);
+    if (!nearest) return bad(nearest.error().message);
+    tube = std::move(nearest);
+    BeginNearOrigin(*tube);
+  }
+  if (!tube->problems.empty()) {
+    std::string all;
+    for (const std::string& problem : tube->problems) all += (all.empty() ? "" : "; ") + problem;
+    return bad(all + (tube->is_wire || arguments.nearest
+                          ? ""
+                          : "; --nearest gives the lines and arcs nearest to it"));
+  }
+  if (arguments.pipe_diameter_mm) tube->pipe_radius_mm = *arguments.pipe_diameter_mm / 2;
+  if (arguments.wall_mm) tube->wall_mm = arguments.wall_mm;
+  if (!(tube->pipe_radius_mm > 0)) {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     arguments.file + ": is a centre line without a pipe; give --pipe-diameter MM");
+  }
+  if (arguments.reverse) {
+    tube->spine = tube->spine.Reversed();
+    std::swap(tube->first, tube->last);
+    for (WallOpening& o : tube->openings) o.along_mm = tube->spine.length_mm() - o.along_mm;
+  }
+  Nominal nominal;
+  nominal.file = arguments.file;
+  nominal.program = TubeFromSpine(tube->spine, tube->pipe_radius_mm);
+  nominal.program.program = RoundedProgram(nominal.program.program);
+  if (const auto checked = pipeline::CheckProgram(nominal.program.program); !checked) {
+    return bad("its centre line is no tube: " + checked.error().message);
+  }
+  nominal.tube = std::move(*tube);
+  return nominal;
+}
+
+// The exit code; what went wrong is on `err`.
+int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostream& err) {
+  const auto fail = [&](const hal::Error& error) {
+    err << MessageText("bendloop", error.message, 0);
+    return hal::ExitCode(error.kind);
+  };
+  auto shape = LoadShape(arguments.file);
+  if (!shape) return fail(shape.error());
+  std::vector<CadTube> tubes = TubesOf(*shape);
+  if (arguments.list && !tubes.empty()) {
+    out << TubeList(tubes);
+    return 0;
+  }
+  const auto nominal = Make(arguments, tubes);
+  if (!nominal) return fail(nominal.error());
+  const std::string part = PartText(*nominal, arguments);
+  if (const auto checked = config::ParsePart(part, "the part"); !checked) {
+    return fail({hal::ErrorKind::kBadInput,
+                 arguments.file + ": no part file can hold it: " + checked.error().message});
+  }
+  if (arguments.json != "-") out << NominalText(*nominal);
+  if (!arguments.json.empty()) {
+    const std::string json = Dump(NominalJson(*nominal), 2) + "\n";
+    if (arguments.json == "-") {
+      out << json;
+    } else if (auto written = WriteOutputFile(arguments.json, json); !written) {
+      return fail(written.error());
+    }
+  }
+  if (!arguments.out.empty()) {
+    if (auto written = WriteOutputFile(arguments.out, part); !written) return fail(written.error());
+  }
+  out << std::flush;
+  return 0;
+}
+
+constexpr const char* kNominalFooter = R"(
+Examples:
+  bendloop nominal pipe.step                         what is in it
+  bendloop nominal pipe.step --out part.toml --part-number 1201
+  bendloop nominal rack.step --list                  the tubes of an assembly
+  bendloop nominal rack.step --body "Return line" --out part.toml
+  bendloop nominal line.igs --pipe-diameter 10 --wall 1
+                                                     a centre line alone
+
+STEP (AP203, AP214, AP242) and IGES in any unit; cylinders and tori of outer and
+inner surface, or lines and arcs of a centre line, become lengths, rotations and
+angles. The first end is the one nearer to the file's origin; --reverse takes the
+other. Holes, slots, oblique cuts and what sits on the ends are told, and stand in
+the part file as comments. A part that is no lines and arcs is refused with the
+reason; --nearest measures it as a scan would be. Tolerances and material of the
+part file are defaults.
+Exit codes: 2 several tubes and no --body; 3 no tube of lines and arcs, or a
+damaged file; 4 bendloop-cad is not installed.)";
+
+}  // namespace
+
+CLI::App* AddNominalCommand(CLI::App& app, std::function<int()>& run, std::ostream& out,
+                            std::ostream& err) {
+  auto a = std::make_shared<NominalArguments>();
+  CLI::App* command = app.add_subcommand("nominal", "A part's nominal from CAD: STEP or IGES");
+  command->add_option("FILE", a->file, "STEP or IGES")->required();
+  command->add_option("--out", a->out, "Part file to write")->type_name("PART.toml");
+  command->add_option("--json", a->json, "The same as JSON; - is standard output")
+      ->type_name("FILE");
+  command->add_flag("--list", a->list, "List the file's tubes and end");
+  command->add_option("--body", a->body, "Which tube: its number or name in the list");
+  command->add_flag("--reverse", a->reverse, "Begin at the other end");
+  command->add_flag("--nearest", a->nearest,
+                    "Of a part that is no lines and arcs, those nearest to it");
+  command->add_option("--name", a->name, "Of the part; not given: the body's");
+  command->add_option("--part-number", a->part_number, "What the bender knows it by")
+      ->capture_default_str();
+  command
+      ->add_option("--pipe-diameter", a->pipe_diameter_mm,
+                   "Outer, in mm, where the file has a centre line alone")
+      ->check(NumberWithin(1, 1000));
+  command->add_option("--wall", a->wall_mm, "In mm, where the file does not show it")
+      ->check(NumberWithin(0.05, 100));
+  command->footer(kNominalFooter);
+  command->callback(
+      [a, &run, &out, &err] { run = [a, &out, &err] { return RunNominal(*a, out, err); }; });
+  return command;
+}
+
+}  // namespace bendloop::host

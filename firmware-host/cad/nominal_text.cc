@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/nominal_text.h"
+
+#include <cmath>
+
+#include "firmware-host/console/printable.h"
+#include "firmware-host/result/program_json.h"
+#include "firmware-host/text/table.h"
+
+namespace bendloop::host {
+namespace {
+
+std::string EndRemark(const char* which, const TubeEnd& end) {
+  std::string text = std::string(which) + " end: ";
+  if (!end.is_plane) {
+    text += "cut to a shape that is no plane; the length is up to its farthest point";
+  } else if (end.oblique_deg > 0) {
+    text += "cut " + Fixed(end.oblique_deg, 3) + " degrees oblique; the length is along the axis";
+  } else {
+    text += "square";
+  }
+  if (end.fitting_mm > 0) {
+    text += "; the plain tube ends " + Fixed(end.fitting_mm, 3) +
+            " mm before it (a fitting, flange, chamfer or end form)";
+  }
+  return text;
+}
+
+std::string OpeningRemark(const WallOpening& opening) {
+  const std::string where = " at " + Fixed(opening.along_mm, 3) + " mm of the developed length, " +
+                            Fixed(opening.around_deg, 2) + " degrees around";
+  if (opening.length_mm == 0) return "hole of " + Fixed(opening.width_mm, 3) + " mm" + where;
+  return "slot of " + Fixed(opening.length_mm, 3) + " by " + Fixed(opening.width_mm, 3) + " mm" +
+         where + ", its long axis " + Fixed(opening.axis_deg, 2) + " degrees from the tube's";
+}
+
+Json EndJson(const TubeEnd& end) {
+  return {{"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
+          {"plane", end.is_plane},
+          {"plain_tube_ends_before_mm", Number(end.fitting_mm)}};
+}
+
+}  // namespace
+
+std::vector<std::string> Remarks(const CadTube& tube) {
+  std::vector<std::string> remarks;
+  if (!tube.is_wire) {
+    remarks.push_back(EndRemark("first", tube.first));
+    remarks.push_back(EndRemark("last", tube.last));
+  }
+  for (const WallOpening& opening : tube.openings) remarks.push_back(OpeningRemark(opening));
+  remarks.insert(remarks.end(), tube.notes.begin(), tube.notes.end());
+  return remarks;
+}
+
+std::string NominalText(const Nominal& nominal) {
+  const CadTube& tube = nominal.tube;
+  std::string text = Printable(tube.name.empty() ? "tube" : tube.name) + ": " +
+                     Fixed(2 * tube.pipe_radius_mm, 3) + " mm in diameter, ";
+  text += tube.wall_mm ? "wall " + Fixed(*tube.wall_mm, 3) + " mm" : "no inner surface";
+  text += ", " + std::to_string(tube.spine.arcs.size()) + " bends, developed length " +
+          Fixed(tube.spine.length_mm(), 3) + " mm\n\n";
+  Table table({{"row", Align::kRight},
+               {"length mm", Align::kDecimal},
+               {"rotation deg", Align::kDecimal},
+               {"angle deg", Align::kDecimal},
+               {"CLR mm", Align::kDecimal}});
+  const auto& rows = nominal.program.program.rows;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    table.Add({std::to_string(i + 1), Fixed(rows[i].length_mm, 4), Fixed(rows[i].rotation_deg, 4),
+               Fixed(rows[i].angle_deg, 4),
+               rows[i].bend_radius_mm ? Fixed(*rows[i].bend_radius_mm, 4) : ""});
+  }
+  text += table.Render(false) + "\n";
+  for (const std::string& remark : Remarks(tube)) text += remark + "\n";
+  return text;
+}
+
+Json NominalJson(const Nominal& nominal) {
+  const CadTube& tube = nominal.tube;
+  const Eigen::Vector3d& p = nominal.program.X_WT.position_mm;
+  const Eigen::Quaterniond& q = nominal.program.X_WT.orientation;
+  Json openings = Json::array();
+  for (const WallOpening& o : tube.openings) {
+    Json json = {{"kind", o.length_mm > 0 ? "slot" : "hole"},
+                 {"along_mm", Number(o.along_mm)},
+                 {"around_deg", Number(o.around_deg)},
+                 {"width_mm", Number(o.width_mm)}};
+    if (o.length_mm > 0) {
+      json["length_mm"] = Number(o.length_mm);
+      json["axis_deg"] = Number(o.axis_deg);
+    }
+    openings.push_back(std::move(json));
+  }
+  return {{"schema", "bendloop.nominal/1"},
+          {"file", nominal.file},
+          {"body", tube.name},
+          {"pipe_radius_mm", Number(tube.pipe_radius_mm)},
+          {"wall_mm", tube.wall_mm ? Number(*tube.wall_mm) : Json(nullptr)},
+          {"developed_length_mm", Number(tube.spine.length_mm())},
+          {"position_mm", {Number(p.x()), Number(p.y()), Number(p.z())}},
+          {"orientation_wxyz",
+           {Number(q.w(), 9), Number(q.x(), 9), Number(q.y(), 9), Number(q.z(), 9)}},
+          {"rows", RowsJson(nominal.program.program)},
+          {"ends", {EndJson(tube.first), EndJson(tube.last)}},
+          {"openings", std::move(openings)},
+          {"notes", tube.notes}};
+}
+
+std::string TubeList(const std::vector<CadTube>& tubes) {
+  Table table({{"body", Align::kRight},
+               {"name"},
+               {"diameter mm", Align::kDecimal},
+               {"wall mm", Align::kDecimal},
+               {"bends", Align::kRight},
+               {"length mm", Align::kDecimal},
+               {""}});
+  for (std::size_t i = 0; i < tubes.size(); ++i) {
+    const CadTube& tube = tubes[i];
+    const bool known = tube.pipe_radius_mm > 0;
+    table.Add({std::to_string(i + 1), Printable(tube.name),
+               known ? Fixed(2 * tube.pipe_radius_mm, 3) : "",
+               tube.wall_mm ? Fixed(*tube.wall_mm, 3) : "", std::to_string(tube.spine.arcs.size()),
+               Fixed(tube.spine.length_mm(), 3),
+               !tube.problems.empty() ? "no lines and arcs"
+               : tube.is_wire         ? "centre line"
+                                      : ""});
+  }
+  return table.Render(false);
+}
+
+}  // namespace bendloop::host

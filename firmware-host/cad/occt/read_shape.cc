@@ -1,0 +1,388 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/occt/read_shape.h"
+
+#include <BRepAdaptor_Curve.hxx>
+#include <BRepAdaptor_Surface.hxx>
+#include <BRepBuilderAPI_Transform.hxx>
+#include <BRepTools.hxx>
+#include <BRep_Builder.hxx>
+#include <BRep_Tool.hxx>
+#include <IGESControl_Reader.hxx>
+#include <STEPCAFControl_Reader.hxx>
+#include <TColStd_Array1OfReal.hxx>
+#include <TCollection_AsciiString.hxx>
+#include <TDF_Label.hxx>
+#include <TDF_LabelSequence.hxx>
+#include <TDataStd_Name.hxx>
+#include <TDocStd_Document.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopTools_IndexedMapOfShape.hxx>
+#include <TopTools_MapOfShape.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Compound.hxx>
+#include <XCAFDoc_DocumentTool.hxx>
+#include <XCAFDoc_ShapeTool.hxx>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <gp_Cylinder.hxx>
+#include <gp_Torus.hxx>
+#include <stdexcept>
+#include <vector>
+
+namespace bendloop::cad {
+namespace {
+
+using nlohmann::json;
+
+// A face that is not given as cylinder, torus or plane is sampled by so many points each way,
+// between two places where its curvature may jump. A whole turn in 15 degrees.
+constexpr int kGridSteps = 24;
+// And by at most so many, where a step in mm is asked for.
+constexpr int kMostGridSteps = 1000;
+// More of such pieces in one direction are no tube but a scanned skin.
+constexpr int kMostPieces = 200;
+// An edge that is no straight line, in so many chords.
+constexpr int kEdgeSteps = 16;
+
+json Numbers(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
+json Numbers(const gp_Dir& d) { return {d.X(), d.Y(), d.Z()}; }
+
+std::string NameOf(const TDF_Label& label) {
+  Handle(TDataStd_Name) name;
+  if (!label.FindAttribute(TDataStd_Name::GetID(), name)) return "";
+  return TCollection_AsciiString(name->Get()).ToCString();  // UTF-8
+}
+
+const char* KindOf(GeomAbs_SurfaceType type) {
+  switch (type) {
+    case GeomAbs_Plane:
+      return "plane";
+    case GeomAbs_Cylinder:
+      return "cylinder";
+    case GeomAbs_Torus:
+      return "torus";
+    case GeomAbs_Cone:
+      return "cone";
+    case GeomAbs_Sphere:
+      return "sphere";
+    case GeomAbs_BezierSurface:
+      return "Bezier surface";
+    case GeomAbs_BSplineSurface:
+      return "B-spline surface";
+    case GeomAbs_SurfaceOfRevolution:
+      return "surface of revolution";
+    case GeomAbs_SurfaceOfExtrusion:
+      return "surface of extrusion";
+    case GeomAbs_OffsetSurface:
+      return "offset surface";
+    default:
+      return "other surface";
+  }
+}
+
+struct Domain {
+  double u0 = 0, u1 = 0, v0 = 0, v1 = 0;
+};
+
+// The face's normal (out of the material) at (u, v); zero where it has none.
+gp_Vec NormalAt(const BRepAdaptor_Surface& surface, bool reversed, double u, double v, gp_Pnt& p) {
+  gp_Vec du, dv;
+  surface.D1(u, v, p, du, dv);
+  gp_Vec n = du.Crossed(dv);
+  if (n.Magnitude() < 1e-12) return {0, 0, 0};
+  n.Normalize();
+  if (reversed) n.Reverse();
+  return n;
+}
+
+// Steps from `from` to `to` along a curve at(parameter), each at most `step_mm`; 0: as they come.
+template <class At>
+int StepsAlong(double step_mm, double from, double to, const At& at) {
+  if (!(step_mm > 0)) return kGridSteps;
+  double length = 0;
+  gp_Pnt before = at(from);
+  for (int i = 1; i <= kGridSteps; ++i) {
+    const gp_Pnt p = at(from + (to - from) * i / kGridSteps);
+    length += p.Distance(before);
+    before = p;
+  }
+  return std::clamp(int(std::min(length / step_mm, 1e6)) + 1, kGridSteps, kMostGridSteps);
+}
+
+json Samples(const BRepAdaptor_Surface& surface, bool reversed, const Domain& d, double step_mm) {
+  const double u = (d.u0 + d.u1) / 2, v = (d.v0 + d.v1) / 2;
+  const int nu = StepsAlong(step_mm, d.u0, d.u1, [&](double at) { return surface.Value(at, v); });
+  const int nv = StepsAlong(step_mm, d.v0, d.v1, [&](double at) { return surface.Value(u, at); });
+  json points = json::array();
+  for (int i = 0; i <= nu; ++i) {
+    for (int j = 0; j <= nv; ++j) {
+      gp_Pnt p;
+      const gp_Vec n = NormalAt(surface, reversed, d.u0 + (d.u1 - d.u0) * i / nu,
+                                d.v0 + (d.v1 - d.v0) * j / nv, p);
+      if (n.Magnitude() > 0.5) points.push_back({p.X(), p.Y(), p.Z(), n.X(), n.Y(), n.Z()});
+    }
+  }
+  return points;
+}
+
+// The parameters within [from, to] at which the surface's curvature may jump, both ends included.
+std::vector<double> Within(const TColStd_Array1OfReal& all, double from, double to) {
+  std::vector<double> cuts{from};
+  for (int i = all.Lower(); i <= all.Upper(); ++i) {
+    if (all(i) > from + 1e-9 && all(i) < to - 1e-9) cuts.push_back(all(i));
+  }
+  cuts.push_back(to);
+  return cuts;
+}
+
+void AddFreePatches(const BRepAdaptor_Surface& surface, bool reversed, const Domain& d,
+                    const json& head, double step_mm, json& patches) {
+  const int nu = surface.NbUIntervals(GeomAbs_C2), nv = surface.NbVIntervals(GeomAbs_C2);
+  std::vector<double> us{d.u0, d.u1}, vs{d.v0, d.v1};
+  if (nu <= kMostPieces && nv <= kMostPieces) {
+    TColStd_Array1OfReal all_u(1, nu + 1), all_v(1, nv + 1);
+    surface.UIntervals(all_u, GeomAbs_C2);
+    surface.VIntervals(all_v, GeomAbs_C2);
+    us = Within(all_u, d.u0, d.u1);
+    vs = Within(all_v, d.v0, d.v1);
+  }
+  for (std::size_t i = 0; i + 1 < us.size(); ++i) {
+    for (std::size_t j = 0; j + 1 < vs.size(); ++j) {
+      json patch = head;
+      patch["samples"] = Samples(surface, reversed, {us[i], us[i + 1], vs[j], vs[j + 1]}, step_mm);
+      patches.push_back(std::move(patch));
+    }
+  }
+}
+
+template <class Axes>
+void PutAxes(const Axes& axes, json& patch) {
+  patch["origin"] = Numbers(axes.Location());
+  patch["axis"] = Numbers(axes.Direction());
+  patch["x"] = Numbers(axes.XDirection());
+  patch["y"] = Numbers(axes.YDirection());
+}
+
+void AddPatches(const TopoDS_Face& face, int number, double step_mm, json& patches) {
+  const BRepAdaptor_Surface surface(face);
+  const bool reversed = face.Orientation() == TopAbs_REVERSED;
+  Domain d;
+  BRepTools::UVBounds(face, d.u0, d.u1, d.v0, d.v1);
+  constexpr double kFar = 1e6;  // mm, and turns: a surface without bounds
+  if (!(d.u1 > d.u0 && d.v1 > d.v0) || std::abs(d.u0) > kFar || std::abs(d.u1) > kFar ||
+      std::abs(d.v0) > kFar || std::abs(d.v1) > kFar) {
+    return;
+  }
+  json patch = {{"face", number}, {"kind", KindOf(surface.GetType())}};
+  gp_Pnt p;
+  const gp_Vec n = NormalAt(surface, reversed, (d.u0 + d.u1) / 2, (d.v0 + d.v1) / 2, p);
+  gp_Pnt inside;  // the point of the axis, or of the spine, that (u, v) lies about
+  switch (surface.GetType()) {
+    case GeomAbs_Plane:
+      return;
+    case GeomAbs_Cylinder: {
+      const gp_Cylinder c = surface.Cylinder();
+      PutAxes(c.Position(), patch);
+      patch["radius_mm"] = c.Radius();
+      inside = c.Location().Translated(gp_Vec(c.Axis().Direction()) * ((d.v0 + d.v1) / 2));
+      break;
+    }
+    case GeomAbs_Torus: {
+      const gp_Torus t = surface.Torus();
+      PutAxes(t.Position(), patch);
+      patch["radius_mm"] = t.MinorRadius();
+      patch["bend_radius_mm"] = t.MajorRadius();
+      const double u = (d.u0 + d.u1) / 2;
+      inside = t.Location().Translated(gp_Vec(t.XAxis().Direction()) * t.MajorRadius() * cos(u) +
+                                       gp_Vec(t.YAxis().Direction()) * t.MajorRadius() * sin(u));
+      break;
+    }
+    default:
+      AddFreePatches(surface, reversed, d, patch, step_mm, patches);
+      return;
+  }
+  patch["u"] = {d.u0, d.u1};
+  patch["v"] = {d.v0, d.v1};
+  patch["concave"] = n.Dot(gp_Vec(inside, p)) < 0;
+  patches.push_back(std::move(patch));
+}
+
+json Polyline(const BRepAdaptor_Curve& curve, double from, double to) {
+  const int steps = curve.GetType() == GeomAbs_Line ? 1 : kEdgeSteps;
+  json points = json::array();
+  for (int i = 0; i <= steps; ++i) {
+    points.push_back(Numbers(curve.Value(from + (to - from) * i / steps)));
+  }
+  return points;
+}
+
+bool IsUsable(const BRepAdaptor_Curve& curve) {
+  return std::abs(curve.FirstParameter()) < 1e6 && std::abs(curve.LastParameter()) < 1e6;
+}
+
+void AddEdges(const TopoDS_Face& face, int number, TopTools_IndexedMapOfShape& known, json& edges) {
+  for (TopExp_Explorer at(face, TopAbs_EDGE); at.More(); at.Next()) {
+    const TopoDS_Edge edge = TopoDS::Edge(at.Current());
+    if (BRep_Tool::Degenerated(edge) || BRep_Tool::IsClosed(edge, face)) continue;  // seams
+    const BRepAdaptor_Curve curve(edge);
+    if (!IsUsable(curve)) continue;
+    edges.push_back({{"face", number},
+                     {"edge", known.Add(edge)},
+                     {"points", Polyline(curve, curve.FirstParameter(), curve.LastParameter())}});
+  }
+}
+
+// A free edge, in pieces between places where its curvature may jump.
+void AddCurves(const TopoDS_Edge& edge, json& curves) {
+  if (BRep_Tool::Degenerated(edge)) return;
+  const BRepAdaptor_Curve curve(edge);
+  if (!IsUsable(curve)) return;
+  const int n = curve.NbIntervals(GeomAbs_C2);
+  std::vector<double> cuts{curve.FirstParameter(), curve.LastParameter()};
+  if (n <= kMostPieces) {
+    TColStd_Array1OfReal all(1, n + 1);
+    curve.Intervals(all, GeomAbs_C2);
+    cuts = Within(all, cuts.front(), cuts.back());
+  }
+  for (std::size_t i = 0; i + 1 < cuts.size(); ++i) {
+    curves.push_back({{"points", Polyline(curve, cuts[i], cuts[i + 1])}});
+  }
+}
+
+class Collector {
+ public:
+  explicit Collector(double step_mm) : step_mm_(step_mm) {}
+
+  void Add(const TopoDS_Shape& shape, const std::string& name) {
+    for (TopExp_Explorer at(shape, TopAbs_SOLID); at.More(); at.Next()) {
+      AddBody(at.Current(), name, "solid");
+    }
+    TopoDS_Compound rest;
+    BRep_Builder builder;
+    builder.MakeCompound(rest);
+    bool any = false;
+    for (TopExp_Explorer at(shape, TopAbs_FACE, TopAbs_SOLID); at.More(); at.Next()) {
+      builder.Add(rest, at.Current());
+      any = true;
+    }
+    if (any) AddBody(rest, name, "surface");
+    json curves = json::array();
+    TopTools_MapOfShape seen;
+    for (TopExp_Explorer at(shape, TopAbs_EDGE, TopAbs_FACE); at.More(); at.Next()) {
+      if (seen.Add(at.Current())) AddCurves(TopoDS::Edge(at.Current()), curves);
+    }
+    if (!curves.empty()) {
+      bodies_.push_back({{"name", name}, {"kind", "wire"}, {"curves", std::move(curves)}});
+    }
+  }
+
+  json Take() { return std::move(bodies_); }
+
+ private:
+  void AddBody(const TopoDS_Shape& shape, const std::string& name, const char* kind) {
+    json patches = json::array(), edges = json::array();
+    TopTools_IndexedMapOfShape known;
+    int number = 0;
+    for (TopExp_Explorer at(shape, TopAbs_FACE); at.More(); at.Next()) {
+      const TopoDS_Face face = TopoDS::Face(at.Current());
+      AddPatches(face, ++number, step_mm_, patches);
+      AddEdges(face, number, known, edges);
+    }
+    bodies_.push_back({{"name", name},
+                       {"kind", kind},
+                       {"faces", number},
+                       {"patches", std::move(patches)},
+                       {"edges", std::move(edges)}});
+  }
+
+  double step_mm_;
+  json bodies_ = json::array();
+};
+
+// A placement may mirror or scale, which OpenCASCADE takes in the geometry only.
+TopoDS_Shape Placed(const TopoDS_Shape& shape, const gp_Trsf& placement) {
+  if (std::abs(placement.ScaleFactor() - 1) > 1e-9 || placement.IsNegative()) {
+    return BRepBuilderAPI_Transform(shape, placement, true).Shape();
+  }
+  return shape.Moved(TopLoc_Location(placement));
+}
+
+void Walk(const TDF_Label& label, const gp_Trsf& outer, const std::string& given, int depth,
+          Collector& collector) {
+  if (depth > 64) throw std::runtime_error("an assembly that holds itself");
+  TDF_Label what = label;
+  gp_Trsf here = outer;
+  if (XCAFDoc_ShapeTool::IsReference(label)) {
+    XCAFDoc_ShapeTool::GetReferredShape(label, what);
+    here = outer * XCAFDoc_ShapeTool::GetLocation(label).Transformation();
+  }
+  std::string name = NameOf(what);
+  if (name.empty()) name = NameOf(label);
+  if (name.empty()) name = given;
+  if (XCAFDoc_ShapeTool::IsAssembly(what)) {
+    TDF_LabelSequence parts;
+    XCAFDoc_ShapeTool::GetComponents(what, parts);
+    for (int i = 1; i <= parts.Length(); ++i) Walk(parts(i), here, name, depth + 1, collector);
+    return;
+  }
+  const TopoDS_Shape shape = XCAFDoc_ShapeTool::GetShape(what);
+  if (!shape.IsNull()) collector.Add(Placed(shape, here), name);
+}
+
+void CheckStatus(IFSelect_ReturnStatus status) {
+  if (status == IFSelect_RetDone) return;
+  throw std::runtime_error(status == IFSelect_RetVoid
+                               ? "holds no entities"
+                               : "is damaged, or no such file: its entities cannot be read");
+}
+
+void ReadStep(const std::string& file, Collector& collector) {
+  Handle(TDocStd_Document) document = new TDocStd_Document("BinXCAF");
+  STEPCAFControl_Reader reader;
+  reader.SetNameMode(true);
+  reader.SetColorMode(false);
+  reader.SetLayerMode(false);
+  CheckStatus(reader.ReadFile(file.c_str()));
+  if (reader.NbRootsForTransfer() == 0) {
+    throw std::runtime_error("holds no shape: no product with a representation");
+  }
+  if (!reader.Transfer(document)) throw std::runtime_error("none of its shapes can be built");
+  const Handle(XCAFDoc_ShapeTool) shapes = XCAFDoc_DocumentTool::ShapeTool(document->Main());
+  TDF_LabelSequence roots;
+  shapes->GetFreeShapes(roots);
+  for (int i = 1; i <= roots.Length(); ++i) Walk(roots(i), gp_Trsf(), "", 0, collector);
+}
+
+void ReadIges(const std::string& file, Collector& collector) {
+  IGESControl_Reader reader;
+  CheckStatus(reader.ReadFile(file.c_str()));
+  reader.TransferRoots();
+  if (reader.NbShapes() == 0) throw std::runtime_error("none of its shapes can be built");
+  collector.Add(reader.OneShape(), "");
+}
+
+bool IsIges(const std::string& file) {
+  // Column 73 of an IGES line names its section: S, the start, comes first.
+  std::ifstream in(file, std::ios::binary);
+  std::string line;
+  std::getline(in, line);
+  return line.size() >= 73 && (line[72] == 'S' || line[72] == 'C');
+}
+
+}  // namespace
+
+json ReadShape(const std::string& file, double step_mm) {
+  Collector collector(step_mm);
+  const bool iges = IsIges(file);
+  if (iges) {
+    ReadIges(file, collector);
+  } else {
+    ReadStep(file, collector);
+  }
+  return {{"schema", "bendloop.cad-shape/1"},
+          {"format", iges ? "IGES" : "STEP"},
+          {"bodies", collector.Take()}};
+}
+
+}  // namespace bendloop::cad

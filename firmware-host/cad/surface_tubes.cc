@@ -1,0 +1,369 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <set>
+#include <utility>
+
+#include "firmware-host/cad/cad_tube.h"
+#include "firmware-host/cad/free_surface.h"
+
+namespace bendloop::host {
+namespace {
+
+using Eigen::Vector3d;
+// Surfaces about one axis that go along this part of the longest of them may be the tube's outer.
+constexpr double kMostOfLongest = 0.6;
+// The same for the inner surface, of the outer's length.
+constexpr double kMostOfOuter = 0.5;
+// A straight tube is at least so many diameters long; what is shorter is a hole, a nut, a boss.
+constexpr double kFewestDiameters = 2;
+// A free surface that goes on beyond an end by more pipe radii than this is a bend, else the end's
+// form.
+constexpr double kEndFormRadii = 4;
+// Joints below this [deg] are tangent.
+constexpr double kTangentDeg = 0.02;
+
+std::string Text(const char* format, double value) {
+  char text[120];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+bool IsFreeForm(const SurfacePatch& patch) {
+  return patch.kind == PatchKind::kFree && patch.name != "cone" && patch.name != "sphere";
+}
+
+class BodyTubes {
+ public:
+  explicit BodyTubes(CadBody& body) : body_(body) {
+    for (SurfacePatch& patch : body_.patches) RecogniseFreeSurface(patch);
+    free_forms_ = std::count_if(body_.patches.begin(), body_.patches.end(), IsFreeForm);
+    pieces_ = PiecesOf(body_);
+    chains_ = ChainsOf(pieces_, free_forms_ == 0);
+  }
+
+  std::vector<CadTube> Tubes() {
+    std::vector<CadTube> tubes;
+    for (const auto& cluster : Clusters()) {
+      if (auto tube = TubeOf(cluster)) tubes.push_back(std::move(*tube));
+    }
+    KeepLongestOfBroken(tubes);
+    if (tubes.empty() && free_forms_ > 0) tubes.push_back(FreeTube());
+    return tubes;
+  }
+
+ private:
+  using Cluster = std::vector<const TubeChain*>;
+
+  const TubePiece& PieceOf(int i) const { return pieces_[std::size_t(i)]; }
+
+  static bool OneAxis(const TubePiece& a, const TubePiece& b) {
+    const double tolerance = MatchToleranceMm(std::min(a.radius_mm, b.radius_mm));
+    if (a.is_arc != b.is_arc) return false;
+    if (a.is_arc) {
+      return (a.origin - b.origin).norm() < tolerance &&
+             std::abs(a.bend_radius_mm - b.bend_radius_mm) < tolerance &&
+             a.axis.cross(b.axis).norm() * a.bend_radius_mm < tolerance;
+    }
+    const Vector3d p = b.PointAt(b.from) - a.origin, q = b.PointAt(b.to) - a.origin;
+    const double u = p.dot(a.axis), v = q.dot(a.axis);
+    return (p - u * a.axis).norm() < tolerance && (q - v * a.axis).norm() < tolerance &&
+           std::max(u, v) > a.from - tolerance && std::min(u, v) < a.to + tolerance;
+  }
+
+  bool ShareAxis(const TubeChain& a, const TubeChain& b) const {
+    for (const int i : a.pieces) {
+      for (const int j : b.pieces) {
+        if (OneAxis(PieceOf(i), PieceOf(j))) return true;
+      }
+    }
+    return false;
+  }
+
+  // Chains about one axis: a tube's outer and inner surface, and what sits on it.
+  std::vector<Cluster> Clusters() const {
+    std::vector<std::size_t> of(chains_.size());
+    std::iota(of.begin(), of.end(), 0);
+    for (std::size_t i = 0; i < chains_.size(); ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        if (of[i] == of[j] || !ShareAxis(chains_[i], chains_[j])) continue;
+        const std::size_t from = of[i], to = of[j];
+        std::replace(of.begin(), of.end(), from, to);
+      }
+    }
+    std::vector<Cluster> clusters;
+    for (std::size_t k = 0; k < chains_.size(); ++k) {
+      Cluster cluster;
+      for (std::size_t i = 0; i < chains_.size(); ++i) {
+        if (of[i] == k) cluster.push_back(&chains_[i]);
+      }
+      if (!cluster.empty()) clusters.push_back(std::move(cluster));
+    }
+    return clusters;
+  }
+
+  // The chains of a cluster that have one radius: a surface, whole or in pieces.
+  struct Layer {
+    double radius_mm = 0, length_mm = 0;
+    bool concave = false;
+    std::vector<const TubeChain*> chains;
+  };
+
+  static std::vector<Layer> LayersOf(const Cluster& cluster) {
+    std::vector<Layer> layers;
+    for (const TubeChain* c : cluster) {
+      const auto same = std::find_if(layers.begin(), layers.end(), [&](const Layer& l) {
+        return l.concave == c->concave &&
+               std::abs(l.radius_mm - c->radius_mm) < MatchToleranceMm(c->radius_mm) / 4;
+      });
+      Layer& layer = same != layers.end()
+                         ? *same
+                         : layers.emplace_back(Layer{c->radius_mm, 0, c->concave, {}});
+      layer.length_mm += c->spine.length_mm();
+      layer.chains.push_back(c);
+    }
+    return layers;
+  }
+
+  static const Layer* OuterOf(const std::vector<Layer>& layers) {
+    double longest = 0;
+    for (const Layer& l : layers) longest = std::max(longest, l.length_mm);
+    const Layer* outer = nullptr;
+    for (const bool concave : {false, true}) {
+      if (outer != nullptr) break;
+      for (const Layer& l : layers) {
+        if (l.concave != concave || l.length_mm < kMostOfLongest * longest) continue;
+        if (outer == nullptr || l.radius_mm > outer->radius_mm) outer = &l;
+      }
+    }
+    return outer;
+  }
+
+  const Layer* InnerOf(const std::vector<Layer>& layers, const Layer& outer) const {
+    const Layer* inner = nullptr;
+    for (const Layer& l : layers) {
+      if (&l == &outer || l.radius_mm >= outer.radius_mm) continue;
+      if (body_.kind == BodyKind::kSolid && !l.concave) continue;
+      if (l.length_mm < kMostOfOuter * outer.length_mm) continue;
+      if (inner == nullptr || l.radius_mm > inner->radius_mm) inner = &l;
+    }
+    return inner;
+  }
+
+  // The chain that shows most of the tube: the outer surface's, unless it lacks bends that the
+  // inner one's has.
+  static const TubeChain& BasisOf(const Layer& outer, const Layer* inner) {
+    const auto longest = [](const Layer& layer) {
+      return *std::max_element(layer.chains.begin(), layer.chains.end(),
+                               [](const TubeChain* a, const TubeChain* b) {
+                                 return a->spine.length_mm() < b->spine.length_mm();
+                               });
+    };
+    const TubeChain* basis = longest(outer);
+    if (inner == nullptr) return *basis;
+    const TubeChain* other = longest(*inner);
+    return other->spine.arcs.size() > basis->spine.arcs.size() ? *other : *basis;
+  }
+
+  std::optional<CadTube> TubeOf(const Cluster& cluster) {
+    const std::vector<Layer> layers = LayersOf(cluster);
+    const Layer* outer = OuterOf(layers);
+    if (outer == nullptr) return std::nullopt;
+    const Layer* inner = outer->concave ? nullptr : InnerOf(layers, *outer);
+    const TubeChain& basis = BasisOf(*outer, inner);
+    if (basis.is_closed) return std::nullopt;
+    CadTube tube;
+    tube.pipe_radius_mm = outer->radius_mm;
+    tube.spine = basis.spine;
+    tube.notes = basis.notes;
+    if (inner != nullptr) tube.wall_mm = outer->radius_mm - inner->radius_mm;
+    if (outer->concave) tube.notes.push_back("no outer surface: the pipe radius is the bore's");
+    if (basis.radius_mm < outer->radius_mm) {
+      tube.notes.push_back("the outer surface lacks faces: the inner one is followed");
+    }
+    if (basis.sharpest_joint_deg > kTangentDeg) {
+      tube.notes.push_back(
+          Text("straights and bends meet at up to %.3f degrees", basis.sharpest_joint_deg));
+    }
+    SetEnd(cluster, basis, basis.last, tube.spine, tube.last);
+    Spine turned = tube.spine.Reversed();
+    SetEnd(cluster, basis, basis.first, turned, tube.first);
+    tube.spine = turned.Reversed();
+    AddProblems(basis, tube);
+    const bool long_enough = tube.spine.length_mm() >= 2 * kFewestDiameters * tube.pipe_radius_mm;
+    // A straight hole through a block is no tube.
+    const bool is_bore = outer->concave && body_.kind == BodyKind::kSolid;
+    if (!tube.is_bent() && (is_bore || !long_enough)) return std::nullopt;
+    AddGapNotes(basis, tube);
+    return tube;
+  }
+
+  void AddGapNotes(const TubeChain& outer, CadTube& tube) const {
+    for (const int i : outer.pieces) {
+      const TubePiece& piece = PieceOf(i);
+      if (piece.widest_gap_mm > MatchToleranceMm(piece.radius_mm)) {
+        tube.notes.push_back(Text("a gap of %.3f mm between faces", piece.widest_gap_mm) +
+                             (piece.is_arc ? " of a bend" : " of a straight") +
+                             " is taken as tube");
+      }
+    }
+  }
+
+  // Where the tube ends on `spine`'s last straight: at the cut of what reaches farthest about it.
+  void SetEnd(const Cluster& cluster, const TubeChain& outer, const ChainEnd& chain_end,
+              Spine& spine, TubeEnd& end) const {
+    const TubePiece& piece = PieceOf(chain_end.piece);
+    const Vector3d origin = spine.end, outward = spine.end_direction();
+    double at = 0;
+    if (!piece.is_arc && !piece.inferred) {
+      if (const auto cut = CutOf(body_, piece, origin, outward)) Take(*cut, at, end);
+    }
+    const double plain = at;
+    for (bool grew = true; grew;) {
+      grew = false;
+      for (const TubeChain* chain : cluster) {
+        if (chain == &outer) continue;
+        for (const int i : chain->pieces) grew |= Extend(PieceOf(i), origin, outward, at, end);
+      }
+    }
+    if (end.is_plane && end.oblique_deg == 0 && !piece.is_arc) {
+      at = std::max(at, EdgeBeyond(origin, outward, at, piece.radius_mm));
+    }
+    // After a bend whose straight has no face, what goes on is that straight.
+    const bool is_fitting = !piece.is_arc && at - plain > MatchToleranceMm(piece.radius_mm) / 4;
+    end.fitting_mm = is_fitting ? at - plain : 0;
+    spine.end = origin + at * outward;
+  }
+
+  static void Take(const EndCut& cut, double& at, TubeEnd& end) {
+    at = cut.along_mm;
+    end.oblique_deg = cut.is_plane ? cut.oblique_deg : 0;
+    end.is_plane = cut.is_plane;
+  }
+
+  // A bore or a fitting that begins before `at` and goes on.
+  bool Extend(const TubePiece& piece, const Vector3d& origin, const Vector3d& outward, double& at,
+              TubeEnd& end) const {
+    const double tolerance = MatchToleranceMm(piece.radius_mm);
+    if (piece.is_arc || piece.inferred || piece.axis.cross(outward).norm() > 1e-4) return false;
+    const Vector3d d = piece.PointAt(piece.from) - origin;
+    if ((d - d.dot(outward) * outward).norm() > tolerance) return false;
+    const double a = d.dot(outward), b = (piece.PointAt(piece.to) - origin).dot(outward);
+    const double low = std::min(a, b);
+    if (low > at + tolerance) return false;
+    const auto cut = CutOf(body_, piece, origin, outward);
+    const double to = cut ? cut->along_mm : std::max(a, b);
+    if (to < at + 1e-6) return false;
+    if (cut) {
+      Take(*cut, at, end);
+    } else {
+      at = to;
+    }
+    return true;
+  }
+
+  // A chamfer or a rounded lip: edges within the pipe radius of the axis that lie farther out, by
+  // less than a pipe radius.
+  double EdgeBeyond(const Vector3d& origin, const Vector3d& outward, double at,
+                    double radius_mm) const {
+    double farthest = at;
+    for (const FaceEdge& edge : body_.edges) {
+      for (const Vector3d& p : edge.points) {
+        const double along = (p - origin).dot(outward);
+        if (along <= at || along > at + radius_mm) continue;
+        const double across = (p - origin - along * outward).norm();
+        if (across < radius_mm + MatchToleranceMm(radius_mm)) farthest = std::max(farthest, along);
+      }
+    }
+    return farthest;
+  }
+
+  // How far the free surface that touches this end goes on, and its name; 0: none touches it.
+  std::pair<double, std::string> FreeBeyond(const TubeChain& chain, const ChainEnd& end) const {
+    const TubePiece& piece = PieceOf(end.piece);
+    const double along = end.at_to ? piece.to : piece.from;
+    const Vector3d at = piece.PointAt(along), t = piece.TangentAt(along);
+    const double tolerance = 2 * MatchToleranceMm(chain.radius_mm);
+    std::pair<double, std::string> beyond{0, ""};
+    for (const SurfacePatch& patch : body_.patches) {
+      if (!IsFreeForm(patch)) continue;
+      double reach = 0;
+      bool touches = false;
+      for (const OrientedPoint& s : patch.samples) {
+        const Vector3d d = s.point - at;
+        const double axial = d.dot(t);
+        touches |= std::abs(axial) < tolerance &&
+                   std::abs((d - axial * t).norm() - chain.radius_mm) < tolerance;
+        reach = std::max(reach, d.norm());
+      }
+      if (touches && reach > beyond.first) beyond = {reach, patch.name};
+    }
+    return beyond;
+  }
+
+  void AddProblems(const TubeChain& outer, CadTube& tube) const {
+    for (const ChainEnd* end : {&outer.first, &outer.last}) {
+      if (end->kink_deg > 0) {
+        tube.problems.push_back(
+            Text("straights meet in a kink of %.3f degrees (a mitre), which no "
+                 "bender makes",
+                 end->kink_deg));
+      }
+      const auto [reach, name] = FreeBeyond(outer, *end);
+      if (reach > kEndFormRadii * outer.radius_mm) {
+        tube.problems.push_back("a straight goes on as a " + name +
+                                " that is no cylinder or torus: a bend that is no arc");
+      } else if (reach > 0) {
+        tube.notes.push_back("an end has a form of its own (" + name +
+                             "), which does not count to the length");
+      }
+    }
+    std::sort(tube.problems.begin(), tube.problems.end());
+    tube.problems.erase(std::unique(tube.problems.begin(), tube.problems.end()),
+                        tube.problems.end());
+  }
+
+  // The pieces of a tube that is broken by kinks and free bends are one tube.
+  static void KeepLongestOfBroken(std::vector<CadTube>& tubes) {
+    std::stable_sort(tubes.begin(), tubes.end(), [](const CadTube& a, const CadTube& b) {
+      return a.spine.length_mm() > b.spine.length_mm();
+    });
+    std::vector<CadTube> kept;
+    for (CadTube& tube : tubes) {
+      const bool known = std::any_of(kept.begin(), kept.end(), [&](const CadTube& k) {
+        return !k.problems.empty() && !tube.problems.empty() &&
+               std::abs(k.pipe_radius_mm - tube.pipe_radius_mm) <
+                   MatchToleranceMm(k.pipe_radius_mm);
+      });
+      if (!known) kept.push_back(std::move(tube));
+    }
+    tubes = std::move(kept);
+  }
+
+  CadTube FreeTube() const {
+    std::set<std::string> names;
+    for (const SurfacePatch& patch : body_.patches) {
+      if (IsFreeForm(patch)) names.insert(patch.name);
+    }
+    CadTube tube;
+    tube.spine.start = tube.spine.end = Vector3d::Zero();
+    tube.spine.direction = Vector3d::UnitX();
+    tube.problems.push_back("its surface is a " + *names.begin() +
+                            " that is no cylinder or torus: no lines and arcs");
+    return tube;
+  }
+
+  CadBody& body_;
+  long free_forms_ = 0;
+  std::vector<TubePiece> pieces_;
+  std::vector<TubeChain> chains_;
+};
+
+}  // namespace
+
+std::vector<CadTube> TubesOfSurfaces(CadBody& body) { return BodyTubes(body).Tubes(); }
+
+}  // namespace bendloop::host

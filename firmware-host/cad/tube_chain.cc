@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/tube_chain.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+namespace bendloop::host {
+namespace {
+
+using Eigen::Vector3d;
+
+// A piece with less around it is a fillet or an edge's rounding.
+constexpr double kFewestAroundDeg = 150;
+// Neighbours that meet at more than this [deg] are a kink; less is a drawing's rounding, and told.
+constexpr double kKinkDeg = 0.5;
+// A straight with no face between two others in line may be so many diameters long.
+constexpr double kLongestMissingDiameters = 10;
+
+struct End {
+  int piece = 0;
+  bool at_to = false;
+  Vector3d point, outward;
+};
+
+End EndOf(const std::vector<TubePiece>& pieces, int piece, bool at_to) {
+  const TubePiece& p = pieces[std::size_t(piece)];
+  const double along = at_to ? p.to : p.from;
+  const Vector3d t = p.TangentAt(along);
+  return {piece, at_to, p.PointAt(along), at_to ? t : Vector3d(-t)};
+}
+
+double AngleDeg(const Vector3d& a, const Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
+}
+
+class Linker {
+ public:
+  Linker(std::vector<TubePiece>& pieces, std::vector<int> of, bool may_infer_bends)
+      : pieces_(pieces), of_(std::move(of)), may_infer_bends_(may_infer_bends) {
+    radius_mm_ = pieces_[std::size_t(of_.front())].radius_mm;
+    tolerance_mm_ = MatchToleranceMm(radius_mm_);
+  }
+
+  std::vector<TubeChain> Chains() {
+    for (const int i : of_) AddEnds(i);
+    MatchTouching();
+    // What is inferred offers its own ends, so this comes to an end: each takes two of the free.
+    while (InferOne()) MatchTouching();
+    MarkKinks();
+    return Walk();
+  }
+
+ private:
+  struct Slot {
+    End end;
+    int mate = -1;
+    double kink_deg = 0;
+  };
+
+  void AddEnds(int piece) {
+    slots_.push_back({EndOf(pieces_, piece, false), -1, 0});
+    slots_.push_back({EndOf(pieces_, piece, true), -1, 0});
+  }
+
+  const TubePiece& PieceOf(const Slot& slot) const { return pieces_[std::size_t(slot.end.piece)]; }
+  bool IsFree(std::size_t i) const { return slots_[i].mate < 0; }
+
+  // How far apart two ends are that may be one joint.
+  std::optional<double> Gap(const Slot& a, const Slot& b) const {
+    if (a.end.piece == b.end.piece) return std::nullopt;
+    if (AngleDeg(a.end.outward, -b.end.outward) > kKinkDeg) return std::nullopt;
+    const Vector3d gap = b.end.point - a.end.point;
+    const double axial = gap.dot(a.end.outward);
+    if ((gap - axial * a.end.outward).norm() > tolerance_mm_) return std::nullopt;
+    // A straight's faces may end before the bend's, or be cut into by them.
+    const bool line = !PieceOf(a).is_arc || !PieceOf(b).is_arc;
+    if (std::abs(axial) > (line ? std::max(radius_mm_, tolerance_mm_) : tolerance_mm_))
+      return std::nullopt;
+    return gap.norm();
+  }
+
+  void MatchTouching() {
+    struct Pair {
+      double gap;
+      std::size_t a, b;
+    };
+    std::vector<Pair> pairs;
+    for (std::size_t a = 0; a < slots_.size(); ++a) {
+      for (std::size_t b = a + 1; IsFree(a) && b < slots_.size(); ++b) {
+        if (!IsFree(b)) continue;
+        if (const auto gap = Gap(slots_[a], slots_[b])) pairs.push_back({*gap, a, b});
+      }
+    }
+    std::stable_sort(pairs.begin(), pairs.end(),
+                     [](const Pair& p, const Pair& q) { return p.gap < q.gap; });
+    for (const Pair& p : pairs) {
+      if (IsFree(p.a) && IsFree(p.b)) Join(p.a, p.b);
+    }
+  }
+
+  void Join(std::size_t a, std::size_t b) {
+    slots_[a].mate = int(b);
+    slots_[b].mate = int(a);
+  }
+
+  // The nearest pair of free ends between which a piece without faces must have been.
+  bool InferOne() {
+    std::optional<TubePiece> best;
+    double best_length = INFINITY;
+    for (std::size_t a = 0; a < slots_.size(); ++a) {
+      for (std::size_t b = a + 1; IsFree(a) && b < slots_.size(); ++b) {
+        if (!IsFree(b) || slots_[a].end.piece == slots_[b].end.piece) continue;
+        auto piece = MissingStraight(slots_[a], slots_[b]);
+        if (!piece && may_infer_bends_) piece = MissingBend(slots_[a], slots_[b]);
+        if (piece && piece->length_mm() < best_length) {
+          best_length = piece->length_mm();
+          best = piece;
+        }
+      }
+    }
+    if (!best) return false;
+    best->radius_mm = radius_mm_;
+    best->inferred = true;
+    best->around.set();
+    pieces_.push_back(*best);
+    AddEnds(int(pieces_.size()) - 1);
+    return true;
+  }
+
+  std::optional<TubePiece> MissingStraight(const Slot& a, const Slot& b) const {
+    const Vector3d gap = b.end.point - a.end.point;
+    const double length = gap.norm();
+    if (length <= radius_mm_ || length > 2 * kLongestMissingDiameters * radius_mm_)
+      return std::nullopt;
+    const bool in_line = AngleDeg(a.end.outward, gap) < kKinkDeg / 10 &&
+                         AngleDeg(b.end.outward, -gap) < kKinkDeg / 10;
+    if (!in_line) return std::nullopt;
+    TubePiece piece;
+    piece.origin = a.end.point;
+    piece.axis = gap / length;
+    piece.x = piece.axis.unitOrthogonal();
+    piece.to = length;
+    return piece;
+  }
+
+  std::optional<TubePiece> MissingBend(const Slot& a, const Slot& b) const {
+    if (PieceOf(a).is_arc || PieceOf(b).is_arc) return std::nullopt;
+    const Vector3d t = a.end.outward, u = -b.end.outward;  // into and out of the bend
+    const double angle = AngleDeg(t, u) * std::numbers::pi / 180;
+    const Vector3d normal = t.cross(u);
+    const double sine = normal.norm();
+    if (sine < std::sin(kKinkDeg * std::numbers::pi / 180)) return std::nullopt;
+    const Vector3d gap = b.end.point - a.end.point;
+    if (std::abs(gap.dot(normal)) / sine > tolerance_mm_) return std::nullopt;
+    // a + s t = b - r u
+    const double s = gap.cross(u).dot(normal) / (sine * sine);
+    const double r = gap.cross(t).dot(normal) / (sine * sine) * -1;
+    if (std::abs(s - r) > tolerance_mm_) return std::nullopt;
+    const double radius = (s + r) / 2 / std::tan(angle / 2);
+    if (radius < radius_mm_ || radius > 100 * radius_mm_) return std::nullopt;
+    TubePiece piece;
+    piece.is_arc = true;
+    piece.axis = normal / sine;
+    piece.bend_radius_mm = radius;
+    piece.origin = a.end.point + radius * piece.axis.cross(t);
+    piece.x = (a.end.point - piece.origin).normalized();
+    piece.to = angle;
+    return piece;
+  }
+
+  // Straights cut to a mitre reach beyond the point where their axes meet, or up to it.
+  void MarkKinks() {
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      for (std::size_t j = i + 1; IsFree(i) && j < slots_.size(); ++j) {
+        if (!IsFree(j) || slots_[i].end.piece == slots_[j].end.piece) continue;
+        const Vector3d t = slots_[i].end.outward, u = -slots_[j].end.outward;
+        const double angle = AngleDeg(t, u);
+        if (angle < kKinkDeg || angle > 170) continue;
+        const double reach =
+            radius_mm_ * (std::tan(angle / 2 * std::numbers::pi / 180) + 0.1) + tolerance_mm_;
+        const Vector3d normal = t.cross(u), gap = slots_[j].end.point - slots_[i].end.point;
+        if (std::abs(gap.dot(normal)) / normal.norm() > tolerance_mm_) continue;
+        const double s = gap.cross(u).dot(normal) / normal.squaredNorm();
+        const double r = -gap.cross(t).dot(normal) / normal.squaredNorm();
+        if (std::abs(s) > reach || std::abs(r) > reach) continue;
+        slots_[i].kink_deg = slots_[j].kink_deg = angle;
+      }
+    }
+  }
+
+  std::vector<TubeChain> Walk() {
+    std::vector<TubeChain> chains;
+    std::vector<bool> used(slots_.size(), false);
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      if (IsFree(i) && !used[i]) chains.push_back(From(i, used));
+    }
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      if (used[i]) continue;
+      chains.push_back(From(i, used));
+      chains.back().is_closed = true;
+    }
+    return chains;
+  }
+
+  TubeChain From(std::size_t slot, std::vector<bool>& used) {
+    TubeChain chain;
+    chain.concave = PieceOf(slots_[slot]).concave;
+    chain.first = {slots_[slot].end.piece, slots_[slot].end.at_to, slots_[slot].kink_deg};
+    std::size_t at = slot;
+    double weighted = 0, weight = 0;
+    for (;;) {
+      const std::size_t other = at ^ 1;  // the slots of a piece stand beside each other
+      used[at] = used[other] = true;
+      const TubePiece& piece = PieceOf(slots_[at]);
+      chain.pieces.push_back(slots_[at].end.piece);
+      if (!piece.inferred) {
+        weighted += piece.radius_mm * piece.length_mm();
+        weight += piece.length_mm();
+      }
+      AddToSpine(piece, at % 2 == 1, chain);
+      chain.last = {slots_[other].end.piece, slots_[other].end.at_to, slots_[other].kink_deg};
+      const int next = slots_[other].mate;
+      if (next < 0 || used[std::size_t(next)]) break;
+      chain.sharpest_joint_deg =
+          std::max(chain.sharpest_joint_deg,
+                   AngleDeg(slots_[other].end.outward, -slots_[std::size_t(next)].end.outward));
+      at = std::size_t(next);
+    }
+    chain.radius_mm = weight > 0 ? weighted / weight : radius_mm_;
+    return chain;
+  }
+
+  // Two pieces of one bend, as edges of a centre line come.
+  static bool GoesOn(const SpineArc& before, const SpineArc& arc, double tolerance_mm) {
+    return (before.centre - arc.centre).norm() < tolerance_mm / 4 &&
+           (before.to - arc.from).norm() < tolerance_mm &&
+           std::abs(before.bend_radius_mm - arc.bend_radius_mm) < tolerance_mm / 4 &&
+           AngleDeg(before.normal, arc.normal) < kKinkDeg / 10;
+  }
+
+  static void AddToSpine(const TubePiece& piece, bool backwards, TubeChain& chain) {
+    const double in = backwards ? piece.to : piece.from, out = backwards ? piece.from : piece.to;
+    const double sign = backwards ? -1 : 1;
+    Spine& spine = chain.spine;
+    if (chain.pieces.size() == 1) {
+      spine.start = piece.PointAt(in);
+      spine.direction = sign * piece.TangentAt(in);
+    }
+    spine.end = piece.PointAt(out);
+    if (piece.is_arc) {
+      SpineArc arc;
+      arc.centre = piece.origin;
+      arc.from = piece.PointAt(in);
+      arc.to = piece.PointAt(out);
+      arc.tangent_in = sign * piece.TangentAt(in);
+      arc.tangent_out = sign * piece.TangentAt(out);
+      arc.normal = sign * piece.axis;
+      arc.bend_radius_mm = piece.bend_radius_mm;
+      arc.angle_rad = piece.to - piece.from;
+      if (!spine.arcs.empty() &&
+          GoesOn(spine.arcs.back(), arc, MatchToleranceMm(chain.radius_mm))) {
+        spine.arcs.back().to = arc.to;
+        spine.arcs.back().tangent_out = arc.tangent_out;
+        spine.arcs.back().angle_rad += arc.angle_rad;
+      } else {
+        spine.arcs.push_back(arc);
+      }
+    }
+    if (piece.inferred) {
+      chain.notes.push_back(piece.is_arc ? "bend " + std::to_string(spine.arcs.size()) +
+                                               " has no face: it follows from its straights"
+                                         : "a piece of the straight before bend " +
+                                               std::to_string(spine.arcs.size() + 1) +
+                                               " has no face: what is around it lies in line");
+    }
+  }
+
+  std::vector<TubePiece>& pieces_;
+  std::vector<int> of_;
+  bool may_infer_bends_;
+  double radius_mm_ = 0, tolerance_mm_ = 0;
+  std::vector<Slot> slots_;
+};
+
+}  // namespace
+
+std::vector<TubeChain> ChainsOf(std::vector<TubePiece>& pieces, bool may_infer_bends) {
+  std::vector<int> order;
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    if (pieces[i].around_deg() >= kFewestAroundDeg) order.push_back(int(i));
+  }
+  const auto piece = [&](int i) -> const TubePiece& { return pieces[std::size_t(i)]; };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return std::make_pair(piece(a).concave, piece(a).radius_mm) <
+           std::make_pair(piece(b).concave, piece(b).radius_mm);
+  });
+  std::vector<TubeChain> chains;
+  for (std::size_t i = 0; i < order.size();) {
+    std::vector<int> of{order[i]};
+    const TubePiece first = piece(order[i]);
+    for (++i; i < order.size() && piece(order[i]).concave == first.concave &&
+              piece(order[i]).radius_mm - first.radius_mm < MatchToleranceMm(first.radius_mm) / 4;
+         ++i) {
+      of.push_back(order[i]);
+    }
+    auto found = Linker(pieces, std::move(of), may_infer_bends).Chains();
+    for (TubeChain& chain : found) chains.push_back(std::move(chain));
+  }
+  return chains;
+}
+
+}  // namespace bendloop::host

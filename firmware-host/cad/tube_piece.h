@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <bitset>
+#include <vector>
+
+#include "firmware-host/cad/cad_shape.h"
+
+namespace bendloop::host {
+
+// Sectors of 5 degrees around a tube.
+using Around = std::bitset<72>;
+
+// The faces of one straight or one bend: all that lie on the same cylinder or torus and touch, be
+// they halves, quarters, or pieces of a B-spline. CAD systems cut them each in its own way.
+struct TubePiece {
+  bool is_arc = false;
+  Eigen::Vector3d origin;  // on the line, or the arc's centre
+  Eigen::Vector3d axis;    // of the line, or the arc's normal
+  Eigen::Vector3d x;       // across the line, or where an arc's angle is 0
+  double bend_radius_mm = 0;
+  double from = 0, to = 0;  // mm along the line, radians along the arc, growing
+  double radius_mm = 0;     // of the surface about the line or arc
+  bool concave = false;     // the material is outside: a tube's inner surface
+  Around around;            // which sectors have a face somewhere along it
+  std::vector<int> faces;
+  double widest_gap_mm = 0;  // between its faces, along it
+  bool inferred = false;     // no face shows it: it follows from its neighbours
+
+  Eigen::Vector3d PointAt(double along) const;
+  Eigen::Vector3d TangentAt(double along) const;  // unit, the way that `along` grows
+  double length_mm() const { return (to - from) * (is_arc ? bend_radius_mm : 1); }
+  double around_deg() const { return 5.0 * double(around.count()); }
+};
+
+// How far axes of one tube may lie apart in a file [mm]: rounded coordinates, and drawings whose
+// pieces nearly meet. A hundredth of the pipe radius is below what a scanner or a bender holds.
+double MatchToleranceMm(double radius_mm);
+
+// Straights and bends of all surfaces of a body, tube or not; patches are recognised already.
+// Bends are rings of less than a full turn.
+std::vector<TubePiece> PiecesOf(const CadBody& body);
+
+}  // namespace bendloop::host

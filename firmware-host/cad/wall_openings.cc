@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include "firmware-host/cad/cad_tube.h"
+#include "hal/bend_program.h"
+
+namespace bendloop::host {
+namespace {
+
+using Eigen::Vector3d;
+// A hole's faces go all around it, a slot's end half around [deg].
+constexpr double kHoleDeg = 330, kLeastSlotEndDeg = 150, kMostSlotEndDeg = 210;
+
+// Where a point is about the centre line.
+struct Place {
+  double along_mm = 0, across_mm = 0;
+  Vector3d radial, tangent;  // unit; radial from the centre line to the point
+  double around_deg = 0;
+};
+
+class Developed {
+ public:
+  explicit Developed(const Spine& spine) : spine_(spine) {}
+
+  Place Of(const Vector3d& p) const {
+    Place best;
+    best.across_mm = std::numeric_limits<double>::infinity();
+    Vector3d at = spine_.start, along = spine_.direction;
+    // Angles are counted from the outside of the bend before; of the first, in the first straight.
+    Vector3d normal = spine_.arcs.empty() ? along.unitOrthogonal() : spine_.arcs.front().normal;
+    double before = 0;
+    for (const SpineArc& arc : spine_.arcs) {
+      Straight(p, at, along, (arc.from - at).norm(), normal, before, best);
+      before += (arc.from - at).norm();
+      Bend(p, arc, before, best);
+      before += arc.bend_radius_mm * arc.angle_rad;
+      at = arc.to;
+      along = arc.tangent_out;
+      normal = arc.normal;
+    }
+    Straight(p, at, along, (spine_.end - at).norm(), normal, before, best);
+    return best;
+  }
+
+ private:
+  static void Take(const Vector3d& p, const Vector3d& foot, const Vector3d& tangent,
+                   const Vector3d& normal, double along_mm, Place& best) {
+    const double across = (p - foot).norm();
+    if (across >= best.across_mm || across == 0) return;
+    const Vector3d radial = (p - foot) / across, outside = tangent.cross(normal);
+    best = {along_mm, across, radial, tangent,
+            hal::WrapRotationDeg(std::atan2(radial.dot(normal), radial.dot(outside)) * 180 /
+                                 std::numbers::pi)};
+  }
+
+  static void Straight(const Vector3d& p, const Vector3d& at, const Vector3d& along, double length,
+                       const Vector3d& normal, double before, Place& best) {
+    const double s = std::clamp((p - at).dot(along), 0.0, length);
+    Take(p, at + s * along, along, normal, before + s, best);
+  }
+
+  static void Bend(const Vector3d& p, const SpineArc& arc, double before, Place& best) {
+    const Vector3d x = (arc.from - arc.centre).normalized(), d = p - arc.centre;
+    const double angle = std::atan2(d.dot(arc.tangent_in), d.dot(x));
+    const double turned = angle < -1e-9 ? angle + 2 * std::numbers::pi : std::max(angle, 0.0);
+    if (turned > arc.angle_rad) return;
+    const Vector3d foot = arc.centre + arc.bend_radius_mm * (std::cos(turned) * x +
+                                                             std::sin(turned) * arc.tangent_in);
+    const Vector3d tangent = std::cos(turned) * arc.tangent_in - std::sin(turned) * x;
+    Take(p, foot, tangent, arc.normal, before + arc.bend_radius_mm * turned, best);
+  }
+
+  const Spine& spine_;
+};
+
+// Cylinder faces of one axis that go through the wall in one place.
+struct Bore {
+  Vector3d axis, x, y, at;  // `at`: on the axis, in the middle of the wall
+  double radius_mm = 0;
+  double around_deg = 0;
+  std::vector<int> faces;
+};
+
+std::vector<Vector3d> BorderOf(const CadBody& body, int face) {
+  std::vector<Vector3d> points;
+  for (const FaceEdge& edge : body.edges) {
+    if (edge.face == face) points.insert(points.end(), edge.points.begin(), edge.points.end());
+  }
+  return points;
+}
+
+// Whether all of the border lies in the wall, and reaches through it.
+bool GoesThroughWall(const std::vector<Vector3d>& border, const Developed& developed,
+                     const CadTube& tube) {
+  const double tolerance = 2 * MatchToleranceMm(tube.pipe_radius_mm);
+  const double inner = tube.pipe_radius_mm - *tube.wall_mm;
+  double low = std::numeric_limits<double>::infinity(), high = 0;
+  for (const Vector3d& p : border) {
+    const double across = developed.Of(p).across_mm;
+    low = std::min(low, across);
+    high = std::max(high, across);
+  }
+  return !border.empty() && std::abs(low - inner) < tolerance &&
+         std::abs(high - tube.pipe_radius_mm) < tolerance;
+}
+
+std::vector<Bore> BoresOf(const CadBody& body, const CadTube& tube, const Developed& developed) {
+  std::vector<Bore> bores;
+  for (const SurfacePatch& patch : body.patches) {
+    if (patch.kind != PatchKind::kCylinder || patch.radius_mm >= tube.pipe_radius_mm) continue;
+    if (body.kind == BodyKind::kSolid && !patch.concave) continue;
+    const auto border = BorderOf(body, patch.face);
+    if (!GoesThroughWall(border, developed, tube)) continue;
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const Vector3d& p : border) {
+      low = std::min(low, (p - patch.origin).dot(patch.axis));
+      high = std::max(high, (p - patch.origin).dot(patch.axis));
+    }
+    const Vector3d at = patch.origin + (low + high) / 2 * patch.axis;
+    const double around = (patch.u1 - patch.u0) * 180 / std::numbers::pi;
+    const auto same = std::find_if(bores.begin(), bores.end(), [&](const Bore& b) {
+      return std::abs(b.radius_mm - patch.radius_mm) < 1e-3 &&
+             b.axis.cross(patch.axis).norm() < 1e-3 && (b.at - at).cross(b.axis).norm() < 1e-2 &&
+             (b.at - at).norm() < *tube.wall_mm + 0.01;
+    });
+    if (same != bores.end()) {
+      same->around_deg += around;
+      same->faces.push_back(patch.face);
+    } else {
+      bores.push_back({patch.axis, patch.x, patch.y, at, patch.radius_mm, around, {patch.face}});
+    }
+  }
+  return bores;
+}
+
+WallOpening OpeningAt(const Vector3d& at, double width_mm, const Developed& developed) {
+  const Place place = developed.Of(at);
+  WallOpening opening;
+  opening.along_mm = place.along_mm;
+  opening.around_deg = place.around_deg;
+  opening.width_mm = width_mm;
+  return opening;
+}
+
+// Two half bores beside each other with the same axis' direction.
+std::optional<WallOpening> SlotOf(const Bore& a, const Bore& b, const CadTube& tube,
+                                  const Developed& developed) {
+  if (std::abs(a.radius_mm - b.radius_mm) > 1e-3 || a.axis.cross(b.axis).norm() > 1e-3) {
+    return std::nullopt;
+  }
+  const Vector3d gap = b.at - a.at;
+  const Vector3d across = gap - gap.dot(a.axis) * a.axis;
+  // On the same side of the tube.
+  if (developed.Of(a.at).radial.dot(developed.Of(b.at).radial) < 0.5) return std::nullopt;
+  if (across.norm() < 1e-3 || across.norm() > 40 * tube.pipe_radius_mm) return std::nullopt;
+  const Vector3d middle = (a.at + b.at) / 2;
+  WallOpening slot = OpeningAt(middle, 2 * a.radius_mm, developed);
+  slot.length_mm = across.norm() + 2 * a.radius_mm;
+  const double cosine = std::abs(across.normalized().dot(developed.Of(middle).tangent));
+  slot.axis_deg = std::acos(std::min(1.0, cosine)) * 180 / std::numbers::pi;
+  slot.faces = a.faces;
+  slot.faces.insert(slot.faces.end(), b.faces.begin(), b.faces.end());
+  return slot;
+}
+
+}  // namespace
+
+std::vector<WallOpening> OpeningsOf(const CadBody& body, const CadTube& tube) {
+  std::vector<WallOpening> openings;
+  if (!tube.wall_mm) return openings;
+  const Developed developed(tube.spine);
+  std::vector<Bore> halves;
+  for (const Bore& bore : BoresOf(body, tube, developed)) {
+    if (bore.around_deg > kHoleDeg) {
+      openings.push_back(OpeningAt(bore.at, 2 * bore.radius_mm, developed));
+      openings.back().faces = bore.faces;
+    } else if (bore.around_deg > kLeastSlotEndDeg && bore.around_deg < kMostSlotEndDeg) {
+      halves.push_back(bore);
+    }
+  }
+  while (halves.size() > 1) {
+    const Bore a = halves.back();
+    halves.pop_back();
+    std::size_t best = halves.size();
+    std::optional<WallOpening> slot;
+    for (std::size_t i = 0; i < halves.size(); ++i) {
+      auto with = SlotOf(a, halves[i], tube, developed);
+      if (with && (!slot || with->length_mm < slot->length_mm)) {
+        slot = with;
+        best = i;
+      }
+    }
+    if (!slot) continue;
+    openings.push_back(*slot);
+    halves.erase(halves.begin() + long(best));
+  }
+  std::sort(openings.begin(), openings.end(), [](const WallOpening& a, const WallOpening& b) {
+    return std::make_pair(a.along_mm, a.around_deg) < std::make_pair(b.along_mm, b.around_deg);
+  });
+  return openings;
+}
+
+}  // namespace bendloop::host

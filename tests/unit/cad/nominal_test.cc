@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nominals from STEP and IGES files as other systems write them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "config/load.h"
+#include "firmware-host/cad/export_command.h"
+#include "firmware-host/cad/nominal_command.h"
+#include "made_files.h"
+#include "pipeline/tube/representations.h"
+
+namespace bendloop::host {
+namespace {
+
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+using test::Pipe;
+
+struct Outcome {
+  int code = -1;
+  std::string out, err;
+  Json json;
+  hal::Result<config::PartConfig> part;
+};
+
+// `bendloop nominal FILE WORDS`, with its part file and JSON.
+Outcome Nominal(const std::string& file, std::vector<std::string> words = {}) {
+  CLI::App app("test");
+  app.name("bendloop");
+  std::function<int()> run;
+  std::ostringstream out, err;
+  AddNominalCommand(app, run, out, err);
+  const std::string toml = test::TemporaryFile("part.toml"),
+                    json = test::TemporaryFile("part.json");
+  words.insert(words.begin(), {"nominal", file, "--out", toml, "--json", json});
+  std::reverse(words.begin(), words.end());  // as CLI11 takes them
+  try {
+    app.parse(words);
+  } catch (const CLI::ParseError& error) {
+    return {2, "", error.what(), {}, hal::Fail(hal::ErrorKind::kUsage, error.what())};
+  }
+  Outcome outcome;
+  outcome.code = run();
+  outcome.out = out.str();
+  outcome.err = err.str();
+  if (outcome.code == 0) {
+    outcome.part = config::LoadPart(toml);
+    std::ifstream in(json);
+    outcome.json = Json::parse(in);
+  }
+  return outcome;
+}
+
+hal::Tube DemoTube() {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program = {{{60, 0, 45, 20.0},
+                   {40, 70, 90, 20.0},
+                   {0, 180, 30, 25.0},
+                   {80, -155, 100, 20.0},
+                   {50, 0, 0, std::nullopt}}};
+  return tube;
+}
+
+void ExpectRows(const Outcome& outcome, const hal::BendProgram& expected, double tolerance = 1e-6) {
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  ASSERT_TRUE(outcome.part) << outcome.part.error().message;
+  const auto& rows = outcome.part->rows.rows;
+  ASSERT_EQ(rows.size(), expected.rows.size()) << outcome.out;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    SCOPED_TRACE(i);
+    EXPECT_NEAR(rows[i].length_mm, expected.rows[i].length_mm, tolerance);
+    EXPECT_NEAR(hal::WrapRotationDeg(rows[i].rotation_deg - expected.rows[i].rotation_deg), 0,
+                tolerance);
+    EXPECT_NEAR(rows[i].angle_deg, expected.rows[i].angle_deg, tolerance);
+    EXPECT_NEAR(rows[i].bend_radius_mm.value_or(0), expected.rows[i].bend_radius_mm.value_or(0),
+                tolerance);
+  }
+}
+
+TEST(Nominal, ReadsEverySchemaAndUnit) {
+  for (const std::string schema : {"AP203", "AP214IS", "AP242DIS"}) {
+    for (const std::string unit : {"MM", "INCH", "M"}) {
+      SCOPED_TRACE(schema + " " + unit);
+      const auto done =
+          Nominal(test::WriteStepFile({{"Rohr \xc3\x84 1", Pipe(DemoTube())}}, schema, unit));
+      ExpectRows(done, DemoTube().program);
+      EXPECT_EQ(done.part->name, "Rohr \xc3\x84 1");
+      EXPECT_NEAR(done.part->pipe_radius_mm, 5, 1e-6);
+      EXPECT_NEAR(done.part->wall_mm.value_or(0), 1, 1e-6);
+    }
+  }
+}
+
+TEST(Nominal, ReadsBarsSplitFacesLooseFacesAndCentreLines) {
+  const hal::Tube tube = DemoTube();
+  const std::vector<std::pair<const char*, TopoDS_Shape>> shapes = {
+      {"bar", Pipe(tube, {.wall_mm = 0})},
+      {"halves", Pipe(tube, {.cuts = 1})},
+      {"quarters", Pipe(tube, {.cuts = 2})},
+      {"loose faces", test::LooseFaces(Pipe(tube))},
+      {"a face is missing", test::LooseFaces(Pipe(tube), {2})},
+      {"another face is missing", test::LooseFaces(Pipe(tube), {7})},
+      {"reversed", Pipe(tube).Reversed()},
+      {"centre line", test::CentreLine(tube)}};
+  for (const auto& [what, shape] : shapes) {
+    SCOPED_TRACE(what);
+    const bool wire = what == std::string("centre line");
+    const std::vector<std::string> words =
+        wire ? std::vector<std::string>{"--pipe-diameter", "10"} : std::vector<std::string>{};
+    const auto done = Nominal(test::WriteStepFile({{"tube", shape}}), words);
+    ExpectRows(done, tube.program);
+    if (done.code == 0) {
+      EXPECT_NEAR(done.part->pipe_radius_mm, 5, 1e-6);
+    }
+    ExpectRows(Nominal(test::WriteIgesFile(shape), words), tube.program, 1e-5);
+  }
+}
+
+TEST(Nominal, TakesTheOtherEndWhenAsked) {
+  const auto file = test::WriteStepFile({{"tube", Pipe(DemoTube())}});
+  ExpectRows(Nominal(file, {"--reverse"}), pipeline::ReverseProgram(DemoTube().program));
+}
+
+TEST(Nominal, ListsTheTubesOfAnAssembly) {
+  hal::Tube other = DemoTube();
+  other.program.rows.pop_back();
+  other.program.rows.back() = {70, 0, 0, std::nullopt};
+  hal::Tube straight;
+  straight.pipe_radius_mm = 8;
+  straight.program = {{{200, 0, 0, std::nullopt}}};
+  const auto file = test::WriteStepFile(
+      {{"feed", Pipe(DemoTube())},
+       {"return", Pipe(other)},
+       {"rail", Pipe(straight)},
+       {"block", test::Drilled(Pipe(straight, {.wall_mm = 0}), {50, -20, 0}, {50, 20, 0}, 3)}});
+  const auto none = Nominal(file);
+  EXPECT_EQ(none.code, 2);
+  EXPECT_THAT(none.err, HasSubstr("return"));
+  EXPECT_EQ(Nominal(file, {"--body", "retrun"}).code, 2);
+  const auto feed = Nominal(file, {"--body", "feed"});
+  const bool turned = feed.code == 0 && std::abs(feed.part->rows.rows[0].length_mm - 60) > 1;
+  ExpectRows(feed, turned ? pipeline::ReverseProgram(DemoTube().program) : DemoTube().program);
+  EXPECT_EQ(Nominal(file, {"--body", "2"}).part->rows.rows.size(), other.program.rows.size());
+  // A part file has at least one bend.
+  EXPECT_THAT(Nominal(file, {"--body", "rail"}).err, HasSubstr("found 1 row"));
+}
+
+TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 10;
+  tube.program = {{{100, 0, 90, 30.0}, {80, 0, 0, std::nullopt}}};
+  // A hole on the outside of the bend's plane (-y), a cut 20 degrees oblique at the first end.
+  TopoDS_Shape shape = test::Drilled(Pipe(tube, {.wall_mm = 2}), {40, 0, 0}, {40, -30, 0}, 3);
+  shape = test::Drilled(shape, {70, 0, 0}, {70, 0, 30}, 2);
+  const double a = 20 * M_PI / 180;
+  shape = test::Cut(shape, {10, 0, 0}, {-std::cos(a), std::sin(a), 0});
+  shape = test::WithCollar(shape, {130, 95, 0}, {130, 110, 0}, 15, 8);
+  const auto done = Nominal(test::WriteStepFile({{"tube", shape}}));
+  ExpectRows(done, {{{90, 0, 90, 30.0}, {80, 0, 0, std::nullopt}}});
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_NEAR(done.json["ends"][0]["oblique_deg"].get<double>(), 20, 1e-3) << done.out;
+  EXPECT_NEAR(done.json["ends"][1]["plain_tube_ends_before_mm"].get<double>(), 15, 1e-3)
+      << done.out;
+  ASSERT_EQ(done.json["openings"].size(), 2U) << done.out;
+  const Json hole = done.json["openings"][0];
+  EXPECT_NEAR(hole["along_mm"].get<double>(), 30, 1e-3);
+  EXPECT_NEAR(hole["around_deg"].get<double>(), 0, 1e-2);
+  EXPECT_NEAR(hole["width_mm"].get<double>(), 6, 1e-6);
+  EXPECT_NEAR(done.json["openings"][1]["around_deg"].get<double>(), 90, 1e-2);
+}
+
+TEST(Nominal, SaysWhatIsNoTubeOfLinesAndArcs) {
+  // A mitre: two straights without a bend.
+  hal::Tube a, b;
+  a.pipe_radius_mm = b.pipe_radius_mm = 5;
+  a.program = b.program = {{{100, 0, 0, std::nullopt}}};
+  b.X_WT.position_mm = {100, 0, 0};
+  b.X_WT.orientation = Eigen::AngleAxisd(M_PI / 3, Eigen::Vector3d::UnitZ());
+  const Eigen::Vector3d mitre(std::cos(M_PI / 6), std::sin(M_PI / 6), 0);
+  a.program.rows[0].length_mm = 110;
+  b.X_WT.position_mm -= 10 * (b.X_WT.orientation * Eigen::Vector3d::UnitX());
+  b.program.rows[0].length_mm = 110;
+  const TopoDS_Shape left = test::Cut(Pipe(a), {100, 0, 0}, mitre);
+  const TopoDS_Shape right = test::Cut(Pipe(b), {100, 0, 0}, -mitre);
+  const auto kink = Nominal(test::WriteStepFile({{"frame", test::Joined(left, right)}}));
+  EXPECT_EQ(kink.code, 3);
+  EXPECT_THAT(kink.err, HasSubstr("kink of 60.000 degrees"));
+  EXPECT_EQ(Nominal("/no/such/file.step").code, 3);
+  const std::string file = test::TemporaryFile("bad.step");
+  std::ofstream(file) << "ISO-10303-21;\nHEADER;\nnonsense";
+  EXPECT_EQ(Nominal(file).code, 3);
+}
+
+TEST(Nominal, GivesTheNearestArcsOfWhatHasNone) {
+  const auto file = test::WriteStepFile({{"hose", test::SplineHose(5)}});
+  const auto refused = Nominal(file);
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_THAT(refused.err, HasSubstr("--nearest"));
+  const auto nearest = Nominal(file, {"--nearest"});
+  ASSERT_EQ(nearest.code, 0) << nearest.err;
+  EXPECT_NEAR(nearest.part->pipe_radius_mm, 5, 0.05);
+  EXPECT_THAT(nearest.out, HasSubstr("these are the nearest"));
+}
+
+// `bendloop export` of a part file, with its files beside it.
+int Export(const std::string& file, const std::string& folder, std::string& said) {
+  CLI::App app("test");
+  app.name("bendloop");
+  std::function<int()> run;
+  std::ostringstream err;
+  AddExportCommand(app, run, err);
+  std::vector<std::string> words = {"export",         file,           "--step",
+                                    folder + ".step", "--dxf",        folder + ".dxf",
+                                    "--csv",          folder + ".csv"};
+  std::reverse(words.begin(), words.end());
+  app.parse(words);
+  const int code = run();
+  said = err.str();
+  return code;
+}
+
+TEST(Export, ComesBackAsTheSameTube) {
+  hal::Tube tube = DemoTube();
+  tube.program.rows[3].angle_deg = 170;
+  const auto first = Nominal(test::WriteStepFile({{"Rohr \xc3\x84 1", Pipe(tube)}}));
+  ASSERT_EQ(first.code, 0) << first.err;
+  const std::string out = test::TemporaryFile("out");
+  std::string said;
+  ASSERT_EQ(Export(first.part->file.string(), out, said), 0) << said;
+  const auto again = Nominal(out + ".step");
+  ExpectRows(again, first.part->rows, 2e-7);
+  ASSERT_EQ(again.code, 0) << again.err;
+  EXPECT_EQ(again.part->name, "Rohr \xc3\x84 1");
+  EXPECT_NEAR(again.part->wall_mm.value_or(0), 1, 1e-6);
+  const auto wire = Nominal(out + ".step", {"--body", "2", "--pipe-diameter", "10"});
+  ExpectRows(wire, first.part->rows, 2e-7);
+  std::ifstream csv(out + ".csv"), dxf(out + ".dxf");
+  const std::string corners{std::istreambuf_iterator<char>(csv), {}};
+  EXPECT_EQ(std::count(corners.begin(), corners.end(), '\n'), 7);
+  const std::string drawing{std::istreambuf_iterator<char>(dxf), {}};
+  EXPECT_THAT(drawing, HasSubstr("\nARC\n8\nCENTRELINE\n"));
+  EXPECT_THAT(drawing, HasSubstr("\nPOLYLINE\n8\nCORNERS\n"));
+}
+
+// XYZ, LRA, YBC and STEP of one part are one nominal.
+TEST(Nominal, IsTheSameFromEveryRepresentation) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int k = 0; k < 12; ++k) {
+    SCOPED_TRACE(k);
+    hal::Tube tube;
+    tube.pipe_radius_mm = 2 + 8 * unit(random);
+    const int bends = 1 + k % 5;
+    for (int i = 0; i < bends; ++i) {
+      tube.program.rows.push_back({20 + 100 * unit(random), i == 0 ? 0 : 360 * unit(random) - 180,
+                                   5 + 140 * unit(random),
+                                   tube.pipe_radius_mm * (1.5 + 2 * unit(random))});
+    }
+    tube.program.rows.push_back({20 + 100 * unit(random), 0, 0, std::nullopt});
+    // Random tubes run into themselves, which a solid bar may.
+    ExpectRows(Nominal(test::WriteStepFile({{"tube", Pipe(tube, {.wall_mm = 0})}})), tube.program);
+    const auto polygon = pipeline::PolygonFromTube(tube);
+    ASSERT_TRUE(polygon);
+    const auto from_xyz = pipeline::TubeFromPolygon(*polygon);
+    ASSERT_TRUE(from_xyz);
+    const auto ybc = pipeline::YbcFromProgram(from_xyz->program, {});
+    ASSERT_TRUE(ybc);
+    const auto from_ybc = pipeline::ProgramFromYbc(*ybc, {});
+    ASSERT_TRUE(from_ybc);
+    for (std::size_t i = 0; i < tube.program.rows.size(); ++i) {
+      EXPECT_NEAR(from_ybc->rows[i].length_mm, tube.program.rows[i].length_mm, 1e-6);
+      EXPECT_NEAR(from_ybc->rows[i].angle_deg, tube.program.rows[i].angle_deg, 1e-6);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace bendloop::host
