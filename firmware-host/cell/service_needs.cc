@@ -14,7 +14,7 @@ bool IsOfThisMachine(const std::string& address) {
 }
 
 // As the environment's variable has them.
-std::vector<std::string> Words(const ServiceNeeds& needs) {
+std::vector<std::string> WordsOf(const ServiceNeeds& needs) {
   std::vector<std::string> words;
   if (needs.usb) words.emplace_back("usb");
   if (needs.serial) words.emplace_back("serial");
@@ -59,7 +59,7 @@ std::string UnitDropIn(const ServiceNeeds& needs, const std::string& file) {
       << "# What is written here takes the place of what the unit says.\n"
       << "Environment=\"" << kGrantedVariable << "=";
   std::string blank;
-  for (const std::string& word : Words(needs)) {
+  for (const std::string& word : WordsOf(needs)) {
     out << blank << word;
     blank = " ";
   }
@@ -88,7 +88,7 @@ hal::Result<void> CheckGranted(const ServiceNeeds& needs, const char* granted) {
   std::vector<std::string> words;
   std::istringstream in(granted);
   for (std::string word; in >> word;) words.push_back(word);
-  for (const std::string& need : Words(needs)) {
+  for (const std::string& need : WordsOf(needs)) {
     if (std::find(words.begin(), words.end(), need) != words.end()) continue;
     return hal::Fail(
         hal::ErrorKind::kBadInput,

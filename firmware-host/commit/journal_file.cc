@@ -41,8 +41,9 @@ constexpr const char* kVersion3 =
     "CREATE TABLE acknowledgement(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
     " breach INTEGER NOT NULL, who TEXT NOT NULL);";
 
-constexpr const char* kSteps[] = {kVersion1, kVersion2, kVersion3};
-constexpr drivers::DatabaseFormat kFormat{0x424C434A, "BLCJ", "commit journal", kSteps};
+constexpr const char* kFormatSteps[] = {kVersion1, kVersion2, kVersion3};
+constexpr drivers::DatabaseFormat kJournalFormat{0x424C434A, "BLCJ", "commit journal",
+                                                 kFormatSteps};
 
 }  // namespace
 
@@ -58,7 +59,8 @@ hal::Result<drivers::Database> OpenJournalFile(const std::filesystem::path& path
        .mend_damage = "; move the file away, and a new commit journal is begun"});
   if (!database) return database;
   // A stranger's file is not touched: the mode of its journal is written into it.
-  if (auto fits = drivers::BringToFormat(*database, kFormat); !fits) return hal::Fail(fits.error());
+  if (auto fits = drivers::BringToFormat(*database, kJournalFormat); !fits)
+    return hal::Fail(fits.error());
   if (auto done = database->Execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL");
       !done) {
     return hal::Fail(done.error());

@@ -8,7 +8,7 @@ namespace bendloop::pipeline {
 namespace {
 
 // [part of the unit] What coincides with its joint is moved out of it.
-constexpr double kLeastHandle = 1e-4;
+constexpr double kLeastHandleLength = 1e-4;
 
 }  // namespace
 
@@ -49,7 +49,7 @@ BorderUnknowns BorderUnknowns::Of(const RationalBezier& curve) {
     const RationalCubic piece = curve.pieces[p].InStandardForm();
     const auto handle = [&](std::size_t a, std::size_t b) {
       const double length_mm = (piece.control_mm[a] - piece.control_mm[b]).norm();
-      return std::log(std::max(length_mm / unknowns.unit_mm, kLeastHandle));
+      return std::log(std::max(length_mm / unknowns.unit_mm, kLeastHandleLength));
     };
     unknowns.pieces[p].shape = {handle(0, 1), handle(2, 3), std::log(piece.weight[1]),
                                 std::log(piece.weight[2])};

@@ -30,6 +30,8 @@ struct EndCutSettings {
   double least_seen = 0.3;
   // Of a column's mean gap: a point with a longer one behind it is a flier (fit/tube_ends.cc).
   double lone_gap = 4.0;
+  // Of the mean gap: a border that rises by less across a column is level in it.
+  double level = 0.25;
   // Columns that stand against a plane by more count no further [-log likelihood]: something lies
   // on the tube there, or hides it.
   double saturated = 12.0;
@@ -231,6 +233,7 @@ class Columns {
   }
 
   const std::vector<Column>& seen() const { return seen_; }
+  double width_rad() const { return 2.0 * std::numbers::pi / static_cast<double>(count_); }
   bool AreEnough() const {
     return seen_.size() >= 6 &&
            static_cast<double>(seen_.size()) >= kCut.least_seen * static_cast<double>(count_);
@@ -418,7 +421,10 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
     columns.emplace(Levelled(samples, slope_mm), window_mm, smear_mm);
     if (!columns->AreEnough()) return std::nullopt;
     rough = RoughPlane(*columns, pipe_radius_mm);
-    if (pass < 2) slope_mm += pipe_radius_mm * rough.tail<2>();
+    const Eigen::Vector2d rise_mm = pipe_radius_mm * rough.tail<2>();
+    if (pass == 2 || rise_mm.norm() * columns->width_rad() < kCut.level * columns->MeanGapMm())
+      break;
+    slope_mm += rise_mm;
   }
   const Stops stops = columns->MakeStops(smear_mm);
   const LogNormalCdf log_cdf;
