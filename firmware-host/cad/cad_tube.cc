@@ -19,6 +19,14 @@ bool StartsAtItsEnd(const Spine& spine) {
   return false;
 }
 
+// What is around is counted from another bend when it is seen from the other end.
+void FindOpenings(const CadBody& body, CadTube& tube) {
+  tube.openings = OpeningsOf(body, tube);
+  CadTube back = tube;
+  back.spine = tube.spine.Reversed();
+  tube.openings_reversed = OpeningsOf(body, back);
+}
+
 }  // namespace
 
 void BeginNearOrigin(CadTube& tube) {
@@ -36,7 +44,7 @@ std::vector<CadTube> TubesOf(CadShape& shape) {
       tube.body = i;
       tube.name = body.name;
       BeginNearOrigin(tube);
-      if (tube.problems.empty() && !tube.is_wire) tube.openings = OpeningsOf(body, tube);
+      if (tube.problems.empty() && !tube.is_wire) FindOpenings(body, tube);
       tubes.push_back(std::move(tube));
     }
   }

@@ -14,10 +14,10 @@ namespace bendloop::host {
 // A hole or slot through the wall.
 struct WallOpening {
   double along_mm = 0;    // of its centre, on the developed length from the first end
-  double around_deg = 0;  // from the previous bend's plane (README.md), (-180, 180]
+  double around_deg = 0;  // counted as in hal/tube_features.h, (-180, 180]
   double width_mm = 0;    // diameter, or the slot's width
   double length_mm = 0;   // of a slot; 0: round
-  double axis_deg = 0;    // a slot's long axis against the tube's, [0, 90]
+  double axis_deg = 0;    // of a slot's length, as in hal/tube_features.h, (-90, 90]
   std::vector<int> faces;
 };
 
@@ -38,6 +38,7 @@ struct CadTube {
   Spine spine;  // between its ends
   TubeEnd first, last;
   std::vector<WallOpening> openings;
+  std::vector<WallOpening> openings_reversed;  // as they are from the other end
   std::vector<std::string> notes;
   // Why it is no sequence of lines and arcs; empty: it is one.
   std::vector<std::string> problems;

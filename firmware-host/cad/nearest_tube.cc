@@ -79,6 +79,7 @@ hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
   CadTube tube = like;
   tube.problems.clear();
   tube.openings.clear();
+  tube.openings_reversed.clear();
   tube.pipe_radius_mm = measured->tube.pipe_radius_mm;
   tube.spine = SpineOf(measured->tube);
   char text[160];

@@ -130,6 +130,18 @@ hal::BendProgram RoundedProgram(hal::BendProgram program) {
   return program;
 }
 
+config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
+  config::OpeningConfig config;
+  const bool from_start = opening.along_mm <= length_mm / 2;
+  (from_start ? config.from_start_mm : config.from_end_mm) =
+      Rounded(from_start ? opening.along_mm : length_mm - opening.along_mm, 1e-4);
+  config.around_deg = Rounded(opening.around_deg, 1e-3) + 0.0;
+  config.width_mm = Rounded(opening.width_mm, 1e-4);
+  config.length_mm = opening.length_mm > 0 ? Rounded(opening.length_mm, 1e-4) : config.width_mm;
+  config.axis_deg = Rounded(opening.axis_deg, 1e-3) + 0.0;
+  return config;
+}
+
 std::string PartText(const Nominal& nominal, const NominalArguments& arguments) {
   config::PartConfig part;
   const std::string& body = nominal.tube.name;
@@ -138,6 +150,10 @@ std::string PartText(const Nominal& nominal, const NominalArguments& arguments) 
   part.pipe_radius_mm = Rounded(nominal.tube.pipe_radius_mm, 1e-7);
   if (nominal.tube.wall_mm) part.wall_mm = Rounded(*nominal.tube.wall_mm, 1e-7);
   part.rows = nominal.program.program;
+  for (const WallOpening& opening : nominal.tube.openings) {
+    auto& of_kind = opening.length_mm > 0 ? part.slots : part.holes;
+    of_kind.push_back(ToConfig(opening, nominal.tube.spine.length_mm()));
+  }
   std::string comment =
       "From " + Printable(nominal.file) + ". Tolerances and material are defaults: set them.\n";
   for (const std::string& remark : Remarks(nominal.tube)) comment += remark + "\n";
@@ -176,7 +192,7 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
   if (arguments.reverse) {
     tube->spine = tube->spine.Reversed();
     std::swap(tube->first, tube->last);
-    for (WallOpening& o : tube->openings) o.along_mm = tube->spine.length_mm() - o.along_mm;
+    std::swap(tube->openings, tube->openings_reversed);
   }
   Nominal nominal;
   nominal.file = arguments.file;
@@ -205,7 +221,8 @@ int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostrea
   const auto nominal = Make(arguments, tubes);
   if (!nominal) return fail(nominal.error());
   const std::string part = PartText(*nominal, arguments);
-  if (const auto checked = config::ParsePart(part, "the part"); !checked) {
+  if (const auto checked = config::ParsePart(part, "the part");
+      !checked && !arguments.out.empty()) {
     return fail({hal::ErrorKind::kBadInput,
                  arguments.file + ": no part file can hold it: " + checked.error().message});
   }
@@ -237,10 +254,10 @@ Examples:
 STEP (AP203, AP214, AP242) and IGES in any unit; cylinders and tori of outer and
 inner surface, or lines and arcs of a centre line, become lengths, rotations and
 angles. The first end is the one nearer to the file's origin; --reverse takes the
-other. Holes, slots, oblique cuts and what sits on the ends are told, and stand in
-the part file as comments. A part that is no lines and arcs is refused with the
-reason; --nearest measures it as a scan would be. Tolerances and material of the
-part file are defaults.
+other. Holes and slots become [[hole]] and [[slot]]; oblique cuts and what sits on
+the ends are told, and stand in the part file as comments. A part that is no lines
+and arcs is refused with the reason; --nearest measures it as a scan would be.
+Tolerances and material of the part file are defaults.
 Exit codes: 2 several tubes and no --body; 3 no tube of lines and arcs, or a
 damaged file; 4 bendloop-cad is not installed.)";
 

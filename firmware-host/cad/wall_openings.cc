@@ -9,6 +9,7 @@
 
 #include "firmware-host/cad/cad_tube.h"
 #include "hal/bend_program.h"
+#include "hal/tube_features.h"
 
 namespace bendloop::host {
 namespace {
@@ -32,7 +33,6 @@ class Developed {
     Place best;
     best.across_mm = std::numeric_limits<double>::infinity();
     Vector3d at = spine_.start, along = spine_.direction;
-    // Angles are counted from the outside of the bend before; of the first, in the first straight.
     Vector3d normal = spine_.arcs.empty() ? along.unitOrthogonal() : spine_.arcs.front().normal;
     double before = 0;
     for (const SpineArc& arc : spine_.arcs) {
@@ -53,10 +53,9 @@ class Developed {
                    const Vector3d& normal, double along_mm, Place& best) {
     const double across = (p - foot).norm();
     if (across >= best.across_mm || across == 0) return;
-    const Vector3d radial = (p - foot) / across, outside = tangent.cross(normal);
+    const Vector3d radial = (p - foot) / across;
     best = {along_mm, across, radial, tangent,
-            hal::WrapRotationDeg(std::atan2(radial.dot(normal), radial.dot(outside)) * 180 /
-                                 std::numbers::pi)};
+            hal::WrapRotationDeg(hal::AroundDeg(normal, tangent, radial))};
   }
 
   static void Straight(const Vector3d& p, const Vector3d& at, const Vector3d& along, double length,
@@ -162,8 +161,11 @@ std::optional<WallOpening> SlotOf(const Bore& a, const Bore& b, const CadTube& t
   const Vector3d middle = (a.at + b.at) / 2;
   WallOpening slot = OpeningAt(middle, 2 * a.radius_mm, developed);
   slot.length_mm = across.norm() + 2 * a.radius_mm;
-  const double cosine = std::abs(across.normalized().dot(developed.Of(middle).tangent));
-  slot.axis_deg = std::acos(std::min(1.0, cosine)) * 180 / std::numbers::pi;
+  const Place place = developed.Of(middle);
+  const double axis =
+      std::atan2(across.dot(place.radial.cross(place.tangent)), across.dot(place.tangent)) * 180 /
+      std::numbers::pi;
+  slot.axis_deg = axis > 90 ? axis - 180 : axis <= -90 ? axis + 180 : axis;
   slot.faces = a.faces;
   slot.faces.insert(slot.faces.end(), b.faces.begin(), b.faces.end());
   return slot;

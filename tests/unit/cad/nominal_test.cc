@@ -174,9 +174,13 @@ TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {
   ASSERT_EQ(done.json["openings"].size(), 2U) << done.out;
   const Json hole = done.json["openings"][0];
   EXPECT_NEAR(hole["along_mm"].get<double>(), 30, 1e-3);
-  EXPECT_NEAR(hole["around_deg"].get<double>(), 0, 1e-2);
+  EXPECT_NEAR(hole["around_deg"].get<double>(), 90, 1e-2);
   EXPECT_NEAR(hole["width_mm"].get<double>(), 6, 1e-6);
-  EXPECT_NEAR(done.json["openings"][1]["around_deg"].get<double>(), 90, 1e-2);
+  EXPECT_NEAR(done.json["openings"][1]["around_deg"].get<double>(), 0, 1e-2);
+  ASSERT_EQ(done.part->holes.size(), 2U);
+  EXPECT_NEAR(done.part->holes[0].from_start_mm.value_or(0), 30, 1e-3);
+  EXPECT_NEAR(done.part->holes[0].around_deg, 90, 1e-2);
+  EXPECT_NEAR(done.part->holes[1].width_mm, 4, 1e-6);
 }
 
 TEST(Nominal, SaysWhatIsNoTubeOfLinesAndArcs) {
