@@ -38,7 +38,7 @@ hal::PlcOrders With(Change change) {
 
 class PlcCell : public LiveCell {
  public:
-  PlcCell() : LiveCell("", "", "parts_dir = \"parts\"\n") {
+  explicit PlcCell(const std::string& more = "") : LiveCell(more, "", "parts_dir = \"parts\"\n") {
     profile_spacing_mm = 2;
     std::filesystem::create_directory(scratch() / "parts");
     Write("elbow",
@@ -241,6 +241,53 @@ TEST(PlcCell, SixtyTubesUnattended) {
     ++ended[static_cast<int>(alarm.code)];
   }
   for (const int code : {3006, 4001, 4010, 4011, 4013, 4014, 4016}) EXPECT_GE(ended[code], 1);
+}
+
+// Nobody but the PLC is there: its acknowledgement lifts the lock that a broken rule left, and that
+// of before the breach does not.
+TEST(PlcCell, OnlyItsFreshAcknowledgementLiftsTheLockOfABrokenRule) {
+  PlcCell cell;
+  cell.bender().Say(With([](hal::PlcOrders& said) { said.acknowledge = 5; }));
+  cell.StartDaemon();
+  cell.Misbehave("break rejects-and-activates");
+  cell.Next("T-1");
+  ASSERT_TRUE(cell.Told([](const auto& told) { return told.alarm == 4002; })) << cell.log();
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  cell.Misbehave("behave");
+  const auto off = [&] {
+    hal::BendProgram tube = cell.Bend();
+    for (hal::BendRow& row : tube.rows) row.angle_deg -= row.angle_deg > 0 ? 0.8 : 0;
+    return tube;
+  };
+  cell.ScanAs(off(), "T-2");
+  const auto locked = cell.Result(2, "refused");
+  ASSERT_TRUE(locked && locked->bender);
+  EXPECT_THAT(locked->bender->reason, ::testing::HasSubstr("corrections are locked"));
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  cell.bender().Say(With([](hal::PlcOrders& said) { said.acknowledge = 6; }));
+  ASSERT_TRUE(cell.Told([](const auto& told) { return told.acknowledged == 6; })) << cell.log();
+  ASSERT_TRUE(cell.Told([](const auto& told) { return told.alarm == 0; })) << cell.log();
+  cell.ScanAs(off(), "T-3");
+  EXPECT_TRUE(cell.Result(3, "committed")) << cell.log();
+  EXPECT_EQ(cell.bender().commits_accepted(), 2u);
+}
+
+// A scanner that says neither where a scan begins nor where it ends, and minutes until its silence
+// would: the PLC's word ends it.
+TEST(PlcCell, ItsWordEndsAScanThatRuns) {
+  PlcCell cell("[scan]\nend = \"coverage\"\nsilence_seconds = 300\nmax_seconds = 600\n");
+  cell.StartDaemon();
+  const auto say = [&](hal::ScanOrder order) {
+    cell.bender().Say(With([&](hal::PlcOrders& said) { said.scan = order; }));
+  };
+  const auto bent = cell.Bend();
+  say(hal::ScanOrder::kMayRun);
+  cell.Sweep(bent, 0.6);
+  ASSERT_TRUE(cell.Told([](const auto& told) { return told.state == CellState::kScanning; }));
+  EXPECT_EQ(cell.results(), 0u);
+  say(hal::ScanOrder::kOver);
+  EXPECT_TRUE(cell.Result(1)) << cell.log();
+  ASSERT_TRUE(cell.Told([](const auto& told) { return told.state == CellState::kIdle; }));
 }
 
 }  // namespace
