@@ -154,6 +154,9 @@ struct RecordConfig {
 struct StorageConfig {
   double max_age_days = 365;         // 0: no limit
   std::uint64_t min_free_mb = 1024;  // of the file system; 0: whatever is free
+  // The report of the latest parts is written at each so many; 0: only when somebody asks.
+  std::uint32_t report_every_parts = 20;
+  double shift_hours = 8;  // the log says so often what was done; 0: never
 };
 
 enum class LogLevel : std::uint8_t { kDebug, kInfo, kWarning, kError };

@@ -146,6 +146,8 @@ void VisitCell(FieldVisitor& v, CellConfig& cell) {
   v.Table("storage", Need::kOptional, [&](FieldVisitor& t) {
     t.Number("max_age_days", cell.storage.max_age_days, {0, 36500});
     t.Integer("min_free_mb", cell.storage.min_free_mb, 0, 100000000);
+    t.Integer("report_every_parts", cell.storage.report_every_parts, 0, 1000000);
+    t.Number("shift_hours", cell.storage.shift_hours, {0, 744});
   });
   v.Table("log", Need::kOptional,
           [&](FieldVisitor& t) { t.Enum("level", cell.log_level, kLogLevels); });

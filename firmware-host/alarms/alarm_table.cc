@@ -144,6 +144,11 @@ constexpr AlarmKind kTable[] = {
      "check the disk; look at the program that the bender holds, then acknowledge"},
     {kJournalNotKept, kFault, kCause, "the commit journal cannot be written: nothing is corrected",
      "check the disk of the state directory and its rights; it is tried again by itself"},
+    {kReloadRefused, kWarning, kCause,
+     "the changed settings were refused: the cell goes on with the old ones",
+     "mend the file as the detail says, then 'systemctl reload bendloopd'"},
+    {kClockStepped, kNotice, kNext, "the clock of this machine was set by more than a minute",
+     "nothing, if somebody set it; check its battery and its time server if it comes again"},
 };
 
 const char* Name(AlarmEnd end) {

@@ -78,6 +78,8 @@ enum class AlarmCode : std::uint16_t {
   kHistoryDamaged = 5010,
   kJournalDamaged = 5011,
   kJournalNotKept = 5012,
+  kReloadRefused = 5013,
+  kClockStepped = 5014,
 };
 
 enum class AlarmSeverity : std::uint8_t {

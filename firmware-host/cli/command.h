@@ -26,8 +26,10 @@ CLI::App* AddHistoryCommand(CLI::App& app, Run& run);
 CLI::App* AddLotCommand(CLI::App& app, Run& run);
 CLI::App* AddReconstructCommand(CLI::App& app, Run& run);
 CLI::App* AddReplayCommand(CLI::App& app, Run& run);
+CLI::App* AddReportCommand(CLI::App& app, Run& run);
 CLI::App* AddSimulateCommand(CLI::App& app, Run& run);
 CLI::App* AddStatusCommand(CLI::App& app, Run& run);
+CLI::App* AddSupportCommand(CLI::App& app, Run& run);
 CLI::App* AddUndoCommand(CLI::App& app, Run& run);
 
 // "bendloop: MESSAGE" on stderr; the exit code of the error.

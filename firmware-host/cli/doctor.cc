@@ -23,20 +23,6 @@ namespace fs = std::filesystem;
 constexpr int kPriority = 50;
 constexpr std::uint64_t kWantedDisk = 2ull << 30;
 
-std::string FirstLine(const fs::path& path) {
-  std::string line;
-  std::ifstream file(path);
-  std::getline(file, line);
-  return line;
-}
-
-Finding Good(std::string name, std::string found) {
-  return {std::move(name), true, std::move(found), ""};
-}
-Finding Bad(std::string name, std::string found, std::string mend) {
-  return {std::move(name), false, std::move(found), std::move(mend)};
-}
-
 Finding Kernel(const DoctorPlaces& places) {
   const std::string release = FirstLine(places.proc / "sys/kernel/osrelease");
   const bool rt = FirstLine(places.sys / "kernel/realtime") == "1";
@@ -184,6 +170,20 @@ Finding Disk(const DoctorPlaces& places) {
 }
 
 }  // namespace
+
+std::string FirstLine(const fs::path& path) {
+  std::string line;
+  std::ifstream file(path);
+  std::getline(file, line);
+  return line;
+}
+
+Finding Good(std::string name, std::string found) {
+  return {std::move(name), true, std::move(found), ""};
+}
+Finding Bad(std::string name, std::string found, std::string mend) {
+  return {std::move(name), false, std::move(found), std::move(mend)};
+}
 
 std::vector<Finding> Examine(const DoctorPlaces& places) {
   return {Kernel(places),      Priority(),  PipelinePriority(), MemoryLock(), Governor(places),

@@ -16,6 +16,11 @@ struct Finding {
   std::string mend;  // how to grant it; "" when ok
 };
 
+Finding Good(std::string name, std::string found);
+Finding Bad(std::string name, std::string found, std::string mend);
+// Of a file of the kernel's, which often is all of it; "" where there is none.
+std::string FirstLine(const std::filesystem::path& path);
+
 // Where to look; tests give a made-up tree.
 struct DoctorPlaces {
   std::filesystem::path proc = "/proc";
@@ -25,6 +30,9 @@ struct DoctorPlaces {
 };
 
 std::vector<Finding> Examine(const DoctorPlaces& places);
+
+// Schema "bendloop.doctor/1".
+std::string FindingsJson(const std::vector<Finding>& findings);
 
 // The findings as a table of at most `columns`; what is long is broken.
 std::string FindingsText(const std::vector<Finding>& findings, bool colour, std::size_t columns);

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "config/load.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cli/doctor.h"
+#include "firmware-host/cli/doctor_cell.h"
 #include "firmware-host/console/terminal.h"
 #include "firmware-host/console/wrap.h"
 #include "firmware-host/result/json.h"
@@ -34,22 +36,21 @@ Run it as the user that runs the daemon. Warnings do not change the exit code:
 which of them matter depends on the cell.)";
 
 int Doctor(const DoctorArguments& arguments) {
-  DoctorPlaces places;
+  InstalledPlaces places = SystemPlaces();
+  std::optional<config::CellConfig> cell;
   if (!arguments.config.empty()) {
-    const auto cell = config::LoadCell(arguments.config);
-    if (!cell) return Report(cell.error());
-    places.state_dir = cell->state_dir;
+    auto loaded = config::LoadCell(arguments.config);
+    if (!loaded) return Report(loaded.error());
+    cell = std::move(*loaded);
+    places.machine.state_dir = cell->state_dir;
   }
-  const std::vector<Finding> findings = Examine(places);
+  std::vector<Finding> findings = Examine(places.machine);
+  for (Finding& finding : ExamineInstalled(places)) findings.push_back(std::move(finding));
+  if (cell) {
+    for (Finding& finding : ExamineCell(places, *cell)) findings.push_back(std::move(finding));
+  }
   if (arguments.json) {
-    Json list = Json::array();
-    for (const Finding& finding : findings) {
-      list.push_back({{"name", finding.name},
-                      {"ok", finding.ok},
-                      {"found", finding.found},
-                      {"mend", finding.mend}});
-    }
-    std::cout << Dump({{"schema", "bendloop.doctor/1"}, {"findings", list}}, 2) << "\n";
+    std::cout << FindingsJson(findings);
     return 0;
   }
   std::cout << FindingsText(findings, ColourAllowed(STDOUT_FILENO), TerminalColumns(STDOUT_FILENO));
@@ -57,6 +58,17 @@ int Doctor(const DoctorArguments& arguments) {
 }
 
 }  // namespace
+
+std::string FindingsJson(const std::vector<Finding>& findings) {
+  Json list = Json::array();
+  for (const Finding& finding : findings) {
+    list.push_back({{"name", finding.name},
+                    {"ok", finding.ok},
+                    {"found", finding.found},
+                    {"mend", finding.mend}});
+  }
+  return Dump({{"schema", "bendloop.doctor/1"}, {"findings", list}}, 2) + "\n";
+}
 
 std::string FindingsText(const std::vector<Finding>& findings, bool colour, std::size_t columns) {
   constexpr std::size_t kFewest = 20;  // a terminal narrower than its names breaks the lines itself
@@ -81,9 +93,9 @@ std::string FindingsText(const std::vector<Finding>& findings, bool colour, std:
 
 CLI::App* AddDoctorCommand(CLI::App& app, Run& run) {
   auto arguments = std::make_shared<DoctorArguments>();
-  CLI::App* command = app.add_subcommand("doctor", "Is this machine fit for real time?");
+  CLI::App* command = app.add_subcommand("doctor", "Is this machine fit, and all in its place?");
   command->footer(kDoctorFooter);
-  command->add_option("--config", arguments->config, "Looks at this cell's state_dir as well")
+  command->add_option("--config", arguments->config, "Looks at what this cell needs as well")
       ->type_name("CELL.toml");
   command->add_flag("--json", arguments->json, "JSON, schema bendloop.doctor/1");
   command->callback([arguments, &run] { run = [arguments] { return Doctor(*arguments); }; });

@@ -56,9 +56,11 @@ int Main(int argc, char** argv) {
   AddExportCommand(app, run, std::cerr);
   AddCheckCommand(app, run);
   AddDoctorCommand(app, run);
+  AddSupportCommand(app, run);
   AddAcceptanceCommand(app, run);
   AddStatusCommand(app, run);
   AddHistoryCommand(app, run);
+  AddReportCommand(app, run);
   AddLotCommand(app, run);
   AddUndoCommand(app, run);
   AddFirstProgramCommand(app, run);

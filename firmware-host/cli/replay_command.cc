@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
+#include <cstdlib>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -13,6 +15,8 @@
 #include "firmware-host/console/terminal.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/result/result_json.h"
+#include "firmware-host/support/support_bundle.h"
+#include "firmware-host/support/tar_file.h"
 #include "firmware-host/text/progress.h"
 #include "firmware-host/text/result_text.h"
 #include "firmware-host/text/style.h"
@@ -25,8 +29,10 @@ struct ReplayArguments {
   std::string session;
   std::string config;
   std::string pace = "max";
+  std::string of_bundle;
   std::string json;
   bool send = false;
+  bool is_bundle = false;
 };
 
 constexpr const char* kReplayFooter = R"(
@@ -34,6 +40,8 @@ Examples:
   bendloop replay demo-out/sessions/part-0002.session \
     --config demo-out/cell.toml
   bendloop replay part.session --config cell.toml --pace recorded --json -
+  bendloop replay support.tar.gz           the newest scan of a support bundle,
+                                           with its own cell file
 
 The session takes the daemon's own way, the bender included. With [bender]
 link = "simulated" it starts a simulated bender that holds the program that bent
@@ -48,9 +56,32 @@ printed. A part that is undecided (too near a tolerance for what the samples
 tell) is told so, with exit code 0: who takes parts for good by a script asks
 for inspection.verdict == "pass" in the JSON.)";
 
+// A folder that goes with the command.
+class Unpacked {
+ public:
+  Unpacked() {
+    std::string name = (std::filesystem::temp_directory_path() / "bendloop-XXXXXX").string();
+    if (mkdtemp(name.data()) != nullptr) folder_ = name;
+  }
+  ~Unpacked() {
+    std::error_code error;
+    if (!folder_.empty()) std::filesystem::remove_all(folder_, error);
+  }
+  Unpacked(const Unpacked&) = delete;
+  Unpacked& operator=(const Unpacked&) = delete;
+  const std::filesystem::path& folder() const { return folder_; }
+
+ private:
+  std::filesystem::path folder_;
+};
+
 int ReplayOne(const ReplayArguments& arguments) {
-  const auto cell = config::LoadCell(arguments.config);
+  auto cell = config::LoadCell(arguments.config);
   if (!cell) return Report(cell.error());
+  // The machine that a bundle is from is elsewhere.
+  if (arguments.is_bundle && IsReal(cell->bender.link)) {
+    cell->bender.link = config::BenderKind::kSimulated;
+  }
   ReplayOptions options;
   options.session = arguments.session;
   options.send = arguments.send;
@@ -93,6 +124,28 @@ int ReplayOne(const ReplayArguments& arguments) {
   return outcome.exit_code();
 }
 
+int ReplayOneOrBundle(ReplayArguments arguments) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(arguments.session, error) || !IsTar(arguments.session)) {
+    if (!arguments.config.empty()) return ReplayOne(arguments);
+    return Report({hal::ErrorKind::kUsage,
+                   "--config is required for a session; a support bundle brings its own"});
+  }
+  if (arguments.send) {
+    return Report({hal::ErrorKind::kUsage, "--send: a support bundle's machine is elsewhere"});
+  }
+  const Unpacked unpacked;
+  const auto bundle =
+      UnpackSupportBundle(arguments.session, unpacked.folder(), arguments.of_bundle);
+  if (!bundle) return Report(bundle.error());
+  Note(arguments.session + ": " + bundle->session.stem().string() +
+       (arguments.config.empty() ? ", with its own cell file" : ""));
+  arguments.session = bundle->session.string();
+  if (arguments.config.empty()) arguments.config = bundle->cell.string();
+  arguments.is_bundle = true;
+  return ReplayOne(arguments);
+}
+
 }  // namespace
 
 CLI::App* AddReplayCommand(CLI::App& app, Run& run) {
@@ -100,12 +153,13 @@ CLI::App* AddReplayCommand(CLI::App& app, Run& run) {
   CLI::App* command =
       app.add_subcommand("replay", "A recorded session through the daemon's own way, then exit");
   command->footer(kReplayFooter);
-  command->add_option("session", arguments->session, "Recorded session")
+  command->add_option("session", arguments->session, "Recorded session, or a support bundle")
       ->required()
       ->type_name("SESSION");
-  command->add_option("--config", arguments->config, "Cell file")
-      ->required()
+  command->add_option("--config", arguments->config, "Cell file; a bundle brings its own")
       ->type_name("CELL.toml");
+  command->add_option("--recording", arguments->of_bundle, "Of a bundle this one, not the newest")
+      ->type_name("NAME");
   command->add_option("--pace", arguments->pace, "As fast as it goes, or as it was recorded")
       ->check(CLI::IsMember({"max", "recorded"}))
       ->capture_default_str();
@@ -113,7 +167,8 @@ CLI::App* AddReplayCommand(CLI::App& app, Run& run) {
       ->type_name("OUT");
   command->add_flag("--send", arguments->send,
                     "Write the correction to the cell's real bender, if the interlocks let it");
-  command->callback([arguments, &run] { run = [arguments] { return ReplayOne(*arguments); }; });
+  command->callback(
+      [arguments, &run] { run = [arguments] { return ReplayOneOrBundle(*arguments); }; });
   return command;
 }
 

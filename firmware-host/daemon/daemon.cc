@@ -12,7 +12,6 @@
 #include <memory>
 #include <utility>
 
-#include "config/load.h"
 #include "firmware-host/acquisition/acquisition.h"
 #include "firmware-host/alarms/alarm_text.h"
 #include "firmware-host/cell/bender_desk.h"
@@ -26,6 +25,7 @@
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/daemon/cell_alarms.h"
+#include "firmware-host/daemon/daemon_settings.h"
 #include "firmware-host/daemon/part_keeper.h"
 #include "firmware-host/daemon/part_setter.h"
 #include "firmware-host/daemon/plc_desk.h"
@@ -33,9 +33,10 @@
 #include "firmware-host/daemon/setter_box.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/daemon/status_server.h"
+#include "firmware-host/daemon/upkeep.h"
 #include "firmware-host/ledger/damaged_journal.h"
-#include "firmware-host/ledger/moment.h"
 #include "firmware-host/recorder/recorder.h"
+#include "firmware-host/result/words.h"
 
 namespace bendloop::host {
 namespace {
@@ -47,17 +48,8 @@ std::atomic<bool> g_hung_up{false};
 
 // Shorter than a look at the bender takes to come round.
 constexpr auto kReportPeriod = 50ms;
-// Of what is too old: nothing is in a hurry to go.
-constexpr auto kDropPeriod = 24h;
 constexpr auto kFirstRetry = 100ms;
 constexpr auto kLongestRetry = 5000ms;
-
-void TellHangUp() {
-  if (!g_hung_up.exchange(false)) return;
-  spdlog::warn(
-      "SIGHUP: nothing is read again; the settings are read at the start, so restart "
-      "bendloopd when no scan runs");
-}
 
 RealtimePolicy RealtimeOf(const config::RealtimeConfig& from) {
   RealtimePolicy policy;
@@ -86,19 +78,25 @@ spdlog::level::level_enum LevelOf(config::LogLevel level) {
 
 class Daemon::Impl {
  public:
-  Impl(const DaemonOptions& options, config::CellConfig cell, PartPlan plan, StateStore store)
+  Impl(const DaemonOptions& options, DaemonSettings settings, StateStore store)
       : options_(options),
-        cell_(std::move(cell)),
-        own_part_(std::make_shared<const PartPlan>(std::move(plan))),
+        cell_(std::move(settings.cell)),
+        own_part_(std::make_shared<const PartPlan>(std::move(settings.plan))),
         store_(std::move(store)),
         notify_(clock_),
         keeper_(store_, cell_, *own_part_, alarms_.board()),
         parts_(cell_, own_part_, clock_, keeper_, alarms_.board()),
         plc_(alarms_.board()),
-        reporter_(clock_) {}
+        reporter_(clock_),
+        upkeep_(cell_.storage, clock_, alarms_.board(), keeper_, board_) {}
 
   hal::Result<void> Prepare();
   int Run();
+  // What it goes by, and what it shall go by from now on: empty when Run() ended for good.
+  DaemonSettings settings() const { return {cell_, *own_part_}; }
+  std::optional<DaemonSettings> TakeNext() { return std::exchange(next_, std::nullopt); }
+  // Settings that were asked for and could not be taken up.
+  void ReloadRefused(const std::string& why);
 
  private:
   hal::Result<void> ServeStatus();
@@ -115,8 +113,8 @@ class Daemon::Impl {
   void AcknowledgeForPlc();
   void TellPlc();
   void ServePeople();
+  void TakeHangUp();
   void ShowLot();
-  void DropOld();
   void ShowLock();
 
   const DaemonOptions options_;
@@ -131,6 +129,8 @@ class Daemon::Impl {
   PartSetter parts_;
   PlcDesk plc_;
   PlcReporter reporter_;
+  Upkeep upkeep_;
+  std::optional<DaemonSettings> next_;  // read, and good
   std::chrono::nanoseconds reported_{0};
   std::unique_ptr<BenderDesk> desk_;
   std::unique_ptr<Recorder> recorder_;
@@ -139,7 +139,6 @@ class Daemon::Impl {
   std::string scanner_problem_;
   std::string bender_problem_;
   std::size_t bends_told_ = 0;
-  std::optional<std::chrono::nanoseconds> dropped_old_;  // by clock_
   bool bender_known_ = false;
   bool acknowledges_ = false;  // the PLC, and it is not done yet
   int exit_code_ = 0;
@@ -269,6 +268,9 @@ CellPorts Daemon::Impl::Ports() {
     keeper_.Keep(outcome);
     keeper_.KeepAlarms(alarms_.TakeNews());
     plc_.Done(outcome);
+    const RunResult& result = outcome.result;
+    upkeep_.PartDone(result.inspection ? std::string(Word(result.inspection->verdict)) : "",
+                     result.bender && result.bender->outcome == CommitOutcome::kCommitted);
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
     ShowLot();
   };
@@ -276,6 +278,7 @@ CellPorts Daemon::Impl::Ports() {
   ports.scan_failed = [this](const FailedScan& failed) {
     alarms_.PartDone(AlarmsOf(failed.identity.session, failed.error), board_.Get());
     keeper_.KeepFailure(failed);
+    upkeep_.PartDone("", false);
     plc_.Failed(failed, parts_.is_known() ? parts_.scanned().part_number : 0);
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
   };
@@ -301,9 +304,8 @@ int Daemon::Impl::Run() {
   CellLoop* running = nullptr;
   ports.alive = [this, &running] {
     notify_.Alive();
-    TellHangUp();
     TellPlc();
-    if (g_stop) running->Stop();
+    if (g_stop || next_) running->Stop();
   };
   std::optional<CellLoop> loop;
   loop.emplace(*own_part_, std::move(ports), options);
@@ -316,9 +318,11 @@ int Daemon::Impl::Run() {
   }
   if (!favoured->empty()) alarms_.board().Begin(AlarmCode::kNoRealtime, *favoured);
   notify_.Ready();
-  while (!g_stop && ServeScanner(*loop)) WaitForRetry(*loop);
-  notify_.Stopping();
-  spdlog::info("stopping after {} scans", loop->parts());
+  while (!g_stop && !next_ && ServeScanner(*loop)) WaitForRetry(*loop);
+  next_ ? notify_.Reloading() : notify_.Stopping();
+  spdlog::info("{} after {} scans", next_ ? "taking up the new settings" : "stopping",
+               loop->parts());
+  upkeep_.TellShift();
   loop.reset();
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
   keeper_.KeepAlarms(alarms_.TakeNews());
@@ -412,9 +416,8 @@ void Daemon::Impl::ScannerIsAway(const std::string& why) {
 
 void Daemon::Impl::WaitForRetry(CellLoop& loop) {
   const auto until = clock_.Now() + retry_;
-  while (!g_stop && clock_.Now() < until) {
+  while (!g_stop && !next_ && clock_.Now() < until) {
     loop.Tend();
-    TellHangUp();
     clock_.SleepUntil(std::min(until, clock_.Now() + std::chrono::nanoseconds(kLoopPeriod)));
   }
   retry_ = std::min<std::chrono::milliseconds>(retry_ * 2, kLongestRetry);
@@ -463,22 +466,9 @@ void Daemon::Impl::AcknowledgeForPlc() {
   plc_.Acknowledged();
 }
 
-// At the start, and once a day.
-void Daemon::Impl::DropOld() {
-  const auto now = clock_.Now();
-  if (dropped_old_ && now - *dropped_old_ < kDropPeriod) return;
-  dropped_old_ = now;
-  const auto in_hand = desk_->SessionsInHand();
-  // What the journal cannot tell may be one that is to be kept.
-  if (!in_hand) return;
-  keeper_.DropOld(*in_hand);
-  if (cell_.storage.max_age_days <= 0) return;
-  const auto dropped = desk_->DropOld(cell_.storage.max_age_days);
-  if (!dropped) spdlog::warn("{}", dropped.error().message);
-}
-
 void Daemon::Impl::ServePeople() {
-  DropOld();
+  TakeHangUp();
+  upkeep_.Do(*desk_);
   AcknowledgeForPlc();
   ShowLock();
   alarms_.Look(board_.Get());
@@ -502,6 +492,26 @@ void Daemon::Impl::ServePeople() {
     ShowLot();
     return answer;
   });
+}
+
+// Somebody wants the settings to be read again: between two parts, while nothing waits. Files that
+// are not right change nothing.
+void Daemon::Impl::TakeHangUp() {
+  if (next_ || !g_hung_up.exchange(false)) return;
+  notify_.Reloading();
+  auto read = LoadDaemonSettings(options_);
+  auto fits = read ? CheckWatchdog({.watchdog = notify_.period()}) : hal::Fail(read.error());
+  if (!fits) {
+    ReloadRefused(fits.error().message);
+    notify_.Ready();
+    return;
+  }
+  spdlog::info("SIGHUP: {} is read again", options_.config.string());
+  next_ = std::move(*read);
+}
+
+void Daemon::Impl::ReloadRefused(const std::string& why) {
+  alarms_.board().Begin(AlarmCode::kReloadRefused, why);
 }
 
 // A bender that broke a rule gets nothing before somebody has acknowledged, restarts or not.
@@ -535,28 +545,52 @@ void Daemon::Impl::Viewed(const pipeline::LiveView& view) {
   spdlog::log(news ? spdlog::level::info : spdlog::level::debug, "scan: {}", line);
 }
 
-hal::Result<std::unique_ptr<Daemon>> Daemon::Start(const DaemonOptions& options) {
-  auto cell = config::LoadCell(options.config);
-  if (!cell) return hal::Fail(cell.error());
-  auto plan = MakePartPlan(*cell);
-  if (!plan) return hal::Fail(plan.error());
-  spdlog::set_level(LevelOf(cell->log_level));
-  ApplyOverrides(options, *cell);
-  auto store = StateStore::Open(cell->state_dir);
+hal::Result<std::unique_ptr<Daemon::Impl>> Daemon::Begin(const DaemonOptions& options,
+                                                         DaemonSettings settings) {
+  spdlog::set_level(LevelOf(settings.cell.log_level));
+  auto store = StateStore::Open(settings.cell.state_dir);
   if (!store) return hal::Fail(store.error());
   spdlog::info("{}: cell '{}', part '{}', {} bends, pipe radius {} mm, settings {}", kSoftware,
-               cell->name, plan->part, plan->nominal.bend_count(), plan->pipe_radius_mm,
-               plan->config_digest);
-  if (!WhyNothingIsCorrected(*cell).empty()) plan->corrects = false;
-  auto impl =
-      std::make_unique<Impl>(options, std::move(*cell), std::move(*plan), std::move(*store));
+               settings.cell.name, settings.plan.part, settings.plan.nominal.bend_count(),
+               settings.plan.pipe_radius_mm, settings.plan.config_digest);
+  auto impl = std::make_unique<Impl>(options, std::move(settings), std::move(*store));
   if (auto ready = impl->Prepare(); !ready) return hal::Fail(ready.error());
-  return std::unique_ptr<Daemon>(new Daemon(std::move(impl)));
+  return impl;
 }
 
-Daemon::Daemon(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+hal::Result<std::unique_ptr<Daemon>> Daemon::Start(const DaemonOptions& options) {
+  auto settings = LoadDaemonSettings(options);
+  if (!settings) return hal::Fail(settings.error());
+  auto impl = Begin(options, std::move(*settings));
+  if (!impl) return hal::Fail(impl.error());
+  return std::unique_ptr<Daemon>(new Daemon(options, std::move(*impl)));
+}
+
+Daemon::Daemon(const DaemonOptions& options, std::unique_ptr<Impl> impl)
+    : options_(options), impl_(std::move(impl)) {}
 Daemon::~Daemon() = default;
-int Daemon::Run() { return impl_->Run(); }
+
+int Daemon::Run() {
+  for (;;) {
+    const int code = impl_->Run();
+    std::optional<DaemonSettings> next = impl_->TakeNext();
+    if (!next) return code;
+    DaemonSettings before = impl_->settings();
+    impl_.reset();  // gives scanner, bender and state directory back
+    auto begun = Begin(options_, std::move(*next));
+    if (!begun) {
+      const std::string why = begun.error().message;
+      begun = Begin(options_, std::move(before));
+      if (begun) (*begun)->ReloadRefused(why);
+    }
+    if (!begun) {
+      spdlog::error("{}", begun.error().message);
+      return hal::ExitCode(begun.error().kind);
+    }
+    impl_ = std::move(*begun);
+  }
+}
+
 void Daemon::RequestStop() { g_stop = true; }
 void Daemon::NoteHangUp() { g_hung_up = true; }
 

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "firmware-host/daemon/daemon_options.h"
+#include "firmware-host/daemon/daemon_settings.h"
 #include "hal/result.h"
 
 namespace bendloop::host {
@@ -21,12 +22,18 @@ class Daemon {
   int Run();
   // Async-signal-safe.
   static void RequestStop();
-  // Async-signal-safe. Logs that the settings are read at the start only.
+  // Async-signal-safe. The cell file and all that it names are read again between two parts, while
+  // no correction waits: the cell then begins anew with them. Where they are not right it goes on
+  // as it is, with an alarm.
   static void NoteHangUp();
 
  private:
   class Impl;
-  explicit Daemon(std::unique_ptr<Impl> impl);
+  static hal::Result<std::unique_ptr<Impl>> Begin(const DaemonOptions& options,
+                                                  DaemonSettings settings);
+  Daemon(const DaemonOptions& options, std::unique_ptr<Impl> impl);
+
+  const DaemonOptions options_;
   std::unique_ptr<Impl> impl_;
 };
 

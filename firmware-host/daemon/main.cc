@@ -5,21 +5,18 @@
 #include <spdlog/spdlog.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <memory>
 #include <string>
 #include <utility>
 
-#include "config/load.h"
 #include "firmware-host/acquisition/realtime.h"
-#include "firmware-host/cell/part_plan.h"
-#include "firmware-host/cell/service_needs.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/printable.h"
 #include "firmware-host/console/standard_output.h"
 #include "firmware-host/daemon/daemon.h"
+#include "firmware-host/daemon/daemon_settings.h"
 
 namespace {
 
@@ -61,28 +58,15 @@ void CatchSignals() {
   signal(SIGPIPE, SIG_IGN);
 }
 
-// The cell, if the service that runs us grants what it needs.
-bendloop::hal::Result<bendloop::config::CellConfig> GrantedCell(
-    const bendloop::host::DaemonOptions& options) {
-  auto cell = bendloop::config::LoadCell(options.config);
-  if (!cell) return cell;
-  bendloop::host::ApplyOverrides(options, *cell);
-  const auto granted = bendloop::host::CheckGranted(bendloop::host::NeedsOf(*cell),
-                                                    std::getenv(bendloop::host::kGrantedVariable));
-  if (!granted) return bendloop::hal::Fail(granted.error());
-  return cell;
-}
-
 int CheckOnly(const bendloop::host::DaemonOptions& options) {
-  const auto cell = GrantedCell(options);
-  if (!cell) return Report(cell.error());
-  const auto plan = bendloop::host::MakePartPlan(*cell);
-  if (!plan) return Report(plan.error());
-  for (const std::string& remark : bendloop::host::RemarksOn(*cell)) {
+  const auto settings = bendloop::host::LoadDaemonSettings(options);
+  if (!settings) return Report(settings.error());
+  for (const std::string& remark : bendloop::host::RemarksOn(settings->cell)) {
     bendloop::host::TellPerson("bendloopd", "note: " + remark);
   }
   std::printf("%s: ok, cell '%s', part '%s', %zu bends\n", options.config.c_str(),
-              cell->name.c_str(), plan->part.c_str(), plan->nominal.bend_count());
+              settings->cell.name.c_str(), settings->plan.part.c_str(),
+              settings->plan.nominal.bend_count());
   return 0;
 }
 
@@ -91,7 +75,6 @@ int Main(int argc, char** argv) {
   if (!options) return Report(options.error());
   if (!*options) return 0;
   if ((*options)->check_only) return CheckOnly(**options);
-  if (const auto cell = GrantedCell(**options); !cell) return Report(cell.error());
   spdlog::set_default_logger(spdlog::stderr_logger_mt("bendloopd"));
   auto formatter = std::make_unique<spdlog::pattern_formatter>();
   formatter->add_flag<PrintableMessage>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %*");

@@ -191,7 +191,9 @@ void PartKeeper::Keep(PartOutcome outcome) {
   if (!recent_.empty() && recent_.back().session == result.session) recent_.pop_back();
   recent_.push_back(std::move(outcome.result));
   if (recent_.size() > kReportParts) recent_.pop_front();
-  WriteReport();
+  report_is_old_ = true;
+  ++parts_;
+  if (storage_.report_every_parts > 0 && parts_ % storage_.report_every_parts == 0) WriteReport();
 }
 
 void PartKeeper::WriteReport() {
@@ -201,7 +203,7 @@ void PartKeeper::WriteReport() {
     report_late_ = true;
     return;
   }
-  report_late_ = false;
+  report_is_old_ = report_late_ = false;
   report_ = std::async(
       std::launch::async, [this, path = store_.report(),
                            runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
@@ -214,7 +216,7 @@ bool PartKeeper::FlushWithin(std::chrono::nanoseconds patience) {
     return !report_.valid() || report_.wait_for(patience) == std::future_status::ready;
   };
   if (!is_written()) return false;
-  if (!report_late_) return true;
+  if (!report_late_ && (!report_is_old_ || storage_.report_every_parts == 0)) return true;
   WriteReport();
   return is_written();
 }
@@ -234,7 +236,7 @@ void PartKeeper::Settle(const SettledCommit& settled) {
   for (RunResult& recent : recent_) {
     if (recent.session != settled.session) continue;
     recent.bender = report;
-    WriteReport();
+    report_is_old_ = true;
   }
   Note([&](History& history) { return history.SetCommit(settled.session, report); });
   const auto path = store_.results() / (settled.session + ".json");

@@ -88,7 +88,9 @@ class PartKeeper {
   std::optional<History> history_;
   std::deque<RunResult> recent_;  // for the report
   std::future<void> report_;
-  bool report_late_ = false;
+  bool report_late_ = false;    // a part came while it was written
+  bool report_is_old_ = false;  // a part came since
+  std::uint64_t parts_ = 0;
   unsigned last_number_ = 0;
   std::string problem_;
 };

@@ -2,6 +2,9 @@
 #include "firmware-host/daemon/service_notify.h"
 
 #include <systemd/sd-daemon.h>
+#include <time.h>
+
+#include <cstdint>
 
 namespace bendloop::host {
 
@@ -13,6 +16,13 @@ ServiceNotify::ServiceNotify(const hal::Clock& clock) : clock_(clock) {
 void ServiceNotify::Ready() { sd_notify(0, "READY=1"); }
 
 void ServiceNotify::Stopping() { sd_notify(0, "STOPPING=1"); }
+
+void ServiceNotify::Reloading() {
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  const auto microseconds = std::int64_t{1'000'000} * now.tv_sec + now.tv_nsec / 1000;
+  sd_notify(0, ("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(microseconds)).c_str());
+}
 
 void ServiceNotify::Status(const std::string& line) {
   if (line == status_) return;

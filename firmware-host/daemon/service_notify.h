@@ -16,6 +16,8 @@ class ServiceNotify {
   std::chrono::nanoseconds period() const { return period_; }  // of the watchdog; 0: none
   void Ready();
   void Stopping();
+  // Ready() ends it.
+  void Reloading();
   // One line for `systemctl status`; sent only when it changes.
   void Status(const std::string& line);
   // Keeps the watchdog quiet: at most twice in its period.

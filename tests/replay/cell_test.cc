@@ -42,17 +42,6 @@ TEST(LiveCell, ATubeScannedTwiceIsCorrectedOnceAndLearntFromOnce) {
   cell.Scan(cell.Bend(), 3, "committed");
 }
 
-// What a terminal that closes, or a habit from other daemons, sends.
-TEST(LiveCell, AHangUpIsSaidAndEndsNothing) {
-  LiveCell cell;
-  cell.StartDaemon();
-  const auto address = host::Json::parse(Slurp(cell.scratch() / "state/status.json"));
-  ASSERT_EQ(kill(address.at("pid").get<pid_t>(), SIGHUP), 0);
-  cell.Scan(cell.Bend(), 1, "committed");
-  EXPECT_THAT(cell.log(), HasSubstr("SIGHUP: nothing is read again"));
-  cell.StopDaemon();
-}
-
 TEST(LiveCell, AlarmsAreSaidEverywhereAndEnd) {
   LiveCell cell;
   cell.StartDaemon();

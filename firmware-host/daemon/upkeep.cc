@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/daemon/upkeep.h"
+
+#include <spdlog/spdlog.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "firmware-host/ledger/moment.h"
+
+namespace bendloop::host {
+namespace {
+
+using namespace std::chrono_literals;
+
+// Of what is too old: nothing is in a hurry to go.
+constexpr auto kDropPeriod = 24h;
+
+std::chrono::nanoseconds Hours(double hours) {
+  return std::chrono::nanoseconds(std::llround(hours * 3.6e12));
+}
+
+}  // namespace
+
+Upkeep::Upkeep(const config::StorageConfig& storage, const hal::Clock& clock, AlarmBoard& alarms,
+               PartKeeper& keeper, const StatusBoard& board)
+    : storage_(storage),
+      clock_(clock),
+      alarms_(alarms),
+      keeper_(keeper),
+      board_(board),
+      shift_(Hours(storage.shift_hours), clock.Now()) {}
+
+void Upkeep::Do(BenderDesk& desk) {
+  WatchClock();
+  DropOld(desk);
+  if (shift_.IsDue(clock_.Now())) TellShift();
+}
+
+void Upkeep::PartDone(const std::string& verdict, bool is_corrected) {
+  const CellSnapshot cell = board_.Get();
+  const bool is_measured = !verdict.empty();
+  shift_.PartDone(verdict, is_corrected, is_measured ? cell.last_lra_ms : 0,
+                  is_measured ? cell.last_end_ms : 0);
+}
+
+void Upkeep::TellShift() {
+  const std::string line = shift_.Take(clock_.Now(), board_.Get(), alarms_);
+  if (!line.empty()) spdlog::info("{}", line);
+}
+
+// At the start, and once a day.
+void Upkeep::DropOld(BenderDesk& desk) {
+  const auto now = clock_.Now();
+  if (dropped_ && now - *dropped_ < kDropPeriod) return;
+  dropped_ = now;
+  const auto in_hand = desk.SessionsInHand();
+  // What the journal cannot tell may be one that is to be kept.
+  if (!in_hand) return;
+  keeper_.DropOld(*in_hand);
+  if (storage_.max_age_days <= 0) return;
+  const auto dropped = desk.DropOld(storage_.max_age_days);
+  if (!dropped) spdlog::warn("{}", dropped.error().message);
+}
+
+void Upkeep::WatchClock() {
+  const std::optional<double> hours = clock_watch_.Step(SystemMoment());
+  if (!hours) return;
+  char text[64];
+  std::snprintf(text, sizeof text, "by %+.2f hours", *hours);
+  alarms_.Begin(AlarmCode::kClockStepped, text);
+}
+
+}  // namespace bendloop::host

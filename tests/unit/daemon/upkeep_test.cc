@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an appliance tells of itself: shifts, and a clock that was set.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "firmware-host/daemon/clock_watch.h"
+#include "firmware-host/daemon/shift_log.h"
+
+namespace bendloop::host {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+
+TEST(ShiftLog, SaysOnceWhatWasDone) {
+  AlarmBoard alarms([] { return std::int64_t{0}; });
+  alarms.Begin(AlarmCode::kBenderAway);
+  CellSnapshot cell;
+  cell.disk_used_mb = 3900;
+  cell.disk_free_mb = 21000;
+  ShiftLog shift(8h, 100s);
+  EXPECT_FALSE(shift.IsDue(100s + 8h - 1s));
+  EXPECT_TRUE(shift.IsDue(100s + 8h));
+  for (int i = 1; i <= 9; ++i) shift.PartDone(i < 8 ? "pass" : "fail", i % 2 == 0, i, 10 * i);
+  shift.PartDone("", false, 0, 0);
+  cell.removed_sessions = 4;
+  EXPECT_EQ(shift.Take(100s + 8h, cell, alarms),
+            "shift hours=8.0 parts=10 pass=7 fail=2 undecided=0 not_judged=1 corrected=4"
+            " lra_ms_p50=5.0 lra_ms_max=9.0 end_ms_p50=50.0 end_ms_max=90.0 alarms=BL4001:1"
+            " active=1 sessions_mb=3900 free_mb=21000 removed_sessions=4 not_recorded=0");
+  // The next one counts from there.
+  EXPECT_FALSE(shift.IsDue(100s + 9h));
+  EXPECT_EQ(shift.Take(100s + 16h, cell, alarms), "");  // nothing to say
+  alarms.End(AlarmCode::kBenderAway);
+  alarms.Begin(AlarmCode::kBenderAway);
+  EXPECT_THAT(shift.Take(100s + 24h, cell, alarms), HasSubstr("parts=0 pass=0"));
+  EXPECT_FALSE(ShiftLog(0h, 0s).IsDue(1000h));
+}
+
+TEST(ClockWatch, TellsASetClockFromOneThatRuns) {
+  ClockWatch watch;
+  constexpr std::int64_t kYearMs = 365LL * 24 * 3'600'000;
+  Moment now{5'000'000'000, 1'795'359'180'000};
+  const auto after = [&](std::int64_t boot_ms, std::int64_t wall_ms) {
+    now.boot_ns += boot_ms * 1'000'000;
+    now.unix_ms += wall_ms;
+    return watch.Step(now);
+  };
+  EXPECT_FALSE(after(0, 0));
+  EXPECT_FALSE(after(kYearMs, kYearMs));  // however long nobody looked
+  EXPECT_FALSE(after(1000, 1900));        // a time server's correction
+  EXPECT_NEAR(after(1000, kYearMs).value(), 8760, 0.01);
+  EXPECT_FALSE(after(1000, 1000));  // once
+  EXPECT_NEAR(after(1000, -2 * kYearMs).value(), -2 * 8760, 0.01);
+}
+
+}  // namespace
+}  // namespace bendloop::host
