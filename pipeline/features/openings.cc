@@ -42,7 +42,7 @@ struct OpeningSettings {
   double along = 0.5;
   double flier = 1e-3;  // part of the samples that may lie anywhere
   // Samples of laser lines are no scattered ones: of the sigmas that these would have. By trial.
-  double of_lines = 1.3;
+  double of_lines = 1.5;
   int walk = 2500;
 };
 constexpr OpeningSettings kOpening;

@@ -282,12 +282,14 @@ TEST(PlcCell, ItsWordEndsAScanThatRuns) {
   };
   const auto bent = cell.Bend();
   say(hal::ScanOrder::kMayRun);
-  cell.Sweep(bent, 0.6);
-  ASSERT_TRUE(cell.Told([](const auto& told) { return told.state == CellState::kScanning; }));
+  cell.Sweep(bent, 0.3);  // less than shows the whole tube
+  ASSERT_TRUE(cell.Told([](const auto& told) { return told.state == CellState::kScanning; }))
+      << cell.log();
   EXPECT_EQ(cell.results(), 0u);
   say(hal::ScanOrder::kOver);
-  EXPECT_TRUE(cell.Result(1)) << cell.log();
-  ASSERT_TRUE(cell.Told([](const auto& told) { return told.state == CellState::kIdle; }));
+  ASSERT_TRUE(cell.Told([](const auto& told) { return told.sequence == 1; })) << cell.log();
+  EXPECT_EQ(cell.bender().Heard().verdict, TubeVerdict::kHeld);
+  EXPECT_EQ(cell.bender().commits_accepted(), 0u);
 }
 
 }  // namespace
