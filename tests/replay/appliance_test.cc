@@ -207,7 +207,8 @@ void ExpectSurvived(LiveCell& cell, const SmallDisk& disk, void (SmallDisk::*fil
   ASSERT_TRUE(cell.Becomes("/state", "waiting for a scan")) << cell.log();
   disk.Free();
   cell.Scan(cell.Bend(), 3, "committed");
-  cell.Scan(cell.Bend(), 4, "");  // the recording of the second was known to lack after it was judged
+  cell.Scan(cell.Bend(), 4,
+            "");  // the recording of the second was known to lack after it was judged
   for (const std::string& alarm : alarms) {
     ASSERT_TRUE(cell.HasAlarm(alarm, "alarms_ended")) << alarm << cell.log();
   }
