@@ -15,6 +15,7 @@
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/output_file.h"
+#include "firmware-host/console/temporary_folder.h"
 #include "firmware-host/console/whole_file.h"
 #include "firmware-host/convert/tube_table.h"
 
@@ -112,29 +113,21 @@ std::string TubeJson(const Exported& exported, const Spine& spine) {
 // By way of a file beside the system's temporary ones, so that what stands at `step` is whole or
 // not there.
 hal::Result<void> WriteStep(const Exported& exported, const Spine& spine, const std::string& step) {
-  std::string folder = (std::filesystem::temp_directory_path() / "bendloop-XXXXXX").string();
-  if (mkdtemp(folder.data()) == nullptr) {
-    return hal::Fail(hal::ErrorKind::kDevice, folder + ": cannot be made");
+  const auto folder = TemporaryFolder::Make();
+  if (!folder) return hal::Fail(folder.error());
+  const std::string made = folder->path() / "tube.step";
+  const auto answer = RunCadHelper({"write", made}, TubeJson(exported, spine), step);
+  if (!answer) return hal::Fail(answer.error());
+  const nlohmann::json said = nlohmann::json::parse(*answer, nullptr, false);
+  if (!said.is_object() || !said.contains("written")) {
+    return hal::Fail(hal::ErrorKind::kBadInput,
+                     "OpenCASCADE cannot make this tube: " +
+                         (said.is_object() ? said.value("error", std::string("no reason given"))
+                                           : std::string("no answer")));
   }
-  const std::string made = folder + "/tube.step";
-  const auto write = [&]() -> hal::Result<void> {
-    const auto answer = RunCadHelper({"write", made}, TubeJson(exported, spine), step);
-    if (!answer) return hal::Fail(answer.error());
-    const nlohmann::json said = nlohmann::json::parse(*answer, nullptr, false);
-    if (!said.is_object() || !said.contains("written")) {
-      return hal::Fail(hal::ErrorKind::kBadInput,
-                       "OpenCASCADE cannot make this tube: " +
-                           (said.is_object() ? said.value("error", std::string("no reason given"))
-                                             : std::string("no answer")));
-    }
-    const auto text = ReadWholeFile(made);
-    if (!text) return hal::Fail(text.error());
-    return WriteOutputFile(step, *text);
-  };
-  const auto written = write();
-  std::error_code ignored;
-  std::filesystem::remove_all(folder, ignored);
-  return written;
+  const auto text = ReadWholeFile(made);
+  if (!text) return hal::Fail(text.error());
+  return WriteOutputFile(step, *text);
 }
 
 hal::Result<void> Export(const ExportArguments& arguments, std::ostream& err) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -12,6 +11,7 @@
 #include "firmware-host/cell/replay.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/console/message.h"
+#include "firmware-host/console/temporary_folder.h"
 #include "firmware-host/console/terminal.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/result/result_json.h"
@@ -55,25 +55,6 @@ Exit code 1 when the part is refused or out of tolerance; the reasons are
 printed. A part that is undecided (too near a tolerance for what the samples
 tell) is told so, with exit code 0: who takes parts for good by a script asks
 for inspection.verdict == "pass" in the JSON.)";
-
-// A folder that goes with the command.
-class Unpacked {
- public:
-  Unpacked() {
-    std::string name = (std::filesystem::temp_directory_path() / "bendloop-XXXXXX").string();
-    if (mkdtemp(name.data()) != nullptr) folder_ = name;
-  }
-  ~Unpacked() {
-    std::error_code error;
-    if (!folder_.empty()) std::filesystem::remove_all(folder_, error);
-  }
-  Unpacked(const Unpacked&) = delete;
-  Unpacked& operator=(const Unpacked&) = delete;
-  const std::filesystem::path& folder() const { return folder_; }
-
- private:
-  std::filesystem::path folder_;
-};
 
 int ReplayOne(const ReplayArguments& arguments) {
   auto cell = config::LoadCell(arguments.config);
@@ -134,9 +115,9 @@ int ReplayOneOrBundle(ReplayArguments arguments) {
   if (arguments.send) {
     return Report({hal::ErrorKind::kUsage, "--send: a support bundle's machine is elsewhere"});
   }
-  const Unpacked unpacked;
-  const auto bundle =
-      UnpackSupportBundle(arguments.session, unpacked.folder(), arguments.of_bundle);
+  const auto unpacked = TemporaryFolder::Make();
+  if (!unpacked) return Report(unpacked.error());
+  const auto bundle = UnpackSupportBundle(arguments.session, unpacked->path(), arguments.of_bundle);
   if (!bundle) return Report(bundle.error());
   Note(arguments.session + ": " + bundle->session.stem().string() +
        (arguments.config.empty() ? ", with its own cell file" : ""));
