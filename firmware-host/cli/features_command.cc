@@ -7,12 +7,13 @@
 #include <iostream>
 #include <memory>
 
+#include "firmware-host/cli/cloud_argument.h"
 #include "firmware-host/cli/command.h"
-#include "firmware-host/cloud/point_cloud.h"
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/result/json.h"
+#include "firmware-host/result/sections.h"
 #include "firmware-host/text/style.h"
 #include "firmware-host/text/table.h"
 #include "firmware-host/workers/thread_workers.h"
@@ -26,8 +27,7 @@ using pipeline::FeatureBorders;
 using pipeline::FeatureRegion;
 
 struct FeaturesArguments {
-  std::string cloud;
-  std::string units = "mm";
+  CloudArgument cloud;
   std::string json;
   std::string borders;
   pipeline::FeatureOptions options;
@@ -105,15 +105,13 @@ std::string FeaturesText(const FeatureBorders& found, bool colour) {
   return regions.Render(colour) + "\n" + borders.Render(colour);
 }
 
-Json Vector(const Eigen::Vector3d& v) { return {Number(v.x()), Number(v.y()), Number(v.z())}; }
-
 // Far below what Number keeps.
 Json Small(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json PieceJson(const pipeline::RationalCubic& piece, const pipeline::PieceQuality& quality) {
   Json control = Json::array(), weights = Json::array();
   for (std::size_t j = 0; j < 4; ++j) {
-    control.push_back(Vector(piece.control_mm[j]));
+    control.push_back(PointJson(piece.control_mm[j]));
     weights.push_back(Number(piece.weight[j], 9));
   }
   return {{"control_mm", control},
@@ -148,8 +146,8 @@ std::string FeaturesJson(const FeatureBorders& found, const std::string& name) {
   for (const FeatureRegion& region : found.regions) {
     regions.push_back({{"concave", region.concave},
                        {"points", region.points},
-                       {"center_mm", Vector(region.center_mm)},
-                       {"size_mm", Vector(region.size_mm)},
+                       {"center_mm", PointJson(region.center_mm)},
+                       {"size_mm", PointJson(region.size_mm)},
                        {"depth_mm", Number(region.depth_mm)}});
   }
   for (const FeatureBorder& border : found.borders) borders.push_back(BorderJson(border));
@@ -188,26 +186,20 @@ std::string BordersCsv(const FeatureBorders& found) {
   return csv;
 }
 
-bool EndsWith(const std::string& text, std::string_view end) {
-  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
-}
-
 int Features(const FeaturesArguments& arguments) {
-  const auto units = UnitsFromName(arguments.units);
-  if (!units) return Report(units.error());
   if (!arguments.borders.empty() && arguments.borders != "-" &&
-      !EndsWith(arguments.borders, ".csv")) {
+      !arguments.borders.ends_with(".csv")) {
     return Report({hal::ErrorKind::kUsage, "--borders " + arguments.borders +
                                                ": borders are written as CSV; give a name that "
                                                "ends in .csv"});
   }
-  const auto cloud = ReadCloud(arguments.cloud == "-" ? "/dev/stdin" : arguments.cloud, *units);
+  const auto cloud = arguments.cloud.Read();
   if (!cloud) return Report(cloud.error());
-  for (const std::string& note : cloud->warnings) Note(arguments.cloud + ": " + note);
+  for (const std::string& note : cloud->warnings) Note(arguments.cloud.file + ": " + note);
   ThreadWorkers workers(ProcessorCount());
   const auto found = pipeline::FindFeatureBorders(cloud->points_mm, arguments.options, &workers);
   if (!found) {
-    return Report({found.error().kind, arguments.cloud + ": " + found.error().message});
+    return Report({found.error().kind, arguments.cloud.file + ": " + found.error().message});
   }
   for (const std::string& warning : found->warnings) {
     TellPerson("bendloop", "warning: " + warning);
@@ -216,7 +208,8 @@ int Features(const FeaturesArguments& arguments) {
     std::cout << FeaturesText(*found, ColourAllowed(STDOUT_FILENO)) << std::flush;
   }
   if (!arguments.json.empty()) {
-    const std::string name = arguments.cloud == "-" ? "standard input" : arguments.cloud;
+    const std::string name =
+        arguments.cloud.is_standard_input() ? "standard input" : arguments.cloud.file;
     if (const int code = WriteOutput(arguments.json, FeaturesJson(*found, name))) return code;
   }
   return arguments.borders.empty() ? 0 : WriteOutput(arguments.borders, BordersCsv(*found));
@@ -229,12 +222,7 @@ CLI::App* AddFeaturesCommand(CLI::App& app, Run& run) {
   CLI::App* command =
       app.add_subcommand("features", "Regions on any cloud, and their borders as curves");
   command->footer(kFeaturesFooter);
-  command->add_option("cloud", arguments->cloud, "PLY, PCD or XYZ/CSV text; - is standard input")
-      ->required()
-      ->type_name("CLOUD");
-  command->add_option("--units", arguments->units, "Unit of the cloud's coordinates")
-      ->check(CLI::IsMember({"mm", "m", "in"}))
-      ->capture_default_str();
+  arguments->cloud.AddTo(*command);
   command
       ->add_option("--normal-turn", arguments->options.normal_turn_deg,
                    "Normals that turn faster among neighbours are a border")

@@ -8,8 +8,8 @@
 
 #include "config/load.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cli/cloud_argument.h"
 #include "firmware-host/cli/command.h"
-#include "firmware-host/cloud/point_cloud.h"
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/version.h"
@@ -25,8 +25,7 @@ namespace bendloop::host {
 namespace {
 
 struct ReconstructArguments {
-  std::string cloud;
-  std::string units = "mm";
+  CloudArgument cloud;
   std::optional<double> pipe_radius_mm;
   std::string part;
   std::string model = "auto";
@@ -140,8 +139,6 @@ void TellNotes(const std::string& name, const PointCloud& cloud) {
 }
 
 int Reconstruct(const ReconstructArguments& arguments) {
-  const auto units = UnitsFromName(arguments.units);
-  if (!units) return Report(units.error());
   std::optional<hal::BendProgram> nominal;
   std::optional<double> nominal_radius_mm;
   if (!arguments.part.empty()) {
@@ -152,9 +149,9 @@ int Reconstruct(const ReconstructArguments& arguments) {
     nominal = std::move(*program);
     nominal_radius_mm = part->pipe_radius_mm;
   }
-  auto cloud = ReadCloud(arguments.cloud == "-" ? "/dev/stdin" : arguments.cloud, *units);
+  const auto cloud = arguments.cloud.Read();
   if (!cloud) return Report(cloud.error());
-  TellNotes(arguments.cloud, *cloud);
+  TellNotes(arguments.cloud.file, *cloud);
   const std::optional<double> radius_mm =
       arguments.pipe_radius_mm ? arguments.pipe_radius_mm : nominal_radius_mm;
   auto measurement = Measure(arguments, nominal, radius_mm, *cloud);
@@ -168,7 +165,7 @@ int Reconstruct(const ReconstructArguments& arguments) {
   if (!measurement) {
     hal::Error error = measurement.error();
     if (error.kind == hal::ErrorKind::kBadInput) {
-      error.message = arguments.cloud + ": " + error.message;
+      error.message = arguments.cloud.file + ": " + error.message;
     }
     return Report(error);
   }
@@ -179,7 +176,8 @@ int Reconstruct(const ReconstructArguments& arguments) {
     TellPerson("bendloop", "warning: " + warning);
   }
   RunResult result;
-  result.session = arguments.cloud == "-" ? "standard input" : BaseName(arguments.cloud);
+  result.session =
+      arguments.cloud.is_standard_input() ? "standard input" : BaseName(arguments.cloud.file);
   result.software = kSoftware;
   result.measurement = std::move(*measurement);
   // With the JSON on standard output the table would be in its way.
@@ -206,12 +204,7 @@ CLI::App* AddReconstructCommand(CLI::App& app, Run& run) {
   CLI::App* command =
       app.add_subcommand("reconstruct", "Point cloud to lengths, rotations and angles (LRA)");
   command->footer(kReconstructFooter);
-  command->add_option("cloud", arguments->cloud, "PLY, PCD or XYZ/CSV text; - is standard input")
-      ->required()
-      ->type_name("CLOUD");
-  command->add_option("--units", arguments->units, "Unit of the cloud's coordinates")
-      ->check(CLI::IsMember({"mm", "m", "in"}))
-      ->capture_default_str();
+  arguments->cloud.AddTo(*command);
   command->add_option("--pipe-radius", arguments->pipe_radius_mm, "Known; estimated when not given")
       ->check(NumberWithin(0.2, 300.0))
       ->type_name("MM");
