@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "drivers/can_socket/can_socket.h"
 
+#include <fcntl.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/isotp.h>
@@ -79,6 +80,12 @@ hal::Result<int> OpenIsotpSocket(const std::string& interface, std::uint32_t sen
     options.txpad_content = CAN_ISOTP_DEFAULT_PAD_CONTENT;
     return setsockopt(socket_fd, SOL_CAN_ISOTP, CAN_ISOTP_OPTS, &options, sizeof options) == 0;
   });
+}
+
+hal::Result<int> CopySocket(int socket_fd) {
+  const int copy = fcntl(socket_fd, F_DUPFD_CLOEXEC, 0);
+  if (copy < 0) return hal::Fail(hal::ErrorKind::kDevice, std::strerror(errno));
+  return copy;
 }
 
 std::string CanTrouble(int error) {

@@ -20,6 +20,9 @@ hal::Result<int> OpenRawCanSocket(const std::string& interface,
 hal::Result<int> OpenIsotpSocket(const std::string& interface, std::uint32_t send_id,
                                  std::uint32_t receive_id);
 
+// Another descriptor of a socket that is there.
+hal::Result<int> CopySocket(int socket_fd);
+
 // What errno means on a CAN socket, raw or ISO-TP, for the setter.
 std::string CanTrouble(int error);
 

@@ -40,7 +40,9 @@ class IsotpCarrier final : public FrameCarrier {
   hal::Result<void> Connect() override {
     if (socket_ >= 0) return {};
     const IsotpChannel& channel = options_.channel;
-    const auto opened = OpenIsotpSocket(channel.interface, channel.request_id, channel.reply_id);
+    const auto opened = channel.socket >= 0 ? CopySocket(channel.socket)
+                                            : OpenIsotpSocket(channel.interface, channel.request_id,
+                                                              channel.reply_id);
     if (!opened) {
       return hal::Fail(opened.error().kind, "bender " + peer() + ": " + opened.error().message);
     }

@@ -18,6 +18,9 @@ struct IsotpChannel {
   std::string interface;  // "can0", up and at the bus's bit rate
   std::uint32_t request_id = 0x7e0;
   std::uint32_t reply_id = 0x7e8;
+  // Carries whole messages as datagrams, in place of the interface's; each side works on a copy of
+  // its own end.
+  int socket = -1;
 };
 
 struct IsotpBenderOptions {

@@ -102,7 +102,9 @@ hal::Result<std::unique_ptr<ModbusServer>> ModbusServer::OpenCan(const IsotpChan
   if (server->wake_ < 0 || !server->context_) {
     return hal::Fail(hal::ErrorKind::kDevice, modbus_strerror(errno));
   }
-  const auto opened = OpenIsotpSocket(channel.interface, channel.reply_id, channel.request_id);
+  const auto opened = channel.socket >= 0 ? CopySocket(channel.socket)
+                                          : OpenIsotpSocket(channel.interface, channel.reply_id,
+                                                            channel.request_id);
   if (!opened) return hal::Fail(opened.error());
   server->line_ = *opened;
   server->device_ = channel.interface;

@@ -17,6 +17,8 @@ bendloop-simbender --map /map.toml --program program.json --pipe-radius 8 --part
   --can vcan0 <operator >simbender &
 exec 3>operator
 until grep -q 'listening vcan0' simbender; do usleep 50000; done
+candump -L vcan0,7E0:7FF,7E8:7FF >isotp.log &
+dump=$!
 isotprecv -s 7E0 -d 7E8 vcan0 >answer &
 until [ -s answer ]; do # isotprecv may not listen yet
   # Modbus TCP, transaction 5, unit 1: read 2 holding registers from 100, the active part number.
@@ -24,6 +26,44 @@ until [ -s answer ]; do # isotprecv may not listen yet
   usleep 200000
 done
 grep '00 05 00 00 00 07 01 03 04 00 00 00 4D' answer
+kill $dump
+
+step "ISO-TP: the commissioning robot"
+cat >robot.toml <<'CELL'
+schema = "bendloop.cell/1"
+name = "CAN cell"
+part = "/one_bend.toml"
+state_dir = "robot"
+[scanner]
+kind = "simulated"
+[bender]
+link = "can-isotp"
+can_interface = "vcan0"
+can_request_id = 0x7e0
+can_reply_id = 0x7e8
+register_map = "/map.toml"
+response_timeout_ms = 5000
+commit_timeout_ms = 20000
+CELL
+cat >rig.sh <<'RIG'
+case $1 in
+cycle) fault="mode bending" ;;
+guard) fault="mode not-ready" ;;
+fault) fault="mode fault" ;;
+idle) fault="mode idle" ;;
+power-cycle) fault="reboot" ;;
+edit) fault="edit 0.5" ;;
+stop) fault="freeze" ;;
+start) fault="behave" ;;
+esac
+said=$(wc -l </tmp/simbender)
+echo "misbehave $fault" >&3
+until [ "$(wc -l </tmp/simbender)" -gt "$said" ]; do usleep 20000; done
+RIG
+bendloop acceptance --config robot.toml --yes --operator 'sh /tmp/rig.sh' >robot.out 2>&1 ||
+  { cat robot.out; exit 1; }
+tail -n 4 robot.out
+if grep -E 'FAIL|not tried' robot.out; then exit 1; fi
 echo quit >&3
 
 step "Both links' tests"
@@ -68,6 +108,7 @@ until grep 'sequence' simnode; do usleep 50000; done
 grep -q 'accepted 0 ' simnode
 echo quit >&4
 
-step "CANopen frames, for dissect_canopen.sh"
+step "Frames, for dissect_can.sh"
+cat isotp.log
 grep -v '705#05' canopen.log
 step "done"

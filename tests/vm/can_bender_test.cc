@@ -13,28 +13,21 @@
 #include <functional>
 #include <thread>
 
-#include "drivers/isotp_bender/isotp_bender.h"
 #include "tests/support/bender_link_conformance.h"
 #include "tests/support/canopen_bender_under_test.h"
-#include "tests/support/modbus_bender_under_test.h"
+#include "tests/support/isotp_bender_under_test.h"
 
 namespace bendloop::test {
 namespace {
 
-drivers::IsotpChannel Channel() { return {"vcan0", 0x18da10f1, 0x7e8}; }
-
-class IsotpBenderUnderTest final : public SimulatedBenderUnderTest {
- public:
-  explicit IsotpBenderUnderTest(const hal::RegisterMap& map) : SimulatedBenderUnderTest(map) {
-    auto simulated = SimulatorOptions(map);
-    simulated.can = Channel();
-    bender_ = StartBender(std::move(simulated));
-    link_ = drivers::MakeIsotpBender(map, {.channel = Channel()});
-  }
-};
+// That of the bender under test.
+drivers::IsotpChannel Channel() {
+  return {.interface = "vcan0", .request_id = 0x18da10f1, .reply_id = 0x7e8};
+}
 
 BenderFactory Isotp(const hal::RegisterMap& map) {
-  return {"isotp_" + map.name, [map] { return std::make_unique<IsotpBenderUnderTest>(map); }};
+  return {"isotp_" + map.name,
+          [map] { return std::make_unique<IsotpBenderUnderTest>(map, "vcan0"); }};
 }
 
 BenderFactory Canopen(const hal::RegisterMap& rows) {
@@ -96,7 +89,7 @@ void DoesNotDisturb(BenderUnderTest& cell) {
 }
 
 TEST(CanBus, ForeignTrafficDoesNotDisturbIsotp) {
-  IsotpBenderUnderTest cell(PlainMap());
+  IsotpBenderUnderTest cell(PlainMap(), "vcan0");
   DoesNotDisturb(cell);
 }
 
@@ -139,7 +132,7 @@ TEST(CanBus, AnInterfaceThatGoesDownComesBack) {
 
 TEST(CanBus, SaysWhatIsWrong) {
   hal::SteadyClock clock;
-  auto link = drivers::MakeIsotpBender(PlainMap(), {.channel = {"nocan7", 1, 2}});
+  auto link = drivers::MakeIsotpBender(PlainMap(), {.channel = {.interface = "nocan7"}});
   const auto missing = link->ReadState();
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().message.find("none of that name"), std::string::npos)

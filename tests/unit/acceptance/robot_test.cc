@@ -60,5 +60,11 @@ TEST(AcceptanceRobot, PassesTheSimulatedBenderOverCanopen) {
   ExpectPassed(cell.bender(), map, cell.Carrier());
 }
 
+TEST(AcceptanceRobot, PassesTheSimulatedBenderOverIsotp) {
+  const hal::RegisterMap map = PlainMap();
+  IsotpBenderUnderTest cell(map);
+  ExpectPassed(cell.bender(), map, cell.Carrier());
+}
+
 }  // namespace
 }  // namespace bendloop::test

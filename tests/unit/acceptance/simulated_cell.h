@@ -10,6 +10,7 @@
 
 #include "firmware-host/acceptance/robot.h"
 #include "tests/support/canopen_bender_under_test.h"
+#include "tests/support/isotp_bender_under_test.h"
 #include "tests/support/modbus_bender_under_test.h"
 
 namespace bendloop::test {
@@ -76,7 +77,7 @@ class TemporaryFolder {
 inline host::BenchOptions QuickBench() {
   host::BenchOptions options;
   options.reply_timeout = std::chrono::milliseconds(500);
-  options.poll_period = std::chrono::milliseconds(1);
+  options.poll_period = std::chrono::milliseconds(5);
   options.watch = std::chrono::milliseconds(20);
   options.quiet = options.late = std::chrono::milliseconds(10);
   options.standstill = std::chrono::milliseconds(100);

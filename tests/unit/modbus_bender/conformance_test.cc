@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "config/load.h"
 #include "tests/support/bender_link_conformance.h"
+#include "tests/support/isotp_bender_under_test.h"
 #include "tests/support/modbus_bender_under_test.h"
 
 namespace bendloop::test {
@@ -41,6 +42,12 @@ BenderFactory Rtu(const hal::RegisterMap& map) {
 
 INSTANTIATE_TEST_SUITE_P(ModbusRtu, BenderLinkConformance,
                          testing::Values(Rtu(PlainMap()), Rtu(OddMap())),
+                         [](const auto& factory) { return factory.param.name; });
+
+INSTANTIATE_TEST_SUITE_P(ModbusInIsotp, BenderLinkConformance,
+                         testing::Values(BenderFactory{
+                             "plain",
+                             [] { return std::make_unique<IsotpBenderUnderTest>(PlainMap()); }}),
                          [](const auto& factory) { return factory.param.name; });
 
 TEST(ModbusRtuLine, SaysWhatIsWrongWithThePort) {

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Runs a guest's test and lets tshark, which knows CANopen from others than us, read the frames that
-# it prints in candump's words: is each exchange what we meant?
-# usage: dissect_canopen.sh COMMAND...
+# Runs a guest's test and lets tshark, which knows CANopen and ISO-TP from others than us, read the
+# frames that it prints in candump's words: is each exchange what we meant?
+# usage: dissect_can.sh COMMAND...
 # Exits as the command does, or with 1 when tshark reads something else.
 set -eu
 work=$(mktemp -d)
@@ -9,7 +9,9 @@ trap 'rm -rf "$work"' EXIT INT TERM
 
 code=0
 "$@" >"$work/out" || code=$?
-tr -d '\r' <"$work/out" | grep '^([0-9.]*) ' >"$work/frames" || true
+tr -d '\r' <"$work/out" | grep '^([0-9.]*) ' >"$work/all" || true
+grep ' 7E[08]#' "$work/all" >"$work/isotp" || true
+grep -v ' 7E[08]#' "$work/all" >"$work/frames" || true
 tr -d '\r' <"$work/out" | grep -v '^([0-9.]*) ' || true
 [ "$code" = 0 ] || exit "$code"
 if ! command -v tshark >/dev/null; then
@@ -32,13 +34,13 @@ read_frames() {
 }
 expect() { # WHAT FOUND EXPECTED
   [ "$2" = "$3" ] && return
-  echo "dissect_canopen: $1: tshark reads '$2', expected '$3'" >&2
+  echo "dissect_can: $1: tshark reads '$2', expected '$3'" >&2
   exit 1
 }
 count() { read_frames "$1" frame.number | wc -l; }
 
 total=$(wc -l <"$work/frames")
-[ "$total" -gt 500 ] || { echo "dissect_canopen: only $total frames came" >&2; exit 1; }
+[ "$total" -gt 500 ] || { echo "dissect_can: only $total frames came" >&2; exit 1; }
 expect "frames that are CANopen" "$(count canopen)" "$total"
 expect "malformed frames" "$(count '_ws.malformed || _ws.expert')" 0
 expect "boot-ups" "$(count 'canopen.nmt_guard.state == 0')" 1
@@ -63,4 +65,10 @@ read_frames 'canopen.cob_id == 0x585 && canopen.sdo.scs == 2 && canopen.sdo.e ==
   canopen.sdo.main_idx canopen.sdo.sub_idx >"$work/answered"
 [ -s "$work/asked" ]
 diff "$work/asked" "$work/answered" >&2
-echo "dissect_canopen: tshark reads $total frames, $(wc -l <"$work/asked") values asked and answered"
+echo "dissect_can: tshark reads $total frames, $(wc -l <"$work/asked") values asked and answered"
+
+# The question that can-utils asked and the bender's answer, each put together from its frames.
+tshark -r "$work/isotp" -d can.subdissector,iso15765 -Y iso15765.reassembled.length -T fields \
+  -e data.data 2>/dev/null | tail -n 2 | tr '\n' ' ' >"$work/messages"
+expect "messages of ISO-TP" "$(cat "$work/messages")" \
+  "000500000006010300640002 0005000000070103040000004d "
