@@ -19,7 +19,7 @@ there() {
 }
 
 echo "== cmake --install into a folder"
-DESTDIR=$work/root cmake --install "$build" --prefix /usr/local >"$work/install.log" ||
+DESTDIR=$work/root flock "$build" cmake --install "$build" --prefix /usr/local >"$work/install.log" ||
   fail "$(tail -n 5 "$work/install.log")"
 root=$work/root
 there "$root" /usr/local/bin/bendloopd /usr/local/bin/bendloop /usr/local/bin/bendloop-simbender \
