@@ -58,6 +58,16 @@ set(CPACK_DEBIAN_PACKAGE_SECTION electronics)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 
+# For another processor: dpkg-shlibdeps looks for its libraries, and for their packages, where they lie.
+if(CMAKE_CROSSCOMPILING)
+  set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE arm64)
+  set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS
+    ${CMAKE_SYSROOT}/usr/lib/aarch64-linux-gnu ${CMAKE_SYSROOT}/lib/aarch64-linux-gnu)
+  set(CPACK_PROJECT_CONFIG_FILE ${generated}/cross.cmake)
+  file(CONFIGURE OUTPUT ${generated}/cross.cmake CONTENT
+    "set(ENV{DEB_HOST_ARCH} arm64)\nset(ENV{DPKG_ADMINDIR} \"${CMAKE_SYSROOT}/var/lib/dpkg\")\n")
+endif()
+
 set(CPACK_DEBIAN_APPLIANCE_PACKAGE_NAME bendloop)
 # systemd-sysusers and systemd-tmpfiles make user and folders; the daemon runs without systemd, too.
 set(CPACK_DEBIAN_APPLIANCE_PACKAGE_DEPENDS

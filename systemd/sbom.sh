@@ -2,6 +2,8 @@
 # What the programs consist of, as SPDX 2.3 (JSON): each Debian package whose shared
 # library they load, whose archive was linked into them, or whose headers were compiled into them.
 # usage: sbom.sh BUILD VERSION DATE FILE PROGRAM...   DATE: of the commit, RFC 3339; programs as ninja knows them
+# SYSROOT and EMULATOR in the environment, for a build for another processor: where its packages lie, and
+# what runs its programs.
 # Where licences.txt does not know one it says so, here and in the file; tests/ship fails then.
 set -eu
 build=$1
@@ -10,25 +12,34 @@ date=$3
 file=$4
 shift 4
 here=$(dirname -- "$(realpath "$0")")
+sysroot=${SYSROOT:-}
+if [ -n "$sysroot" ]; then export DPKG_ADMINDIR="$sysroot/var/lib/dpkg"; fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$build"
 
 # Where /lib is a link to /usr/lib, dpkg may know a file by either name.
 owners() { # of the files in $1, one "PACKAGE" a line
-  { cat "$1"; sed -n 's#^/usr/lib/#/lib/#p' "$1"; sed -n 's#^/lib/#/usr/lib/#p' "$1"; } | sort -u |
+  { cat "$1"; sed -n "s#^$sysroot/usr/lib/#$sysroot/lib/#p" "$1"
+    sed -n "s#^$sysroot/lib/#$sysroot/usr/lib/#p" "$1"; } | sort -u |
     xargs -r dpkg-query -S 2>/dev/null | sed 's/: .*//; s/,.*//' | sort -u
 }
 
 # Loaded: all that the loader finds, whoever wanted it.
-ldd "$@" | sed -n 's#.*=> \(/[^ ]*\) .*#\1#p' | sort -u >"$work/loaded"
+loaded() { # by a program, as ldd does it
+  # shellcheck disable=SC2086  # EMULATOR is a command with its words
+  if [ -n "$sysroot" ]; then ${EMULATOR:-} -E LD_TRACE_LOADED_OBJECTS=1 "$1"; else ldd "$1"; fi
+}
+for program in "$@"; do loaded "$program"; done |
+  sed -n "s#.*=> \(/[^ ]*\) .*#$sysroot\1#p" | sort -u >"$work/loaded"
 owners "$work/loaded" | sed 's/$/ DYNAMIC_LINK/' >"$work/packages"
 # Linked in, and compiled in: the compiler's own list of what each object read.
 ninja -t inputs "$@" >"$work/inputs"
 grep '^/.*\.a$' "$work/inputs" >"$work/static" || true
 ninja -t deps >"$work/deps"
 awk 'FNR == NR { ours[$1] = 1; next } /^[^ ].*: #deps/ { sub(/:$/, "", $1); on = ours[$1]; next }
-  on && $1 ~ /^\/usr\/include\// { print $1 }' "$work/inputs" "$work/deps" | sort -u >>"$work/static"
+  on { print $1 }' "$work/inputs" "$work/deps" | sort -u | xargs -r realpath -sm |
+  grep "^$sysroot/usr/include/" >>"$work/static"
 # The report's page.
 grep -h '^BENDLOOP_THREE_JS' CMakeCache.txt | sed 's/.*=//' >>"$work/static"
 owners "$work/static" | sed 's/$/ STATIC_LINK/' >>"$work/packages"
