@@ -3,9 +3,9 @@
 # The machines are the simulated ones; MACHINES is their folder.
 MACHINES=$GUIDE_ROOT/run/machines
 
-# until_true COMMAND...: at most 20 s
+# until_true COMMAND...: at most 60 s
 until_true() {
-  tries=200
+  tries=600
   until "$@"; do
     tries=$((tries - 1))
     [ "$tries" -gt 0 ] || { echo "hands.sh: waited in vain for: $*" >&2; exit 1; }

@@ -81,7 +81,7 @@ guide() {
   } >"$folder/script.sh"
   if ! (cd "$folder/home" && exec env -i HOME="$folder/home" USER="$(id -un)" LANG=C.UTF-8 TERM=dumb COLUMNS=100 \
     PATH="$here/standins:$root/usr/bin:$PATH" GUIDE_ROOT="$root" GUIDE_SCANNER_PORT="$scanner_port" \
-    GUIDE_BENDER_PORT="$bender_port" GUIDE_STATUS_PORT="$status_port" timeout --foreground 90 setsid --wait sh "$folder/script.sh" </dev/null); then
+    GUIDE_BENDER_PORT="$bender_port" GUIDE_STATUS_PORT="$status_port" timeout --foreground 150 setsid --wait sh "$folder/script.sh" </dev/null); then
     read -r step line <"$folder/at"
     echo "$1:$line: the step failed; its last words:" >&2
     tail -n 20 "$folder/$step.printed" | to_guide >&2
