@@ -183,22 +183,35 @@ int ShowLot(const SetterArguments& arguments) {
     return 0;
   }
   std::ostringstream text;
-  text << "lot " << (*lot)->number << ", " << (*lot)->parts << " parts"
+  text << "lot " << (*lot)->number << ", " << (*lot)->parts
+       << ((*lot)->parts == 1 ? " part" : " parts")
        << ((*lot)->held ? ", HELD: no program is changed" : "") << "; of all lots "
        << (*lot)->parts_of_all_lots << " parts, " << (*lot)->slips << " slips, " << (*lot)->jumps
        << " jumps\n";
   if (json.contains("temperament")) {
+    // What is not finite is null.
+    const auto plain = [](const Json& number) {
+      return number.is_number() ? Fixed(number.get<double>(), 3) : "-";
+    };
+    const auto shown = [](const Json& number) {
+      return number.is_number() ? Signed(number.get<double>(), 3) : "-";
+    };
+    const Json& scatter = json["scatter"];
     const Json& coil = json["coil"];
-    text << "the bender is " << json["temperament"].get<std::string>() << "; scatter "
-         << json["scatter"]["length_mm"] << " mm, " << json["scatter"]["rotation_deg"] << " and "
-         << json["scatter"]["angle_deg"] << " degrees\n"
-         << "off the material's springback: " << coil["angle_off_at_70_deg"] << " degrees at 70, "
-         << coil["more_at_120_deg"] << " more at 120, drifting by " << coil["drift_deg_per_part"]
-         << " a part; stretch " << coil["stretch_off_percent"] << " % more\n";
+    text << "the bender is " << json["temperament"].get<std::string>()
+         << "; scatter from part to part: length " << plain(scatter["length_mm"])
+         << " mm, rotation " << plain(scatter["rotation_deg"]) << ", angle "
+         << plain(scatter["angle_deg"]) << " degrees\n"
+         << "off the part file's springback: " << shown(coil["angle_off_at_70_deg"])
+         << " degrees at 70, " << shown(coil["more_at_120_deg"]) << " more at 120, drift "
+         << shown(coil["drift_deg_per_part"]) << " a part; stretch "
+         << shown(coil["stretch_off_percent"]) << " %\n";
+    Table table({{""}, {"off", Align::kDecimal}, {"drift a part", Align::kDecimal}});
     for (const Json& value : json["values"]) {
-      text << "  " << value["name"].get<std::string>() << ": " << value["off"] << ", drifting by "
-           << value["drift_per_part"] << " a part\n";
+      table.Add(
+          {value["name"].get<std::string>(), shown(value["off"]), shown(value["drift_per_part"])});
     }
+    text << table.Render(false);
   }
   std::cout << WrapLines(text.str(), kPlainColumns) << std::flush;
   return 0;

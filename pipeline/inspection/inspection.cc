@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
+#include <utility>
 
 #include "hal/spine.h"
 #include "pipeline/math/probability.h"
@@ -87,13 +89,18 @@ class Jury {
     out_ |= out;
     undecided_ |= !out;
     probability_ = 0;
-    reasons_.push_back(std::move(what));
+    (out ? faults_ : doubts_).push_back(std::move(what));
   }
   Verdict verdict() const {
     return out_ ? Verdict::kFail : undecided_ ? Verdict::kUndecided : Verdict::kPass;
   }
   double probability() const { return probability_; }
-  std::vector<std::string> TakeReasons() { return std::move(reasons_); }
+  // What is out comes before what is undecided: alarm and status tell the first one only.
+  std::vector<std::string> TakeReasons() {
+    std::vector<std::string> reasons = std::move(faults_);
+    std::move(doubts_.begin(), doubts_.end(), std::back_inserter(reasons));
+    return reasons;
+  }
 
  private:
   void Weigh(double value, double sigma, std::optional<double> tolerance, ToleranceState state) {
@@ -120,18 +127,19 @@ class Jury {
     out_ |= out;
     undecided_ |= !out;
     const int decimals = sigma < 0.01 ? 3 : 2;
-    reasons_.push_back(
-        std::move(what) + " (tolerance " + Fixed(tolerance, 2) + " " + unit + ", 1 sigma " +
-        Fixed(sigma, decimals) + ")" +
-        (out ? std::string()
-             : ": too close to the tolerance to decide" + Mend(value, tolerance, unit)));
+    (out ? faults_ : doubts_)
+        .push_back(std::move(what) + " (tolerance " + Fixed(tolerance, 2) + " " + unit +
+                   ", 1 sigma " + Fixed(sigma, decimals) + ")" +
+                   (out ? std::string()
+                        : ": too close to the tolerance to decide" + Mend(value, tolerance, unit)));
   }
 
   double decision_sigmas_;
   double probability_ = 1;
   bool out_ = false;
   bool undecided_ = false;
-  std::vector<std::string> reasons_;
+  std::vector<std::string> faults_;
+  std::vector<std::string> doubts_;
 };
 
 void JudgeFeatures(const FeatureInspection& features, const NominalFeatures& nominal, Jury& jury) {

@@ -220,7 +220,7 @@ TEST(LotsCell, WithoutADaemonRequestsAreGrantedAtOnce) {
   EXPECT_EQ(cell.bender().Active().program, first.program);
   const Ran shown = cell.Ask("lot show");
   EXPECT_EQ(shown.code, 0) << shown.err;
-  EXPECT_THAT(shown.out, HasSubstr("lot 1, 1 parts, HELD"));
+  EXPECT_THAT(shown.out, HasSubstr("lot 1, 1 part, HELD"));
   EXPECT_EQ(cell.Ask("lot new").code, 0);
   EXPECT_THAT(cell.Ask("lot show --json").out, HasSubstr("\"number\": 2"));
 }

@@ -166,6 +166,19 @@ TEST(Inspection, IsUndecidedWithinTheUncertaintyOfTheLimit) {
   EXPECT_THAT(inspection.reasons[0], HasSubstr("too close to the tolerance to decide"));
 }
 
+// Alarm and status tell the first reason: of a tube that fails not one that says "too close to
+// decide".
+TEST(Inspection, TellsWhatIsOutBeforeWhatIsUndecided) {
+  hal::BendProgram bent = kPart;
+  bent.rows[1].angle_deg += 0.49;  // limit 0.5, 1 sigma 0.02
+  bent.rows[2].angle_deg += 0.9;
+  const Inspection inspection = InspectPart(bent);
+  EXPECT_EQ(inspection.verdict, Verdict::kFail);
+  ASSERT_GE(inspection.reasons.size(), 2u);
+  EXPECT_THAT(inspection.reasons.front(), HasSubstr("bend 3 angle 0.90 degrees above nominal"));
+  EXPECT_THAT(inspection.reasons.back(), HasSubstr("too close to the tolerance to decide"));
+}
+
 TEST(Inspection, ComparesRotationsTheShortWayRound) {
   hal::BendProgram nominal = kPart;
   nominal.rows[1].rotation_deg = 179.9;
