@@ -140,8 +140,9 @@ void TellDamage(const drivers::SessionSource& source, bool decided, Replay& repl
 
 hal::Result<Replay> ReplaySession(const config::CellConfig& cell, const ReplayOptions& options,
                                   hal::Clock& clock) {
-  const auto plan = PlanOf(cell);
+  auto plan = PlanOf(cell);
   if (!plan) return hal::Fail(plan.error());
+  if (!options.config_digest.empty()) plan->config_digest = options.config_digest;
   drivers::SessionSource source(
       options.session.string(),
       options.recorded_pace ? drivers::ReplayPace::kRecorded : drivers::ReplayPace::kMax, clock);

@@ -20,6 +20,9 @@ struct ReplayOptions {
   bool send = false;
   // Of a cell with a real bender; ":memory:" is taken for every other one.
   std::filesystem::path journal = ":memory:";
+  // Of the cell as it was, where its bender has been replaced by a simulated one; "": the cell's
+  // own.
+  std::string config_digest;
   // What the lot has taught, for a session that does not say it.
   std::optional<pipeline::LotState> lot;
 };

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 
+#include "config/digest.h"
 #include "config/load.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/replay.h"
@@ -59,11 +60,12 @@ for inspection.verdict == "pass" in the JSON.)";
 int ReplayOne(const ReplayArguments& arguments) {
   auto cell = config::LoadCell(arguments.config);
   if (!cell) return Report(cell.error());
+  ReplayOptions options;
   // The machine that a bundle is from is elsewhere.
   if (arguments.is_bundle && IsReal(cell->bender.link)) {
+    options.config_digest = config::Digest(*cell);
     cell->bender.link = config::BenderKind::kSimulated;
   }
-  ReplayOptions options;
   options.session = arguments.session;
   options.send = arguments.send;
   options.recorded_pace = arguments.pace == "recorded";

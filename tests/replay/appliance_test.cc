@@ -156,6 +156,7 @@ TEST(Appliance, ASupportBundleTellsAllAndReplays) {
   const Ran replayed = cell.scratch().Bendloop("replay " + tar + " --json -");
   const auto result = host::ReadResultJson(replayed.out, "replay");
   ASSERT_TRUE(result) << replayed.out << replayed.err;
+  EXPECT_THAT(replayed.err, Not(HasSubstr("recorded with other settings")));
   EXPECT_EQ(result->session, "part-0001");
   EXPECT_EQ(result->bender->outcome, host::CommitOutcome::kCommitted);
   EXPECT_EQ(host::WriteResultJson(*result, {.timing = false}),
