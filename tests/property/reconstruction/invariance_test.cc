@@ -136,7 +136,7 @@ TEST(Invariance, OrderOfThePointsHardlyMatters) {
 
 // Laser lines across the way of the scan, in the sensor's own frame; so near to each other that
 // what moves a point to its line is nothing beside the noise.
-std::vector<hal::LaserProfile> Profiles(const Points& points, Random& random) {
+std::vector<hal::LaserProfile> ProfilesOf(const Points& points, Random& random) {
   constexpr double kStepMm = 0.02;
   const Eigen::Quaterniond turn = RandomPose(1, random).orientation;
   const Eigen::Vector3d x = turn * Eigen::Vector3d::UnitX();
@@ -167,7 +167,7 @@ TEST(Invariance, LiveEqualsBatch) {
     Random random(static_cast<std::uint64_t>(500 + seed));
     const hal::Tube tube = SomeTube(random, 1 + seed % 4);
     // Few points, so that sparse neighbourhoods occur too.
-    const auto profiles = Profiles(
+    const auto profiles = ProfilesOf(
         SyntheticCloud(tube, {.points = seed % 2 == 0 ? 9000U : 2500U, .noise_mm = 0.03}, random),
         random);
     Points all;

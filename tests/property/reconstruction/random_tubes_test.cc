@@ -7,7 +7,7 @@
 namespace bendloop::tests {
 namespace {
 
-struct Scan {
+struct TubeScan {
   hal::Tube tube;
   Points points;
   double spacing_mm = 0;  // between samples, along the tube
@@ -15,11 +15,11 @@ struct Scan {
 
 // 1 to 8 bends, pipe radius 2 to 50 mm; every second one scattered, others in stripes; some from
 // one side only, some with fliers.
-Scan RandomScan(int seed) {
+TubeScan RandomScan(int seed) {
   Random random(static_cast<std::uint64_t>(1000 + seed));
   const double r = 2 * std::pow(25.0, Uniform(random, 0, 1));
   const int bends = 1 + seed % 8;
-  Scan scan;
+  TubeScan scan;
   scan.tube = RandomTube({.pipe_radius_mm = r,
                           .bends = bends,
                           .min_bend_radius = 2.5,
@@ -49,7 +49,7 @@ Scan RandomScan(int seed) {
 class RandomTubes : public testing::TestWithParam<int> {};
 
 TEST_P(RandomTubes, AreMeasuredWithinTheirSigma) {
-  const Scan scan = RandomScan(GetParam());
+  const TubeScan scan = RandomScan(GetParam());
   const auto found = Measure(scan.points);
   ASSERT_TRUE(found) << found.error().message;
   ExpectMeasured(*found, scan.tube, {.end_mm = scan.spacing_mm});

@@ -17,7 +17,7 @@ using ::testing::HasSubstr;
 using Bytes = std::vector<std::uint8_t>;
 using Mode = SdoClient::Mode;
 
-constexpr ObjectId kObject{0x2001, 3};
+constexpr ObjectId kOneObject{0x2001, 3};
 
 Bytes RandomBytes(std::mt19937& random, std::size_t size) {
   Bytes bytes(size);
@@ -51,12 +51,12 @@ class Sdo : public ::testing::Test {
     FAIL() << "no end";
   }
   Bytes Upload(std::size_t max_size, Mode mode) {
-    client_.Upload(kObject, max_size, mode);
+    client_.Upload(kOneObject, max_size, mode);
     Run();
     return client_.data();
   }
   void Download(const Bytes& bytes, Mode mode) {
-    client_.Download(kObject, bytes, mode);
+    client_.Download(kOneObject, bytes, mode);
     Run();
   }
   void Serve(SdoServer::Options options) { server_.emplace(store_, options); }
@@ -103,7 +103,7 @@ TEST_F(Sdo, EverySizeArrivesInEveryWay) {
         const Bytes bytes = RandomBytes(random, size);
         Download(bytes, mode);
         ASSERT_FALSE(client_.failed()) << size << ": " << client_.error();
-        ASSERT_EQ(store_.objects[kObject], bytes) << size;
+        ASSERT_EQ(store_.objects[kOneObject], bytes) << size;
         ASSERT_EQ(Upload(size, mode), bytes) << size << client_.error();
         ASSERT_FALSE(client_.failed()) << size << ": " << client_.error();
         if (size == 1) continue;
@@ -142,7 +142,7 @@ TEST_F(Sdo, LostSegmentsOfABlockAreSentAgain) {
         return ++segment == lost ? std::vector<SdoData>{} : std::vector<SdoData>{frame};
       };
       if (of_client) {
-        store_.objects[kObject] = bytes;
+        store_.objects[kOneObject] = bytes;
         to_client_ = drop;
         const Bytes got = Upload(180, Mode::kBlock);
         if (!client_.failed()) {
@@ -155,7 +155,7 @@ TEST_F(Sdo, LostSegmentsOfABlockAreSentAgain) {
         to_server_ = drop;
         Download(bytes, Mode::kBlock);
         if (!client_.failed()) {
-          EXPECT_EQ(store_.objects[kObject], bytes);
+          EXPECT_EQ(store_.objects[kOneObject], bytes);
         }
         if (lost < 24) {
           EXPECT_FALSE(client_.failed()) << lost << ": " << client_.error();
@@ -200,7 +200,7 @@ TEST_F(Sdo, DoneIsRightOnAHostileBus) {
     const Mode mode = i % 2 ? Mode::kBlock : Mode::kPlain;
     const Bytes bytes = RandomBytes(random, 1 + random() % 200);
     Serve({.block = true, .block_size = static_cast<std::uint8_t>(1 + random() % 127)});
-    store_.objects[kObject] = i % 4 < 2 ? bytes : Bytes{};
+    store_.objects[kOneObject] = i % 4 < 2 ? bytes : Bytes{};
     to_client_ = to_server_ = hostile;
     if (i % 4 < 2) {
       const Bytes got = Upload(200, mode);
@@ -211,7 +211,7 @@ TEST_F(Sdo, DoneIsRightOnAHostileBus) {
     } else {
       Download(bytes, mode);
       if (!client_.failed() && mode == Mode::kBlock && bytes.size() > 4) {
-        EXPECT_EQ(store_.objects[kObject], bytes);
+        EXPECT_EQ(store_.objects[kOneObject], bytes);
       }
     }
     client_.failed() ? ++failed : ++done;
@@ -224,7 +224,7 @@ TEST_F(Sdo, DoneIsRightOnAHostileBus) {
 
 TEST_F(Sdo, SaysWhatWentWrong) {
   const auto error = [&](const Bytes& answer, std::size_t size = 100, Mode mode = Mode::kPlain) {
-    client_.Upload(kObject, size, mode);
+    client_.Upload(kOneObject, size, mode);
     SdoData frame{};
     while (client_.NextFrame(frame)) {
     }
@@ -250,7 +250,7 @@ TEST_F(Sdo, SaysWhatWentWrong) {
   EXPECT_EQ(client_.error(), "no answer; one about 2002sub3 came instead");
 
   std::mt19937 random(4);
-  store_.objects[kObject] = RandomBytes(random, 30);
+  store_.objects[kOneObject] = RandomBytes(random, 30);
   int segment = 0;
   to_client_ = [&](SdoData frame) {
     if (++segment == 3) frame[0] ^= 0x10;

@@ -23,7 +23,7 @@ kind = "stream"
 link = "none"
 )";
 
-std::string ErrorOf(const std::string& toml) {
+std::string CellErrorOf(const std::string& toml) {
   const auto cell = ParseCell(toml, "cell.toml", "/etc/bendloop");
   EXPECT_FALSE(cell) << toml;
   if (cell) return {};
@@ -82,22 +82,23 @@ cpu = 3
 }
 
 TEST(Cell, NamesFileLineKeyAndTheNearestKey) {
-  EXPECT_EQ(ErrorOf(With(kMinimal, "[bender]", "prot = 1\n[bender]")),
+  EXPECT_EQ(CellErrorOf(With(kMinimal, "[bender]", "prot = 1\n[bender]")),
             "cell.toml:6: key 'scanner.prot': found an unknown key, expected a key that bendloop "
             "knows; did you mean 'port'?");
-  EXPECT_THAT(ErrorOf(With(kMinimal, "[bender]", "[bendr]")), HasSubstr("did you mean 'bender'?"));
-  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "colour = 1"),
+  EXPECT_THAT(CellErrorOf(With(kMinimal, "[bender]", "[bendr]")),
+              HasSubstr("did you mean 'bender'?"));
+  EXPECT_THAT(CellErrorOf(std::string(kMinimal) + "colour = 1"),
               AllOf(HasSubstr("cell.toml:8: key 'bender.colour': found an unknown key, expected "
                               "one of allow_non_atomic, baud, byte_timeout_ms, "),
                     Not(HasSubstr("did you mean"))));
   // The unit forgotten.
-  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "commit_timeout = 1"),
+  EXPECT_THAT(CellErrorOf(std::string(kMinimal) + "commit_timeout = 1"),
               HasSubstr("did you mean 'commit_timeout_ms'?"));
 }
 
 TEST(Cell, LinksNeedTheirLine) {
   const auto bender = [](const std::string& text) {
-    return ErrorOf(With(kMinimal, "link = \"none\"", text + "\nregister_map = \"map.toml\""));
+    return CellErrorOf(With(kMinimal, "link = \"none\"", text + "\nregister_map = \"map.toml\""));
   };
   EXPECT_THAT(bender("link = \"modbus-rtu\""), HasSubstr("key 'bender.device': found nothing"));
   EXPECT_THAT(bender("link = \"modbus-rtu\"\ndevice = \"/dev/ttyS1\"\nbaud = 19201"),
@@ -110,7 +111,7 @@ TEST(Cell, LinksNeedTheirLine) {
 }
 
 TEST(Cell, NamesEveryProblemInTheOrderOfTheFile) {
-  const std::string message = ErrorOf(R"(schema = "bendloop.cell/1"
+  const std::string message = CellErrorOf(R"(schema = "bendloop.cell/1"
 name = 5
 [scanner]
 kind = "usbb"
@@ -143,33 +144,33 @@ cell.toml:16: key 'interlocks.max_gap_mm': found an array, expected a number fro
 }
 
 TEST(Cell, SuggestsTheNearestWord) {
-  EXPECT_THAT(ErrorOf(With(kMinimal, "\"none\"", "\"modbustcp\"")),
+  EXPECT_THAT(CellErrorOf(With(kMinimal, "\"none\"", "\"modbustcp\"")),
               HasSubstr("did you mean 'modbus-tcp'?"));
 }
 
 TEST(Cell, SyntaxErrorsAndDuplicateKeysHaveLineAndColumn) {
-  EXPECT_THAT(ErrorOf(With(kMinimal, "name = \"cell\"", "name = cell\"")),
+  EXPECT_THAT(CellErrorOf(With(kMinimal, "name = \"cell\"", "name = cell\"")),
               StartsWith("cell.toml:2:"));
-  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "link = \"none\""), StartsWith("cell.toml:8:"));
-  EXPECT_THAT(ErrorOf(std::string(kMinimal) + "[scanner]"), StartsWith("cell.toml:8:"));
+  EXPECT_THAT(CellErrorOf(std::string(kMinimal) + "link = \"none\""), StartsWith("cell.toml:8:"));
+  EXPECT_THAT(CellErrorOf(std::string(kMinimal) + "[scanner]"), StartsWith("cell.toml:8:"));
 }
 
 TEST(Cell, RefusesWhatOneKeyAloneDoesNotShow) {
-  EXPECT_THAT(ErrorOf(With(kMinimal, "\"none\"", "\"modbus-tcp\"")),
+  EXPECT_THAT(CellErrorOf(With(kMinimal, "\"none\"", "\"modbus-tcp\"")),
               HasSubstr("key 'bender.register_map': found nothing"));
-  EXPECT_THAT(ErrorOf(With(kMinimal, "\"stream\"", "\"session\"")),
+  EXPECT_THAT(CellErrorOf(With(kMinimal, "\"stream\"", "\"session\"")),
               HasSubstr("key 'scanner.session': found nothing"));
   for (const char* id : {"1209", "1209:001", "1209:000g", "0x12:0001", "+209:0001", "1209:00012"}) {
     EXPECT_THAT(
-        ErrorOf(With(kMinimal, "\"stream\"", std::string("\"usb\"\nusb_id = \"") + id + "\"")),
+        CellErrorOf(With(kMinimal, "\"stream\"", std::string("\"usb\"\nusb_id = \"") + id + "\"")),
         HasSubstr("key 'scanner.usb_id': found '" + std::string(id) + "', expected vendor"));
   }
   const auto id = ParseUsbId("04b4:00F1");
   ASSERT_TRUE(id);
   EXPECT_EQ(id->vendor, 0x04b4);
   EXPECT_EQ(id->product, 0x00f1);
-  EXPECT_THAT(ErrorOf(std::string(kMinimal) +
-                      "[correction]\nmax_step_angle_deg = 5\nmax_total_angle_deg = 4"),
+  EXPECT_THAT(CellErrorOf(std::string(kMinimal) +
+                          "[correction]\nmax_step_angle_deg = 5\nmax_total_angle_deg = 4"),
               HasSubstr("cell.toml:9: key 'correction.max_step_angle_deg': found 5, expected at "
                         "most max_total_angle_deg = 4"));
 }
@@ -189,7 +190,7 @@ TEST(Cell, ReadsHowTubesAreToldApart) {
   EXPECT_EQ(scan("silence_seconds = 0.5").silence_seconds, 0.5);
 
   const auto error = [](const std::string& keys) {
-    return ErrorOf(std::string(kMinimal) + "[scan]\n" + keys);
+    return CellErrorOf(std::string(kMinimal) + "[scan]\n" + keys);
   };
   EXPECT_THAT(error("tubes = \"count\""),
               AllOf(HasSubstr("cell.toml:9: key 'scan.tubes': found the text 'count', expected one "
@@ -209,8 +210,8 @@ TEST(Cell, ReadsHowTubesAreToldApart) {
 // Without the bender's count nobody knows which tube of several is scanned.
 TEST(Cell, TubesBetweenBenderAndScannerNeedTheCount) {
   for (const char* between : {"1", "\"auto\""}) {
-    EXPECT_THAT(ErrorOf(std::string(kMinimal) +
-                        "[scan]\ntubes = \"each-scan\"\nparts_between = " + between),
+    EXPECT_THAT(CellErrorOf(std::string(kMinimal) +
+                            "[scan]\ntubes = \"each-scan\"\nparts_between = " + between),
                 AllOf(HasSubstr("cell.toml:10: key 'scan.parts_between': found "),
                       HasSubstr("with tubes = 'each-scan', expected 0")))
         << between;
@@ -223,15 +224,16 @@ TEST(Cell, TimesThatCannotHoldTogetherAreRefused) {
                 "link = \"modbus-tcp\"\nregister_map = \"map.toml\"\n" + keys);
   };
   EXPECT_THAT(
-      ErrorOf(bender("response_timeout_ms = 500\ncommit_timeout_ms = 499\n")),
+      CellErrorOf(bender("response_timeout_ms = 500\ncommit_timeout_ms = 499\n")),
       HasSubstr("cell.toml:10: key 'bender.commit_timeout_ms': found 499, expected at least "
                 "response_timeout_ms = 500"));
-  EXPECT_THAT(ErrorOf(bender("commit_timeout_ms = 2001\n[interlocks]\nmax_session_age_s = 2\n")),
-              HasSubstr("cell.toml:9: key 'bender.commit_timeout_ms': found 2001, expected at most "
-                        "max_session_age_s, 2000 ms"));
+  EXPECT_THAT(
+      CellErrorOf(bender("commit_timeout_ms = 2001\n[interlocks]\nmax_session_age_s = 2\n")),
+      HasSubstr("cell.toml:9: key 'bender.commit_timeout_ms': found 2001, expected at most "
+                "max_session_age_s, 2000 ms"));
   // The scan would be held as too long before it could end by silence.
   const std::string coverage = std::string(kMinimal) + "[scan]\nend = \"coverage\"\n";
-  EXPECT_THAT(ErrorOf(coverage + "silence_seconds = 8\nmax_seconds = 7"),
+  EXPECT_THAT(CellErrorOf(coverage + "silence_seconds = 8\nmax_seconds = 7"),
               HasSubstr("cell.toml:10: key 'scan.silence_seconds': found 8, expected at most "
                         "max_seconds = 7"));
   for (const std::string& good :
@@ -247,10 +249,10 @@ TEST(Cell, TimesThatCannotHoldTogetherAreRefused) {
 }
 
 TEST(Cell, OtherSchemasAreNamedAndNothingElse) {
-  EXPECT_EQ(ErrorOf("schema = \"bendloop.part/1\"\nwhatever = 1"),
+  EXPECT_EQ(CellErrorOf("schema = \"bendloop.part/1\"\nwhatever = 1"),
             "cell.toml:1: key 'schema': found 'bendloop.part/1', expected 'bendloop.cell/1' of a "
             "cell file");
-  EXPECT_EQ(ErrorOf(""),
+  EXPECT_EQ(CellErrorOf(""),
             "cell.toml:1: key 'schema': found nothing, expected 'bendloop.cell/1' as the first "
             "line of a cell file");
 }
@@ -260,11 +262,12 @@ TEST(Cell, HostileTextsAreRefusedQuickly) {
   // Each would need one stack frame a level, in the parser or when the tables are freed.
   std::string dots = "a";
   for (int i = 0; i < 200000; ++i) dots += ".a";
-  EXPECT_THAT(ErrorOf(dots + " = 1"), HasSubstr("cell.toml:1: found deeper nesting"));
-  EXPECT_THAT(ErrorOf(head + "[" + dots + "]"), HasSubstr("nesting"));
-  EXPECT_THAT(ErrorOf(head + "a = " + std::string(300000, '[')), HasSubstr("nesting"));
-  EXPECT_THAT(ErrorOf(std::string(kMaxFileBytes + 1, ' ')), HasSubstr("bytes, expected at most"));
-  EXPECT_THAT(ErrorOf(head + std::string(1, '\0')), HasSubstr("zero byte"));
+  EXPECT_THAT(CellErrorOf(dots + " = 1"), HasSubstr("cell.toml:1: found deeper nesting"));
+  EXPECT_THAT(CellErrorOf(head + "[" + dots + "]"), HasSubstr("nesting"));
+  EXPECT_THAT(CellErrorOf(head + "a = " + std::string(300000, '[')), HasSubstr("nesting"));
+  EXPECT_THAT(CellErrorOf(std::string(kMaxFileBytes + 1, ' ')),
+              HasSubstr("bytes, expected at most"));
+  EXPECT_THAT(CellErrorOf(head + std::string(1, '\0')), HasSubstr("zero byte"));
   // Brackets and dots in texts and comments are not nesting.
   std::string free = "# " + std::string(100, '[') + std::string(100, '.') + "\n" + head;
   EXPECT_TRUE(
@@ -273,11 +276,11 @@ TEST(Cell, HostileTextsAreRefusedQuickly) {
   // Many problems are counted, not all kept.
   std::string many = head;
   for (int i = 0; i < 5000; ++i) many += "k" + std::to_string(i) + " = 1\n";
-  EXPECT_THAT(ErrorOf(many), StartsWith("cell.toml: 5000 problems, the first 100 are:\n"));
+  EXPECT_THAT(CellErrorOf(many), StartsWith("cell.toml: 5000 problems, the first 100 are:\n"));
 }
 
 TEST(Cell, MessagesStayOnOneLine) {
-  const std::string message = ErrorOf(std::string(kMinimal) + "\"a\\nb\\u001b[31m\" = 1");
+  const std::string message = CellErrorOf(std::string(kMinimal) + "\"a\\nb\\u001b[31m\" = 1");
   EXPECT_THAT(message, HasSubstr("key 'bender.a\\x0ab\\x1b[31m'"));
   EXPECT_THAT(message, Not(HasSubstr("\n")));
 }

@@ -33,7 +33,7 @@ xyz_mm = [[0, 0, 0],
  [100, 80.5, 0]]
 )";
 
-std::string ErrorOf(const std::string& toml) {
+std::string PartErrorOf(const std::string& toml) {
   const auto part = ParsePart(toml, "part.toml");
   EXPECT_FALSE(part) << toml;
   return part ? "" : part.error().message;
@@ -90,16 +90,17 @@ obliquity_tolerance_deg = 1
 
 TEST(Part, NamesHolesAndSlotsThatCannotBe) {
   const std::string hole = "[[hole]]\naround_deg = 0\n";
-  EXPECT_THAT(ErrorOf(kHead + kRows + hole + "diameter_mm = 4\n"),
+  EXPECT_THAT(PartErrorOf(kHead + kRows + hole + "diameter_mm = 4\n"),
               HasSubstr("hole[1].from_start_mm"));
   EXPECT_THAT(
-      ErrorOf(kHead + kRows + hole + "diameter_mm = 4\nfrom_start_mm = 1\nfrom_end_mm = 2\n"),
+      PartErrorOf(kHead + kRows + hole + "diameter_mm = 4\nfrom_start_mm = 1\nfrom_end_mm = 2\n"),
       HasSubstr("found it and from_end_mm"));
-  EXPECT_THAT(ErrorOf(kHead + kRows + hole + "diameter_mm = 11\nfrom_start_mm = 1\n"),
+  EXPECT_THAT(PartErrorOf(kHead + kRows + hole + "diameter_mm = 11\nfrom_start_mm = 1\n"),
               HasSubstr("less than the pipe's diameter of 10 mm"));
-  EXPECT_THAT(ErrorOf(kHead + kRows +
-                      "[[slot]]\naround_deg = 0\nfrom_end_mm = 9\nlength_mm = 3\nwidth_mm = 3\n"),
-              HasSubstr("is a [[hole]]"));
+  EXPECT_THAT(
+      PartErrorOf(kHead + kRows +
+                  "[[slot]]\naround_deg = 0\nfrom_end_mm = 9\nlength_mm = 3\nwidth_mm = 3\n"),
+      HasSubstr("is a [[hole]]"));
 }
 
 TEST(Part, ReadsPoints) {
@@ -113,64 +114,65 @@ TEST(Part, ReadsPoints) {
 }
 
 TEST(Part, EitherRadiusOrDiameterEitherRowsOrPoints) {
-  EXPECT_THAT(ErrorOf(kHead), HasSubstr("expected either [[row]] tables (LRA) or [nominal]"));
-  EXPECT_THAT(ErrorOf(kHead + kRows + kPoints), HasSubstr("found both [[row]] and [nominal]"));
-  EXPECT_THAT(ErrorOf("pipe_diameter_mm = 10\n" + kHead + kRows),
+  EXPECT_THAT(PartErrorOf(kHead), HasSubstr("expected either [[row]] tables (LRA) or [nominal]"));
+  EXPECT_THAT(PartErrorOf(kHead + kRows + kPoints), HasSubstr("found both [[row]] and [nominal]"));
+  EXPECT_THAT(PartErrorOf("pipe_diameter_mm = 10\n" + kHead + kRows),
               HasSubstr("key 'pipe_radius_mm': found it and pipe_diameter_mm"));
-  EXPECT_THAT(ErrorOf(With(kHead, "pipe_radius_mm = 5\n", "") + kRows),
+  EXPECT_THAT(PartErrorOf(With(kHead, "pipe_radius_mm = 5\n", "") + kRows),
               HasSubstr("key 'pipe_radius_mm': found nothing, expected either"));
 }
 
 TEST(Part, RowsMustBeATube) {
-  EXPECT_EQ(ErrorOf(kHead + With(kRows, "angle_deg = 90\n", "")),
+  EXPECT_EQ(PartErrorOf(kHead + With(kRows, "angle_deg = 90\n", "")),
             "part.toml:6: key 'row[1].angle_deg': found 0, expected a bend of at least 0.1; only "
             "the last row has no bend");
-  EXPECT_EQ(ErrorOf(kHead + kRows + "angle_deg = 45"),
+  EXPECT_EQ(PartErrorOf(kHead + kRows + "angle_deg = 45"),
             "part.toml:16: key 'row[3].angle_deg': found 45, expected 0: the last row is the end "
             "length; add a row after this one for the straight behind the last bend");
-  EXPECT_THAT(ErrorOf(kHead + With(kRows, "length_mm = 40", "length_mm = 0")),
+  EXPECT_THAT(PartErrorOf(kHead + With(kRows, "length_mm = 40", "length_mm = 0")),
               HasSubstr("part.toml:15: key 'row[3].length_mm': found 0, expected more than 0"));
-  EXPECT_THAT(ErrorOf(kHead + With(kRows, "angle_deg = 90", "angle_deg = 90\nrotation_deg = 5")),
-              HasSubstr("key 'row[1].rotation_deg': found 5, expected 0"));
-  EXPECT_THAT(ErrorOf(With(kHead, "bend_radius_mm = 20\n", "") + kRows),
+  EXPECT_THAT(
+      PartErrorOf(kHead + With(kRows, "angle_deg = 90", "angle_deg = 90\nrotation_deg = 5")),
+      HasSubstr("key 'row[1].rotation_deg': found 5, expected 0"));
+  EXPECT_THAT(PartErrorOf(With(kHead, "bend_radius_mm = 20\n", "") + kRows),
               HasSubstr("key 'row[1].bend_radius_mm': found nothing, expected the bend radius"));
-  EXPECT_THAT(ErrorOf(kHead + With(kRows, "bend_radius_mm = 30", "bend_radius_mm = 4.5")),
+  EXPECT_THAT(PartErrorOf(kHead + With(kRows, "bend_radius_mm = 30", "bend_radius_mm = 4.5")),
               HasSubstr("found 4.5, expected more than the pipe radius of 5 mm"));
-  EXPECT_THAT(ErrorOf(kHead + "[[row]]\nlength_mm = 5\n"), HasSubstr("found 1 row"));
-  EXPECT_THAT(ErrorOf(kHead + "row = []\n"), HasSubstr("found no row"));
-  EXPECT_THAT(ErrorOf(kHead + With(kRows, "angle_deg = 90", "angle = 90")),
+  EXPECT_THAT(PartErrorOf(kHead + "[[row]]\nlength_mm = 5\n"), HasSubstr("found 1 row"));
+  EXPECT_THAT(PartErrorOf(kHead + "row = []\n"), HasSubstr("found no row"));
+  EXPECT_THAT(PartErrorOf(kHead + With(kRows, "angle_deg = 90", "angle = 90")),
               HasSubstr("did you mean 'angle_deg'?"));
-  EXPECT_THAT(ErrorOf(kHead + With(kRows, "angle_deg = 90", "angle_deg = -inf")),
+  EXPECT_THAT(PartErrorOf(kHead + With(kRows, "angle_deg = 90", "angle_deg = -inf")),
               HasSubstr("found -inf, expected a number from 0 to less than 360"));
 }
 
 TEST(Part, PointsMustLeaveRoomForTheBends) {
-  EXPECT_THAT(ErrorOf(With(kHead, "bend_radius_mm = 20", "bend_radius_mm = 90") + kPoints),
+  EXPECT_THAT(PartErrorOf(With(kHead, "bend_radius_mm = 20", "bend_radius_mm = 90") + kPoints),
               HasSubstr("part.toml:9: key 'nominal.xyz_mm[3]': found this point 80.5 mm from the "
                         "one before, expected at least 90 mm"));
-  EXPECT_THAT(ErrorOf(kHead + With(kPoints, "[100, 0, 0]", "[0, 0, 0]")),
+  EXPECT_THAT(PartErrorOf(kHead + With(kPoints, "[100, 0, 0]", "[0, 0, 0]")),
               HasSubstr("part.toml:8: key 'nominal.xyz_mm[2]': found the same point twice"));
-  EXPECT_THAT(ErrorOf(kHead + With(kPoints, "[100, 80.5, 0]", "[200, 0, 0]")),
+  EXPECT_THAT(PartErrorOf(kHead + With(kPoints, "[100, 80.5, 0]", "[200, 0, 0]")),
               HasSubstr("key 'nominal.xyz_mm[2]': found a bend of 0 degrees"));
-  EXPECT_THAT(ErrorOf(kHead + With(kPoints, "[100, 80.5, 0]", "[100, 80.5]")),
+  EXPECT_THAT(PartErrorOf(kHead + With(kPoints, "[100, 80.5, 0]", "[100, 80.5]")),
               HasSubstr("found an array of 2, expected three numbers [x, y, z]"));
-  EXPECT_THAT(ErrorOf(kHead + With(kPoints, "[100, 80.5, 0]", "[100, \"80\", 0]")),
+  EXPECT_THAT(PartErrorOf(kHead + With(kPoints, "[100, 80.5, 0]", "[100, \"80\", 0]")),
               HasSubstr("found the text '80' for y, expected a number"));
-  EXPECT_THAT(ErrorOf(kHead + "[nominal]\nxyz_mm = [[0, 0, 0], [1, 1, 1]]\n"),
+  EXPECT_THAT(PartErrorOf(kHead + "[nominal]\nxyz_mm = [[0, 0, 0], [1, 1, 1]]\n"),
               HasSubstr("found 2 points, expected at least 3"));
 }
 
 TEST(Part, WrongUnitsAreOutOfRange) {
-  EXPECT_THAT(ErrorOf(With(kHead, "pipe_radius_mm = 5", "pipe_radius_mm = 4000") + kRows),
+  EXPECT_THAT(PartErrorOf(With(kHead, "pipe_radius_mm = 5", "pipe_radius_mm = 4000") + kRows),
               HasSubstr("found 4000, expected a number from 0.5 to 500"));
-  EXPECT_THAT(ErrorOf(With(kHead, "pipe_radius_mm = 5", "pipe_radius_mm = 0.005") + kRows),
+  EXPECT_THAT(PartErrorOf(With(kHead, "pipe_radius_mm = 5", "pipe_radius_mm = 0.005") + kRows),
               HasSubstr("found 0.005, expected a number from 0.5 to 500"));
 }
 
 TEST(Part, TooManyRowsAreRefused) {
   std::string rows;
   for (int i = 0; i < 300; ++i) rows += "[[row]]\nlength_mm = 50\nangle_deg = 10\n";
-  EXPECT_THAT(ErrorOf(kHead + rows + "[[row]]\nlength_mm = 5\n"),
+  EXPECT_THAT(PartErrorOf(kHead + rows + "[[row]]\nlength_mm = 5\n"),
               HasSubstr("key 'row': found 301, expected at most 200"));
 }
 

@@ -7,19 +7,10 @@
 
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
+#include "tests/unit/fit/three_bends.h"
 
 namespace bendloop::pipeline {
 namespace {
-
-const hal::SteadyClock kClock;
-
-hal::Tube ThreeBends() {
-  hal::Tube tube;
-  tube.pipe_radius_mm = 5;
-  tube.program.rows = {{45, 0, 60, 15}, {55, 80, 35, 12}, {40, -120, 90, 17}, {50, 0, 0, {}}};
-  tube.X_WT.position_mm = {10, -20, 30};
-  return tube;
-}
 
 // As ends are seen by where points stop, they are left out.
 TEST(BowedFit, RowsOfBowedTubesAreThoseOfTheBestFitLines) {

@@ -11,6 +11,7 @@
 #include "pipeline/reconstruction.h"
 #include "pipeline/structure/structure_moves.h"
 #include "tests/support/shapes.h"
+#include "tests/unit/fit/three_bends.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -18,8 +19,6 @@ namespace {
 using tests::Points;
 using tests::Random;
 using tests::Uniform;
-
-const hal::SteadyClock kClock;
 
 Points OvalCloud(const hal::Tube& tube, double ovality, bool one_view, Random& random) {
   tests::CloudOptions options{.points = 9000, .noise_mm = 0.03, .ovality = ovality};

@@ -7,11 +7,10 @@
 
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
+#include "tests/unit/fit/three_bends.h"
 
 namespace bendloop::pipeline {
 namespace {
-
-const hal::SteadyClock kClock;
 
 TEST(NoTube, ACoilIsNoStraightPipeAsWideAsAllOfIt) {
   std::mt19937_64 random(1);

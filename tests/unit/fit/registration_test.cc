@@ -8,11 +8,10 @@
 
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
+#include "tests/unit/fit/three_bends.h"
 
 namespace bendloop::pipeline {
 namespace {
-
-const hal::SteadyClock kClock;
 
 hal::Tube FourBends() {
   hal::Tube tube;

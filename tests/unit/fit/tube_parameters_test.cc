@@ -45,7 +45,7 @@ Eigen::Matrix<double, 8, 1> Numeric(const TubeParameters& parameters, const Eige
   return derivative;
 }
 
-hal::Tube SomeTube(int bends, Random& random) {
+hal::Tube AnyTube(int bends, Random& random) {
   return tests::RandomTube({.pipe_radius_mm = Uniform(random, 2, 20),
                             .bends = bends,
                             .max_angle_deg = 240,
@@ -56,7 +56,7 @@ hal::Tube SomeTube(int bends, Random& random) {
 TEST(TubeParameters, FrameDerivativesAreThoseOfTheSegments) {
   Random random(1);
   for (int run = 0; run < 24; ++run) {
-    const hal::Tube tube = SomeTube(run % 6, random);
+    const hal::Tube tube = AnyTube(run % 6, random);
     const TubeParameters parameters(tube, run % 2 == 0);
     const Eigen::VectorXd at = parameters.Initial();
     const auto segments = SegmentsAt(parameters, at);
@@ -79,7 +79,7 @@ TEST(TubeParameters, FrameDerivativesAreThoseOfTheSegments) {
 TEST(TubeParameters, InitialIsTheReference) {
   Random random(2);
   for (int run = 0; run < 20; ++run) {
-    const hal::Tube tube = SomeTube(run % 7, random);
+    const hal::Tube tube = AnyTube(run % 7, random);
     const TubeParameters parameters(tube, true);
     const hal::Tube back = parameters.TubeAt(parameters.Initial());
     EXPECT_DOUBLE_EQ(back.pipe_radius_mm, tube.pipe_radius_mm);
@@ -96,7 +96,7 @@ TEST(TubeParameters, InitialIsTheReference) {
 
 TEST(TubeParameters, EveryPlaceIsUsedOnce) {
   Random random(3);
-  const TubeParameters parameters(SomeTube(4, random), true);
+  const TubeParameters parameters(AnyTube(4, random), true);
   std::vector<int> used(static_cast<std::size_t>(parameters.size()), 0);
   for (std::size_t p = 0; p < 5; ++p) ++used[p];
   const auto use = [&used](int p) {
@@ -111,12 +111,12 @@ TEST(TubeParameters, EveryPlaceIsUsedOnce) {
   }
   EXPECT_EQ(used, std::vector<int>(used.size(), 1));
   EXPECT_EQ(parameters.rotation(0), -1);
-  EXPECT_EQ(TubeParameters(SomeTube(4, random), false).pipe_radius(), -1);
+  EXPECT_EQ(TubeParameters(AnyTube(4, random), false).pipe_radius(), -1);
 }
 
 TEST(TubeParameters, RotationsWrap) {
   Random random(4);
-  const TubeParameters parameters(SomeTube(2, random), true);
+  const TubeParameters parameters(AnyTube(2, random), true);
   Eigen::VectorXd at = parameters.Initial();
   at[parameters.rotation(1)] = 200 / tests::kDegrees;
   EXPECT_NEAR(parameters.TubeAt(at).program.rows[1].rotation_deg, -160, 1e-9);

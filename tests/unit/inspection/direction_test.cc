@@ -7,16 +7,12 @@
 #include <limits>
 
 #include "pipeline/tube/representations.h"
+#include "tests/unit/inspection/sample_parts.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 using ::testing::HasSubstr;
-
-const hal::BendProgram kPart{
-    {{80, 0, 90, 40.0}, {120, 45, 60, 40.0}, {60, -100, 30, 40.0}, {150, 0, 0, std::nullopt}}};
-// A U: the same from both ends.
-const hal::BendProgram kU{{{100, 0, 90, 40.0}, {50, 0, 90, 40.0}, {100, 0, 0, std::nullopt}}};
 
 hal::BendProgram Mirror(hal::BendProgram program) {
   for (hal::BendRow& row : program.rows) row.rotation_deg = -row.rotation_deg;

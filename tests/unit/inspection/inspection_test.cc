@@ -9,6 +9,7 @@
 
 #include "pipeline/tube/representations.h"
 #include "tests/support/synthetic_tube.h"
+#include "tests/unit/inspection/sample_parts.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -18,10 +19,6 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 constexpr double kPipeRadius = 8;
-const hal::BendProgram kPart{
-    {{80, 0, 90, 40.0}, {120, 45, 60, 40.0}, {60, -100, 30, 40.0}, {150, 0, 0, std::nullopt}}};
-const hal::BendProgram kU{{{100, 0, 90, 40.0}, {50, 0, 90, 40.0}, {100, 0, 0, std::nullopt}}};
-
 Measurement Measured(const hal::BendProgram& program, double pipe_radius_mm = kPipeRadius) {
   support::Rng rng(7);
   const hal::Pose X_WT = support::RandomPose(rng);
