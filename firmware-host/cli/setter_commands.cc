@@ -24,6 +24,9 @@
 namespace bendloop::host {
 namespace {
 
+// The cell of the appliance itself; others are named.
+constexpr const char* kInstalledCell = "/etc/bendloop/cell.toml";
+
 struct SetterArguments {
   std::string config;
   std::string part;
@@ -34,12 +37,12 @@ struct SetterArguments {
 
 constexpr const char* kLotFooter = R"(
 Examples:
-  bendloop lot show --config cell.toml     what the correction has learnt, and of
+  bendloop lot show                        what the correction has learnt, and of
                                            how many parts
-  bendloop lot new --config cell.toml      another coil: springback and stretch
+  bendloop lot new                         another coil: springback and stretch
                                            are open again
-  bendloop lot hold --config cell.toml     measure and learn, change no program
-  bendloop lot release --config cell.toml
+  bendloop lot hold                        measure and learn, change no program
+  bendloop lot release --config cell.toml  of another cell than the installed one
 
 With a daemon the request reaches it through requests/ in its state directory
 and is granted between two parts; without one it is done at once. Who asked,
@@ -48,6 +51,7 @@ file; 4 no answer from daemon or bender.)";
 
 constexpr const char* kUndoFooter = R"(
 Examples:
+  bendloop undo
   bendloop undo --config cell.toml
 
 The program before the last one that was sent becomes the bender's again, by the
@@ -60,7 +64,7 @@ constexpr const char* kFirstFooter = R"(
 Examples:
   bendloop first-program --part part.toml            print it
   bendloop first-program --part part.toml --json     the same for programs
-  bendloop first-program --config cell.toml --send   send it to the cell's bender
+  bendloop first-program --send                      send it to the cell's bender
 
 The nominal with springback and stretch made up for, as the part file's
 [material] tells them: angles that open to the nominal, straights shorter by
@@ -70,6 +74,7 @@ refused, nothing was sent; 3 a bad file; 4 no answer from daemon or bender.)";
 
 constexpr const char* kAcknowledgeFooter = R"(
 Examples:
+  bendloop acknowledge
   bendloop acknowledge --config cell.toml
 
 Somebody has seen the alarms. A bender that was seen to break a rule of drivers/README.md gets no
@@ -217,12 +222,13 @@ int ShowLot(const SetterArguments& arguments) {
   return 0;
 }
 
-int FirstProgram(const SetterArguments& arguments) {
-  if (arguments.send && arguments.config.empty()) {
+int FirstProgram(SetterArguments arguments) {
+  if (arguments.send && !arguments.part.empty()) {
     return Report({hal::ErrorKind::kUsage,
-                   "--send needs --config, the cell file of the bender; try bendloop "
+                   "--send goes by the cell's own part: leave out --part; try bendloop "
                    "first-program --help"});
   }
+  if (arguments.send && arguments.config.empty()) arguments.config = kInstalledCell;
   if (arguments.part.empty() == arguments.config.empty()) {
     return Report({hal::ErrorKind::kUsage,
                    "expected either --part or --config; try bendloop first-program --help"});
@@ -265,9 +271,10 @@ int FirstProgram(const SetterArguments& arguments) {
 }
 
 void AddConfig(CLI::App* command, const std::shared_ptr<SetterArguments>& arguments) {
+  arguments->config = kInstalledCell;
   command->add_option("--config", arguments->config, "The cell file")
       ->type_name("CELL.toml")
-      ->required();
+      ->capture_default_str();
   command->add_flag("--json", arguments->json, "JSON instead of text");
 }
 

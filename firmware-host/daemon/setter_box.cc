@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
 #include <vector>
 
@@ -97,6 +98,12 @@ hal::Result<SetterAnswer> SetterBox::Ask(SetterWish wish, std::chrono::nanosecon
   const fs::path request = box_ / (name + kRequestEnd);
   const fs::path answer = box_ / (name + kAnswerEnd);
   const Json json = {{"schema", "bendloop.request/1"}, {"request", Name(wish)}};
+  if (::access(box_.c_str(), W_OK) != 0 && errno == EACCES) {
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     box_.string() + ": " + OwnUser() +
+                         " may not ask this daemon; root may, and the members of its group: "
+                         "'adduser NAME bendloop', and log in again");
+  }
   if (auto written = WriteOutputFile(request, Dump(json) + "\n"); !written) {
     return hal::Fail(written.error());
   }

@@ -110,6 +110,10 @@ guide() {
       code=1
     }
   done
+  alarms=$(grep -o 'BL[0-9]\{4\}' "$1" | sort -u)
+  for alarm in $alarms; do
+    grep -q "^| $alarm |" "$here/../../firmware-host/alarms/README.md" || { echo "$1: there is no alarm $alarm" >&2; code=1; }
+  done
   for check in "$here/check_$(basename "$1" .md | tr '[:upper:]' '[:lower:]')"*.sh; do
     [ -e "$check" ] || continue
     "$check" "$1" "$root" || code=1

@@ -67,6 +67,35 @@ inside sh -c "$command"
 inside bendloop check /etc/bendloop/cell.toml || fail "the example is wrong"
 inside bendloopd --config /etc/bendloop/cell.toml --check-only
 
+step "Who is in the group may ask the daemon, and nobody else"
+cat >"$root/tmp/asked.toml" <<'END'
+schema = "bendloop.cell/1"
+name = "Asked"
+part = "/etc/bendloop/parts/demo.toml"
+[scanner]
+kind = "stream"
+port = 9
+[bender]
+link = "none"
+END
+# As the unit does. Not `inside`, which would be a process between this one and the daemon.
+chroot "$root" /usr/bin/setpriv --reuid bendloop --regid bendloop --clear-groups \
+  sh -c 'umask 027; exec bendloopd --config /tmp/asked.toml --status-port 0' >"$work/daemon" 2>&1 </dev/null &
+daemon=$!
+tries=100
+until grep -q 'info status:' "$work/daemon" || [ "$tries" = 0 ]; do
+  tries=$((tries - 1))
+  sleep 0.1
+done
+inside setpriv --reuid nobody --regid nogroup --groups bendloop bendloop lot hold --config /tmp/asked.toml ||
+  fail "a member of the group may not ask: $(cat "$work/daemon")"
+code=0
+inside setpriv --reuid nobody --regid nogroup --clear-groups bendloop lot release --config /tmp/asked.toml \
+  >"$work/stranger" 2>&1 || code=$?
+if [ "$code" != 4 ] || ! grep -q 'may not ask this daemon' "$work/stranger"; then fail "a stranger asked: $(cat "$work/stranger")"; fi
+kill "$daemon"
+wait "$daemon" || fail "the daemon did not stop as it should: $(cat "$work/daemon")"
+
 step "Upgrade: settings and data stay"
 echo '# mine' >>"$root/etc/bendloop/register-maps/default.toml"
 inside setpriv --reuid bendloop --regid bendloop --clear-groups sh -c 'echo kept > /var/lib/bendloop/data'
