@@ -34,7 +34,8 @@ there "$root" /usr/local/bin/bendloopd /usr/local/bin/bendloop /usr/local/bin/be
 [ ! -e "$root/usr/local/share/doc/bendloop/copyright" ] || fail "Debian's files belong into the packages only"
 sed -n 's/^Exec[A-Za-z]*=[-+!]*\([^ ]*\).*/\1/p' "$root/usr/local/lib/systemd/system/bendloopd.service" |
   while read -r program; do
-    [ "$program" = /bin/kill ] || there "$root" "$program"  # the system's own
+    case $program in /usr/*) ;; *) fail "the unit runs $program, and has nothing but /usr in its root folder" ;; esac
+    [ "$program" = /usr/bin/sh ] || there "$root" "$program"  # the system's own
   done
 
 bom=$root/usr/local/share/doc/bendloop/bendloop.spdx.json
