@@ -11,7 +11,7 @@ work=$(mktemp -d)
 # Ends what a guide has left running.
 end_all() {
   if [ -s "$1/run/bendloopd.pid" ]; then kill -KILL "$(cat "$1/run/bendloopd.pid")" 2>/dev/null || :; fi
-  if [ -s "$1/run/group" ]; then kill -KILL -- "-$(cat "$1/run/group")" 2>/dev/null || :; fi
+  if [ -s "$1/run/group" ]; then kill -s KILL -- "-$(cat "$1/run/group")" 2>/dev/null || :; fi
 }
 # shellcheck disable=SC2317  # called by the trap
 cleanup() {
