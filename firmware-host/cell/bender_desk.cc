@@ -12,9 +12,6 @@
 namespace bendloop::host {
 namespace {
 
-// Of tubes used up: a tube that is scanned again is one of the last.
-constexpr std::size_t kMostIdentities = 256;
-
 // Reading a whole program of the largest size, each answer at the last moment, after connecting
 // anew, and as long again for a serial line that is listened to until it is quiet.
 std::chrono::nanoseconds ExchangeBound(const config::BenderConfig& bender) {
@@ -236,38 +233,7 @@ std::vector<SettledCommit> BenderDesk::TakeSettled() {
 
 TubeMatch BenderDesk::Match(const ScanToMatch& scan) const {
   const std::lock_guard lock(mutex_);
-  ScanToMatch by_count = scan;
-  by_count.identity.reset();
-  TubeMatch match = ledger_.Match(by_count);
-  if (!scan.identity) return match;
-  for (const auto& [session, identity] : identities_) {
-    if (identity != *scan.identity || session == scan.session) continue;
-    // Whatever was bent since: it is that tube once more.
-    match = {};
-    match.checks.push_back(
-        {pipeline::InterlockKind::kNewTube, false,
-         "the tube says that it is '" + identity + "', which was scanned as " + session,
-         "the same tube must not be corrected twice; scan the next one"});
-    match.repeats = session;
-    return match;
-  }
-  if (!match.repeats) return match;
-  const auto known = std::find_if(identities_.begin(), identities_.end(),
-                                  [&](const auto& tube) { return tube.first == *match.repeats; });
-  if (known == identities_.end()) return match;
-  // By the count it is that tube once more, by its name another one.
-  by_count.identity = scan.identity;
-  by_count.expected_identity = known->second;
-  match = ledger_.Match(by_count);
-  match.repeats.reset();
-  return match;
-}
-
-void BenderDesk::NoteIdentity(const std::string& session, const std::string& identity) {
-  const std::lock_guard lock(mutex_);
-  std::erase_if(identities_, [&](const auto& tube) { return tube.first == session; });
-  identities_.emplace_back(session, identity);
-  if (identities_.size() > kMostIdentities) identities_.pop_front();
+  return ledger_.Match(scan);
 }
 
 TubeMatch BenderDesk::MatchRecorded(const std::string& session, std::int64_t tube) const {
@@ -275,14 +241,16 @@ TubeMatch BenderDesk::MatchRecorded(const std::string& session, std::int64_t tub
   return ledger_.MatchRecorded(session, tube);
 }
 
-hal::Result<void> BenderDesk::Use(const std::string& session, const TubeMatch& match) {
+hal::Result<void> BenderDesk::Use(const std::string& session, const TubeMatch& match,
+                                  const std::optional<TubeName>& name) {
   const std::lock_guard lock(mutex_);
-  return ledger_.Use(session, match);
+  return ledger_.Use(session, match, name);
 }
 
-hal::Result<void> BenderDesk::PassOver(const std::string& session, const TubeMatch& match) {
+hal::Result<void> BenderDesk::PassOver(const std::string& session, const TubeMatch& match,
+                                       const std::optional<TubeName>& name) {
   const std::lock_guard lock(mutex_);
-  return ledger_.PassOver(session, match);
+  return ledger_.PassOver(session, match, name);
 }
 
 void BenderDesk::Note(const std::string& session, ScanFate fate, const std::string& detail) {

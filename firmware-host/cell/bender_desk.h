@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -11,7 +10,6 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "config/cell_config.h"
@@ -86,13 +84,12 @@ class BenderDesk {
   // What Look and Commit have settled since.
   std::vector<SettledCommit> TakeSettled();
 
-  // What the tube says of itself (`identity`) is compared with the tubes used before.
   TubeMatch Match(const ScanToMatch& scan) const;
-  // The name of a tube that was used up.
-  void NoteIdentity(const std::string& session, const std::string& identity);
   TubeMatch MatchRecorded(const std::string& session, std::int64_t tube) const;
-  hal::Result<void> Use(const std::string& session, const TubeMatch& match);
-  hal::Result<void> PassOver(const std::string& session, const TubeMatch& match);
+  hal::Result<void> Use(const std::string& session, const TubeMatch& match,
+                        const std::optional<TubeName>& name);
+  hal::Result<void> PassOver(const std::string& session, const TubeMatch& match,
+                             const std::optional<TubeName>& name);
   void Note(const std::string& session, ScanFate fate, const std::string& detail);
   // Scans whose correction waited for the bender when the process ended.
   std::vector<std::string> ScansThatWaited() const;
@@ -138,8 +135,7 @@ class BenderDesk {
   std::unique_ptr<CommitProtocol> protocol_;
   bool connected_ = false;
   bool takes_report_ = false;
-  std::deque<std::pair<std::string, std::string>> identities_;  // session and tube, newest last
-  bool is_open_ = true;                                         // a commit's end may be
+  bool is_open_ = true;  // a commit's end may be
   bool commits_ = false;
   std::string ledger_problem_;
   std::vector<SettledCommit> settled_;

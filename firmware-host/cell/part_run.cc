@@ -96,7 +96,8 @@ CommitReport NothingSent(const BenderReading& now, const std::vector<std::string
 }
 
 // What the ledger says of the tube, now that the bender has just been looked at.
-TubeMatch FindTube(const MeasuredPart& part, BenderDesk& desk, RunContext& base) {
+TubeMatch FindTube(const MeasuredPart& part, const std::optional<TubeName>& name, BenderDesk& desk,
+                   RunContext& base) {
   if (part.recorded) {
     base = *part.recorded;
     // Sent to a real bender, a recording is one more scan of a tube that the ledger knows.
@@ -108,9 +109,7 @@ TubeMatch FindTube(const MeasuredPart& part, BenderDesk& desk, RunContext& base)
   }
   base.lot = part.lot;
   base.last_sequence = desk.LastSequence();
-  ScanToMatch scan{part.identity.session, part.scan.began_ns, {}, {}};
-  if (!part.identity.tube.empty()) scan.identity = part.identity.tube;
-  TubeMatch match = desk.Match(scan);
+  TubeMatch match = desk.Match({part.identity.session, part.scan.began_ns, name});
   base.bent_with = match.bent_with;
   base.expected = match.expected;
   base.tube_checks = match.checks;
@@ -164,6 +163,11 @@ class Decision {
   }
 
  private:
+  std::optional<TubeName> NameOfTube() const {
+    if (part_.identity.tube.empty()) return std::nullopt;
+    return TubeName{plan_.part_number, part_.identity.tube};
+  }
+
   void Inspect() {
     result_.part = plan_.part;
     result_.session = part_.identity.session;
@@ -182,7 +186,8 @@ class Decision {
     sends_ = plan_.corrects && desk_.has_bender();
     is_live_ = sends_ && !desk_.read_only() && (!part_.recorded || part_.scan.ended);
     if (sends_) now_ = desk_.Look();
-    if (plan_.corrects && (sends_ || part_.recorded)) match_ = FindTube(part_, desk_, base);
+    if (plan_.corrects && (sends_ || part_.recorded))
+      match_ = FindTube(part_, NameOfTube(), desk_, base);
     if (plan_.corrects && base.bent_with) {
       result_.commanded = base.bent_with;
       if (result_.inspection->direction.settled()) {
@@ -222,7 +227,7 @@ class Decision {
       return;
     }
     if (match_.tube && !match_.passed()) {
-      static_cast<void>(desk_.PassOver(part_.identity.session, match_));
+      static_cast<void>(desk_.PassOver(part_.identity.session, match_, NameOfTube()));
     }
     desk_.Note(part_.identity.session, ScanFate::kHeld, outcome_.reasons.front());
   }
@@ -230,10 +235,7 @@ class Decision {
   // Before anything is learnt or sent: a crash from here on leaves a tube that is used up.
   bool UseTube() {
     if (!is_live_) return true;
-    const auto used = desk_.Use(part_.identity.session, match_);
-    if (used && !result_.identity.empty()) {
-      desk_.NoteIdentity(result_.session, result_.identity);
-    }
+    const auto used = desk_.Use(part_.identity.session, match_, NameOfTube());
     if (used) return true;
     outcome_.end = PartEnd::kRefused;
     outcome_.next.reset();

@@ -41,7 +41,14 @@ constexpr const char* kVersion3 =
     "CREATE TABLE acknowledgement(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
     " breach INTEGER NOT NULL, who TEXT NOT NULL);";
 
-constexpr const char* kFormatSteps[] = {kVersion1, kVersion2, kVersion3};
+// What tubes are called, that were used up.
+constexpr const char* kVersion4 =
+    "CREATE TABLE name(id INTEGER PRIMARY KEY, unix_ms INTEGER NOT NULL,"
+    " session TEXT NOT NULL, part_number INTEGER NOT NULL, name TEXT NOT NULL);"
+    "CREATE INDEX name_name ON name(name, part_number);"
+    "CREATE INDEX name_session ON name(session);";
+
+constexpr const char* kFormatSteps[] = {kVersion1, kVersion2, kVersion3, kVersion4};
 constexpr drivers::DatabaseFormat kJournalFormat{0x424C434A, "BLCJ", "commit journal",
                                                  kFormatSteps};
 

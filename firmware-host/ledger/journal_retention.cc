@@ -66,6 +66,7 @@ hal::Result<void> DropOldFromJournal(const std::filesystem::path& journal, doubl
       done =
           drop("scan", "DELETE FROM scan WHERE id <= ? AND session NOT IN " + std::string(kInHand));
     }
+    if (done) done = drop("name", "DELETE FROM name WHERE id <= ?");
     if (done) done = drop("tube", "DELETE FROM tube WHERE id <= ? AND id NOT IN " + with_tube);
     if (done) done = drop("change", "DELETE FROM change WHERE id <= ?");
     if (!done) return done;

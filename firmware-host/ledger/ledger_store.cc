@@ -15,6 +15,8 @@ using Type = drivers::Statement::Type;
 
 constexpr char kWriting[] = "the tube ledger cannot be written";
 constexpr char kReading[] = "the tube ledger cannot be read";
+constexpr char kInsertScan[] =
+    "INSERT INTO scan(unix_ms, session, tube, state, detail) VALUES(?, ?, ?, ?, ?)";
 
 }  // namespace
 
@@ -85,16 +87,58 @@ hal::Result<void> LedgerStore::Append(const BenderChange& change, std::vector<Be
 }
 
 hal::Result<void> LedgerStore::Append(const std::string& session, std::optional<std::int64_t> tube,
-                                      ScanFate fate, const std::string& detail, BentTube* bent) {
-  return database_.Transact(kWriting, [&]() -> hal::Result<void> {
-    if (bent != nullptr) {
-      if (auto done = Insert(*bent); !done) return done;
-      tube = bent->id;
-    }
-    return Write(database_,
-                 "INSERT INTO scan(unix_ms, session, tube, state, detail) VALUES(?, ?, ?, ?, ?)",
-                 UnixMilliseconds(), session, tube, Name(fate), detail);
+                                      ScanFate fate, const std::string& detail) {
+  return database_.Transact(kWriting, [&] {
+    return Write(database_, kInsertScan, UnixMilliseconds(), session, tube, Name(fate), detail);
   });
+}
+
+hal::Result<void> LedgerStore::InsertUse(const std::string& session, std::int64_t tube,
+                                         const std::string& detail,
+                                         const std::optional<TubeName>& name) {
+  auto done = Write(database_, kInsertScan, UnixMilliseconds(), session, tube,
+                    Name(ScanFate::kUsed), detail);
+  if (!done || !name) return done;
+  return Write(database_,
+               "INSERT INTO name(unix_ms, session, part_number, name) VALUES(?, ?, ?, ?)",
+               UnixMilliseconds(), session, name->part_number, name->name);
+}
+
+hal::Result<void> LedgerStore::AppendUse(const std::string& session, std::int64_t tube,
+                                         const std::string& detail,
+                                         const std::optional<TubeName>& name) {
+  return database_.Transact(kWriting, [&] { return InsertUse(session, tube, detail, name); });
+}
+
+hal::Result<void> LedgerStore::AppendUse(const std::string& session, BentTube& tube,
+                                         const std::optional<TubeName>& name) {
+  return database_.Transact(kWriting, [&]() -> hal::Result<void> {
+    if (auto done = Insert(tube); !done) return done;
+    return InsertUse(session, tube.id, "", name);
+  });
+}
+
+hal::Result<std::optional<std::string>> LedgerStore::SessionOf(const TubeName& name,
+                                                               const std::string& session) const {
+  auto query = database_.Prepare(
+      "SELECT session FROM name WHERE name = ? AND part_number = ? AND session <> ?"
+      " ORDER BY id DESC LIMIT 1");
+  if (!query) return hal::Fail(query.error());
+  const Outcome outcome =
+      query->Bind(name.name).Bind(std::int64_t{name.part_number}).Bind(session).Step();
+  if (outcome == Outcome::kEnd) return std::nullopt;
+  if (outcome != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
+  return std::string(query->Text(0));
+}
+
+hal::Result<std::optional<TubeName>> LedgerStore::NameOf(const std::string& session) const {
+  auto query = database_.Prepare(
+      "SELECT part_number, name FROM name WHERE session = ? ORDER BY id DESC LIMIT 1");
+  if (!query) return hal::Fail(query.error());
+  const Outcome outcome = query->Bind(session).Step();
+  if (outcome == Outcome::kEnd) return std::nullopt;
+  if (outcome != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
+  return TubeName{static_cast<std::uint32_t>(query->Integer(0)), std::string(query->Text(1))};
 }
 
 hal::Result<std::optional<BenderChange>> LedgerStore::LastChange() const {

@@ -39,6 +39,14 @@ struct BentTube {
   std::string session;  // of that scan
 };
 
+// What somebody calls a tube: the PLC, or a code on it. Each part has names of its own.
+struct TubeName {
+  std::uint32_t part_number = 0;
+  std::string name;
+
+  bool operator==(const TubeName&) const = default;
+};
+
 // What the bender showed when it last showed something new.
 struct BenderChange {
   std::uint32_t parts_bent = 0;
@@ -55,16 +63,26 @@ class LedgerStore {
 
   // A change and the tubes that it brought, all or none; the tubes are given their ids.
   hal::Result<void> Append(const BenderChange& change, std::vector<BentTube>& tubes);
-  // A scan's fate; `tube` where it has one. A new tube that only this scan tells of comes with it
-  // and is given its id.
+  // A scan's fate; `tube` where it has one.
   hal::Result<void> Append(const std::string& session, std::optional<std::int64_t> tube,
-                           ScanFate fate, const std::string& detail, BentTube* bent = nullptr);
+                           ScanFate fate, const std::string& detail);
+  // A scan has used up `tube`, which is called `name`, where it has one.
+  hal::Result<void> AppendUse(const std::string& session, std::int64_t tube,
+                              const std::string& detail, const std::optional<TubeName>& name);
+  // The same of a new tube that only this scan tells of; it is given its id.
+  hal::Result<void> AppendUse(const std::string& session, BentTube& tube,
+                              const std::optional<TubeName>& name);
 
   hal::Result<std::optional<BenderChange>> LastChange() const;
   // The newest since (and with) the last jump of the count, at most `count`, oldest first.
   hal::Result<std::vector<BentTube>> Tubes(std::size_t count) const;
   // Sessions whose last fate is `fate`.
   hal::Result<std::vector<std::string>> Sessions(ScanFate fate) const;
+  // The latest scan but `session` that has used up a tube of this name.
+  hal::Result<std::optional<std::string>> SessionOf(const TubeName& name,
+                                                    const std::string& session) const;
+  // What the tube is called that `session` has used up.
+  hal::Result<std::optional<TubeName>> NameOf(const std::string& session) const;
 
  private:
   explicit LedgerStore(drivers::Database database) : database_(std::move(database)) {}
@@ -72,6 +90,8 @@ class LedgerStore {
   hal::Result<std::int64_t> RowOf(const hal::ProgramBlock& program);
   // The tube is given its id.
   hal::Result<void> Insert(BentTube& tube);
+  hal::Result<void> InsertUse(const std::string& session, std::int64_t tube,
+                              const std::string& detail, const std::optional<TubeName>& name);
 
   drivers::Database database_;
 };

@@ -145,7 +145,8 @@ std::vector<BentTube> TubeLedger::TubesSince(const Sighting& now, std::uint64_t 
   return tubes;
 }
 
-hal::Result<void> TubeLedger::Use(const std::string& session, const TubeMatch& match) {
+hal::Result<void> TubeLedger::Use(const std::string& session, const TubeMatch& match,
+                                  const std::optional<TubeName>& name) {
   if (!match.tube) {
     // Only the scan tells of this tube.
     BentTube tube;
@@ -156,7 +157,7 @@ hal::Result<void> TubeLedger::Use(const std::string& session, const TubeMatch& m
     for (const BentTube& known : tubes_) {
       if (known.session == session) return {};
     }
-    auto kept = store_.Append(session, std::nullopt, ScanFate::kUsed, "", &tube);
+    auto kept = store_.AppendUse(session, tube, name);
     if (kept) tubes_.push_back(std::move(tube));
     while (tubes_.size() > kMostTubes) tubes_.pop_front();
     return kept;
@@ -168,7 +169,7 @@ hal::Result<void> TubeLedger::Use(const std::string& session, const TubeMatch& m
                      "the tube has been used up by " +
                          (tube.session.empty() ? std::string("a later scan") : tube.session));
   }
-  if (auto kept = store_.Append(session, match.tube, ScanFate::kUsed, ""); !kept) return kept;
+  if (auto kept = store_.AppendUse(session, *match.tube, "", name); !kept) return kept;
   std::uint64_t after = 0;
   for (BentTube& tube : tubes_) {
     if (tube.id > *match.tube) ++after;
@@ -179,9 +180,10 @@ hal::Result<void> TubeLedger::Use(const std::string& session, const TubeMatch& m
   return {};
 }
 
-hal::Result<void> TubeLedger::PassOver(const std::string& session, const TubeMatch& match) {
-  if (!match.tube || match.is_stranger()) return {};
-  if (auto kept = store_.Append(session, match.tube, ScanFate::kUsed, "not certain"); !kept) {
+hal::Result<void> TubeLedger::PassOver(const std::string& session, const TubeMatch& match,
+                                       const std::optional<TubeName>& name) {
+  if (!match.tube) return {};
+  if (auto kept = store_.AppendUse(session, *match.tube, "not certain", name); !kept) {
     return kept;
   }
   for (BentTube& tube : tubes_) {

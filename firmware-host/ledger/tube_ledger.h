@@ -50,18 +50,14 @@ struct TubeMatch {
   std::optional<std::string> repeats;
 
   bool passed() const;
-  // Somebody read on the tube that it is another one than expected.
-  bool is_stranger() const;
 };
 
 // Which scan is asked about.
 struct ScanToMatch {
   std::string session;
   std::int64_t began_ns = 0;  // by the ledger's clock
-  // Where somebody tells tubes apart (a code on the tube, a PLC): what was read and what was
-  // expected.
-  std::optional<std::string> identity;
-  std::optional<std::string> expected_identity;
+  // Where somebody tells tubes apart.
+  std::optional<TubeName> name = {};
 };
 
 // The journalled ledger of bent tubes (README.md): what the bender was seen doing goes in by
@@ -80,12 +76,13 @@ class TubeLedger {
   // The tube of a recorded scan, by the id that the ledger gave it then.
   TubeMatch MatchRecorded(const std::string& session, std::int64_t tube) const;
 
-  // Uses up the matched tube and passes over those bent before it. kRefused when it is used up
-  // already. The same session may come again.
-  hal::Result<void> Use(const std::string& session, const TubeMatch& match);
-  // A scan whose tube is not certain: none of those that it may be is taken by a later scan. A
-  // stranger's scan says nothing of the tubes that wait, and leaves them as they are.
-  hal::Result<void> PassOver(const std::string& session, const TubeMatch& match);
+  // Uses up the matched tube, with its name where it has one, and passes over those bent before it.
+  // kRefused when it is used up already. The same session may come again.
+  hal::Result<void> Use(const std::string& session, const TubeMatch& match,
+                        const std::optional<TubeName>& name = {});
+  // A scan whose tube is not certain: none of those that it may be is taken by a later scan.
+  hal::Result<void> PassOver(const std::string& session, const TubeMatch& match,
+                             const std::optional<TubeName>& name = {});
   hal::Result<void> Note(const std::string& session, ScanFate fate, const std::string& detail);
   hal::Result<std::vector<std::string>> Sessions(ScanFate fate) const {
     return store_.Sessions(fate);
@@ -108,6 +105,7 @@ class TubeLedger {
   std::vector<BentTube> TubesSince(const Sighting& now, std::uint64_t bent, bool changed,
                                    std::string& what) const;
   void TakeCycle(const Sighting& now, bool changed, bool ours, bool bent);
+  TubeMatch MatchByName(const ScanToMatch& scan, TubeMatch by_count) const;
   TubeMatch MatchCounted(const ScanToMatch& scan) const;
   TubeMatch MatchEachScan(const ScanToMatch& scan) const;
   bool MatchAgain(const std::string& session, TubeMatch& match) const;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <utility>
 
 #include "firmware-host/ledger/tube_ledger.h"
 
@@ -18,14 +19,6 @@ void Add(TubeMatch& match, InterlockKind kind, bool passed, std::string found, s
   match.checks.push_back({kind, passed, std::move(found), std::move(mend)});
 }
 
-void CheckIdentity(const ScanToMatch& scan, TubeMatch& match) {
-  if (!scan.identity || !scan.expected_identity) return;
-  Add(match, InterlockKind::kTubeIdentity, *scan.identity == *scan.expected_identity,
-      "the tube says that it is '" + *scan.identity + "', expected '" + *scan.expected_identity +
-          "'",
-      "another tube was laid in; scan the tubes in the order in which they were bent");
-}
-
 }  // namespace
 
 bool TubeMatch::passed() const {
@@ -33,16 +26,39 @@ bool TubeMatch::passed() const {
                      [](const TubeCheck& check) { return check.passed; });
 }
 
-bool TubeMatch::is_stranger() const {
-  return std::any_of(checks.begin(), checks.end(), [](const TubeCheck& check) {
-    return check.kind == InterlockKind::kTubeIdentity && !check.passed;
-  });
-}
-
 TubeMatch TubeLedger::Match(const ScanToMatch& scan) const {
   TubeMatch match = rules_.counted ? MatchCounted(scan) : MatchEachScan(scan);
-  CheckIdentity(scan, match);
-  return match;
+  return scan.name ? MatchByName(scan, std::move(match)) : match;
+}
+
+// A name that was used up is that tube once more, whatever was bent since; and what is by the count
+// a tube once more, and has another name, is another one.
+TubeMatch TubeLedger::MatchByName(const ScanToMatch& scan, TubeMatch by_count) const {
+  const auto session = store_.SessionOf(*scan.name, scan.session);
+  const auto known = by_count.repeats ? store_.NameOf(*by_count.repeats)
+                                      : hal::Result<std::optional<TubeName>>(std::nullopt);
+  if (!session || !known) {
+    TubeMatch match;
+    Add(match, InterlockKind::kNewTube, false,
+        "whether the tube was scanned before cannot be told: " +
+            (session ? known : hal::Fail(session.error())).error().message,
+        "check the disk, then scan it again");
+    return match;
+  }
+  if (*session) {
+    TubeMatch match;
+    Add(match, InterlockKind::kNewTube, false,
+        "the tube says that it is '" + scan.name->name + "', which was scanned as " + **session,
+        "the same tube must not be corrected twice; scan the next one");
+    match.repeats = **session;
+    return match;
+  }
+  if (!*known) return by_count;
+  by_count.repeats.reset();
+  Add(by_count, InterlockKind::kTubeIdentity, false,
+      "the tube says that it is '" + scan.name->name + "', expected '" + (*known)->name + "'",
+      "another tube was laid in; scan the tubes in the order in which they were bent");
+  return by_count;
 }
 
 // What the bender must hold now for a correction of this tube to be its next program.

@@ -72,17 +72,17 @@ TEST_F(JournalYears, TakesUpWhatTheFirstReleaseWroteAndRefusesWhatANewerOneDid) 
   EXPECT_EQ(journal->LastSequence().value(), 17u);
   EXPECT_TRUE(journal->NoteVoid(18));
   EXPECT_TRUE(LedgerStore::Open(file()));
-  EXPECT_EQ(Number("PRAGMA user_version"), 3);
+  EXPECT_EQ(Number("PRAGMA user_version"), 4);
   EXPECT_FALSE(SetDamagedJournalAside(file(), kNowMs).value());
 
-  Sql("PRAGMA user_version = 4");
+  Sql("PRAGMA user_version = 5");
   journal = CommitJournal::Open(file());
   ASSERT_FALSE(journal);
   EXPECT_EQ(journal.error().kind, hal::ErrorKind::kBadInput);
   EXPECT_THAT(journal.error().message, HasSubstr("a newer one wrote it"));
   // It is not damaged, and nobody moves it.
   EXPECT_FALSE(SetDamagedJournalAside(file(), kNowMs).value());
-  EXPECT_EQ(Number("PRAGMA user_version"), 4);
+  EXPECT_EQ(Number("PRAGMA user_version"), 5);
 }
 
 TEST_F(JournalYears, ADamagedOneIsMovedAsideAndLocks) {
@@ -136,6 +136,9 @@ TEST_F(JournalYears, LongAgoIsDroppedAndTheNewestAndWhatWaitsStay) {
       "INSERT INTO tube(id, unix_ms, count, program, epoch, doubt) SELECT id, " +
       hours_ago("id") +
       ", id, id, 1, '' FROM attempt;"
+      "INSERT INTO name SELECT id, " +
+      hours_ago("id") +
+      ", session, 77, session FROM attempt;"
       "INSERT INTO program SELECT id, 'block ' || id FROM attempt;"
       "INSERT INTO sequence(number) SELECT id FROM attempt; COMMIT");
   for (int call = 0; call < 3; ++call) ASSERT_TRUE(DropOldFromJournal(file(), 100.01, kNowMs));
@@ -146,6 +149,7 @@ TEST_F(JournalYears, LongAgoIsDroppedAndTheNewestAndWhatWaitsStay) {
   EXPECT_EQ(Number("SELECT min(id) FROM scan"), 7);
   EXPECT_EQ(Number("SELECT count(*) FROM tube"), 2402);
   EXPECT_EQ(Number("SELECT count(*) FROM program"), 2402);
+  EXPECT_EQ(Number("SELECT count(*) FROM name"), 2401);
   EXPECT_EQ(Number("SELECT count(*) FROM sequence"), 3000);
   // However short the limit is, the newest stay.
   for (int call = 0; call < 3; ++call) ASSERT_TRUE(DropOldFromJournal(file(), 0.01, kNowMs));

@@ -49,11 +49,11 @@ class TubeLedgerTest : public ::testing::Test {
     active_ = next;
     Look();
   }
-  TubeMatch Scan(const std::string& session) {
+  TubeMatch Scan(const std::string& session, const std::optional<TubeName>& name = {}) {
     now_ns_ += 1'000'000;
     const std::int64_t began_ns = now_ns_;
     Look();
-    return ledger_->Match({session, began_ns, {}, {}});
+    return ledger_->Match({session, began_ns, name});
   }
   static const pipeline::TubeCheck* Failed(const TubeMatch& match) {
     for (const auto& check : match.checks) {
@@ -127,7 +127,7 @@ TEST_F(TubeLedgerTest, ATubeCountedJustWhenTheScanBeganMayBeTheLastOneAgain) {
   ASSERT_TRUE(ledger_->Use("part-0001", match));
   const std::int64_t began_ns = now_ns_ + 1'000'000;
   Bend();
-  ExpectHeld(ledger_->Match({"part-0002", began_ns, {}, {}}), InterlockKind::kNewTube,
+  ExpectHeld(ledger_->Match({"part-0002", began_ns}), InterlockKind::kNewTube,
              "just when the scan began");
   EXPECT_TRUE(Scan("part-0003").passed());
 }
@@ -139,7 +139,7 @@ TEST_F(TubeLedgerTest, AFirstLookKnowsNoTube) {
 }
 
 TEST_F(TubeLedgerTest, ABenderThatNeverAnsweredIsSaidSo) {
-  ExpectHeld(ledger_->Match({"part-0001", 5, {}, {}}), InterlockKind::kTubeCount, "not told");
+  ExpectHeld(ledger_->Match({"part-0001", 5}), InterlockKind::kTubeCount, "not told");
 }
 
 TEST_F(TubeLedgerTest, ARestartForgetsNothing) {
@@ -297,25 +297,60 @@ TEST_F(TubeLedgerTest, TubesLeftOutAreMissedOnlyWhereTheirProgramsDiffer) {
   EXPECT_TRUE(Scan("part-0003").passed());
 }
 
-TEST_F(TubeLedgerTest, ATubeWithAnotherNameIsHeld) {
+TEST_F(TubeLedgerTest, ATubeWithAnotherNameIsHeldAndUsesNothingUp) {
   Look();
   Look();
   Bend();
-  Look();
-  ExpectHeld(ledger_->Match({"part-0001", now_ns_, "A17", "A16"}), InterlockKind::kTubeIdentity,
-             "'A17', expected 'A16'");
+  const TubeName a16{77, "A16"};
+  const TubeMatch first = Scan("part-0001", a16);
+  ASSERT_TRUE(ledger_->Use("part-0001", first, a16));
+  const TubeName a17{77, "A17"};
+  const TubeMatch stranger = Scan("part-0002", a17);
+  EXPECT_EQ(stranger.checks.back().kind, InterlockKind::kTubeIdentity);
+  EXPECT_THAT(stranger.checks.back().found, HasSubstr("'A17', expected 'A16'"));
+  EXPECT_FALSE(stranger.passed());
+  EXPECT_FALSE(stranger.repeats);
+  ASSERT_TRUE(ledger_->PassOver("part-0002", stranger, a17));
+  Bend();
+  EXPECT_TRUE(Scan("part-0003", a17).passed());
 }
 
-TEST_F(TubeLedgerTest, AStrangersScanUsesNoTubeUp) {
+// Whatever the count says, and over a restart: the database knows.
+TEST_F(TubeLedgerTest, ANameThatWasUsedUpIsThatTubeOnceMore) {
   Look();
   Look();
   Bend();
+  const TubeName name{77, "COIL 7/T-1"};
+  const TubeMatch first = Scan("part-0001", name);
+  EXPECT_TRUE(first.passed());
+  ASSERT_TRUE(ledger_->Use("part-0001", first, name));
+  // The same scan, after a wait for the bender.
+  EXPECT_TRUE(Scan("part-0001", name).passed());
+
+  Reopen({});
   Look();
-  const TubeMatch stranger = ledger_->Match({"part-0001", now_ns_, "A17", "A16"});
-  ASSERT_TRUE(ledger_->PassOver("part-0001", stranger));
-  const TubeMatch match = ledger_->Match({"part-0002", now_ns_, "A16", "A16"});
-  EXPECT_TRUE(match.passed());
-  EXPECT_EQ(match.tube, stranger.tube);
+  Look();
+  Bend();
+  const TubeMatch again = Scan("part-0002", name);
+  ExpectHeld(again, InterlockKind::kNewTube, "'COIL 7/T-1', which was scanned as part-0001");
+  EXPECT_EQ(again.repeats, "part-0001");
+  EXPECT_FALSE(again.tube);
+  // Another part's tube may have the same name, and the one that was bent waits still.
+  EXPECT_TRUE(Scan("part-0002", TubeName{78, "COIL 7/T-1"}).passed());
+}
+
+TEST_F(TubeLedgerTest, ATubeThatIsPassedOverKeepsItsName) {
+  Look();
+  Look();
+  active_ = Program(77, 0, 96);
+  Bend();
+  const TubeName name{77, "T-1"};
+  const TubeMatch doubtful = Scan("part-0001", name);
+  ExpectHeld(doubtful, InterlockKind::kTubeProgram, "the program was changed");
+  ASSERT_TRUE(ledger_->PassOver("part-0001", doubtful, name));
+  Look();
+  Bend();
+  ExpectHeld(Scan("part-0002", name), InterlockKind::kNewTube, "scanned as part-0001");
 }
 
 TEST_F(TubeLedgerTest, TheLastTubesOfABatchAreNotTakenForTheLastOneAgain) {
@@ -343,7 +378,7 @@ TEST_F(TubeLedgerTest, WithoutACountEachScanIsANewTubeOfTheProgramAtItsStart) {
   const std::int64_t began_ns = now_ns_;
   active_ = Program(77, 0, 96);
   Look();
-  const TubeMatch edited = ledger_->Match({"part-0002", began_ns, {}, {}});
+  const TubeMatch edited = ledger_->Match({"part-0002", began_ns});
   EXPECT_EQ(edited.bent_with, bent);
   EXPECT_EQ(edited.expected, bent);  // the bender holds another one: nothing is sent
 }
