@@ -10,6 +10,7 @@
 
 #include "config/load.h"
 #include "firmware-host/cell/part_plan.h"
+#include "firmware-host/cell/part_shelf.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/console/wrap.h"
@@ -30,6 +31,7 @@ constexpr const char* kInstalledCell = "/etc/bendloop/cell.toml";
 struct SetterArguments {
   std::string config;
   std::string part;
+  std::uint32_t part_number = 0;  // 0: the cell file's own, of a daemon the one that is set
   double patience_s = 30;
   bool json = false;
   bool send = false;
@@ -37,17 +39,21 @@ struct SetterArguments {
 
 constexpr const char* kLotFooter = R"(
 Examples:
-  bendloop lot show                        what the correction has learnt, and of
-                                           how many parts
+  bendloop lot show                        what the correction has learnt, and
+                                           of how many parts
   bendloop lot new                         another coil: springback and stretch
                                            are open again
   bendloop lot hold                        measure and learn, change no program
-  bendloop lot release --config cell.toml  of another cell than the installed one
+  bendloop lot release --config cell.toml  of a cell that is not installed
+  bendloop lot show --part-number 1002     another part of the cell's parts_dir
 
-With a daemon the request reaches it through requests/ in its state directory
-and is granted between two parts; without one it is done at once. Who asked,
-when and what became of it stand in requests.log. Exit codes: 1 refused; 3 a bad
-file; 4 no answer from daemon or bender.)";
+Each part of the cell's parts_dir has a lot of its own. Without a number 'show'
+is of the cell file's part, and what is asked for is of the part that the PLC
+has set; where no daemon runs, of the cell file's. With a daemon the request
+reaches it through requests/ in its state directory and is granted between two
+parts; without one it is done at once. Who asked, when and what became of it
+stand in requests.log. Exit codes: 1 refused; 3 a bad file; 4 no answer from
+daemon or bender.)";
 
 constexpr const char* kUndoFooter = R"(
 Examples:
@@ -94,9 +100,46 @@ int Tell(const SetterAnswer& answer, bool json) {
   return code;
 }
 
+// The parts of a cell, for a command.
+class CellParts {
+ public:
+  using Part = std::shared_ptr<const PartPlan>;
+
+  static hal::Result<CellParts> Open(config::CellConfig cell) {
+    auto own = MakePartPlan(cell);
+    if (!own) return hal::Fail(own.error());
+    return CellParts(std::move(cell), std::make_shared<const PartPlan>(std::move(*own)));
+  }
+  const PartPlan& own() const { return *own_; }
+  // 0: the cell file's own.
+  hal::Result<Part> Of(std::uint32_t number) const {
+    const PartShelf::Choice choice = PartShelf(cell_, own_, clock_).Select(number);
+    if (!choice.part) return hal::Fail(hal::ErrorKind::kBadInput, choice.detail);
+    return choice.part;
+  }
+  // As the state directory's files count them.
+  std::uint32_t LotFileOf(const PartPlan& part) const {
+    return part.part_number == own_->part_number ? 0 : part.part_number;
+  }
+
+ private:
+  CellParts(config::CellConfig cell, Part own) : cell_(std::move(cell)), own_(std::move(own)) {}
+
+  config::CellConfig cell_;
+  Part own_;
+  hal::SteadyClock clock_;
+};
+
 // Without a daemon: by itself, with the state directory held.
-hal::Result<SetterAnswer> DoAlone(SetterWish wish, const config::CellConfig& cell,
-                                  const PartPlan& plan, StateStore& store, hal::Clock& clock) {
+hal::Result<SetterAnswer> DoAlone(SetterWish wish, std::uint32_t part_number,
+                                  const config::CellConfig& cell, const CellParts& parts,
+                                  StateStore& store, hal::Clock& clock) {
+  const auto asked = parts.Of(part_number);
+  if (!asked) return hal::Fail(asked.error());
+  const PartPlan& plan = **asked;
+  // One that is damaged is not written over.
+  auto lot = store.Lot(plan.config_digest, parts.LotFileOf(plan));
+  if (!lot) return hal::Fail(lot.error());
   BenderDesk::Options options;
   options.journal = store.journal();
   options.pipe_radius_mm = plan.pipe_radius_mm;
@@ -107,39 +150,38 @@ hal::Result<SetterAnswer> DoAlone(SetterWish wish, const config::CellConfig& cel
   if (!config::IsReal(bender.link)) bender.link = config::BenderKind::kNone;
   auto desk = BenderDesk::Open(bender, options, clock);
   if (!desk) return hal::Fail(desk.error());
-  SetterDesk setter(
-      {&plan, desk->get(),
-       [&] {
-         auto lot = store.Lot(plan.config_digest);
-         return lot ? *lot : std::nullopt;
-       },
-       [&](const pipeline::LotState& lot) { return store.KeepLot(lot, plan.config_digest); },
-       store.requests_log()});
-  return setter.Grant({wish, OwnUser(), UtcText(SystemMoment().unix_ms)});
+  SetterDesk setter({[&](std::uint32_t) -> hal::Result<SetterPorts::Part> { return *asked; },
+                     desk->get(), [&](const PartPlan&) { return *lot; },
+                     [&](const PartPlan& part, const pipeline::LotState& kept) {
+                       return store.KeepLot(kept, part.config_digest, parts.LotFileOf(part));
+                     },
+                     store.requests_log()});
+  return setter.Grant({wish, OwnUser(), UtcText(SystemMoment().unix_ms), part_number});
 }
 
 int Ask(SetterWish wish, const SetterArguments& arguments) {
   const auto cell = config::LoadCell(arguments.config);
   if (!cell) return Report(cell.error());
-  const auto plan = MakePartPlan(*cell);
-  if (!plan) return Report(plan.error());
+  const auto parts = CellParts::Open(*cell);
+  if (!parts) return Report(parts.error());
   hal::SteadyClock clock;
   auto store = StateStore::Open(cell->state_dir);
   hal::Result<SetterAnswer> answer;
   if (store) {
-    if (auto lot = store->Lot(plan->config_digest); !lot) return Report(lot.error());
-    answer = DoAlone(wish, *cell, *plan, *store, clock);
+    answer = DoAlone(wish, arguments.part_number, *cell, *parts, *store, clock);
   } else {
-    answer =
-        SetterBox(cell->state_dir)
-            .Ask(wish, std::chrono::nanoseconds(std::llround(arguments.patience_s * 1e9)), clock);
+    answer = SetterBox(cell->state_dir)
+                 .Ask(wish, arguments.part_number,
+                      std::chrono::nanoseconds(std::llround(arguments.patience_s * 1e9)), clock);
   }
   if (!answer) return Report(answer.error());
   return Tell(*answer, arguments.json);
 }
 
-Json LotSummary(const pipeline::LotState& lot) {
+Json LotSummary(const PartPlan& part, const pipeline::LotState& lot) {
   Json json = {{"schema", "bendloop.lot-summary/1"},
+               {"part", part.part},
+               {"part_number", part.part_number},
                {"number", lot.number},
                {"parts", lot.parts},
                {"held", lot.held},
@@ -172,23 +214,26 @@ Json LotSummary(const pipeline::LotState& lot) {
 int ShowLot(const SetterArguments& arguments) {
   const auto cell = config::LoadCell(arguments.config);
   if (!cell) return Report(cell.error());
-  const auto plan = MakePartPlan(*cell);
-  if (!plan) return Report(plan.error());
+  const auto parts = CellParts::Open(*cell);
+  if (!parts) return Report(parts.error());
+  const auto part = parts->Of(arguments.part_number);
+  if (!part) return Report(part.error());
   // Written whole or not at all: it may be read beside the daemon.
-  const auto lot = ReadLotOf(cell->state_dir, plan->config_digest);
+  const auto lot = ReadLotOf(cell->state_dir, (*part)->config_digest, parts->LotFileOf(**part));
   if (!lot) return Report(lot.error());
   const pipeline::LotState none;
-  const Json json = LotSummary(*lot ? **lot : none);
+  const Json json = LotSummary(**part, *lot ? **lot : none);
   if (arguments.json) {
     std::cout << Dump(json, 2) << std::endl;
     return 0;
   }
+  const std::string of_part = "part " + std::to_string((*part)->part_number) + ": ";
   if (!*lot) {
-    std::cout << "no lot yet: the next part begins one" << std::endl;
+    std::cout << of_part << "no lot yet: its next tube begins one" << std::endl;
     return 0;
   }
   std::ostringstream text;
-  text << "lot " << (*lot)->number << ", " << (*lot)->parts
+  text << of_part << "lot " << (*lot)->number << ", " << (*lot)->parts
        << ((*lot)->parts == 1 ? " part" : " parts")
        << ((*lot)->held ? ", HELD: no program is changed" : "") << "; of all lots "
        << (*lot)->parts_of_all_lots << " parts, " << (*lot)->slips << " slips, " << (*lot)->jumps
@@ -222,35 +267,51 @@ int ShowLot(const SetterArguments& arguments) {
   return 0;
 }
 
-int FirstProgram(SetterArguments arguments) {
-  if (arguments.send && !arguments.part.empty()) {
-    return Report({hal::ErrorKind::kUsage,
-                   "--send goes by the cell's own part: leave out --part; try bendloop "
-                   "first-program --help"});
+struct PlainPart {
+  std::string name;
+  hal::BendProgram nominal;
+  pipeline::Material material;
+};
+
+// Of the part file, or of the cell's part.
+hal::Result<PlainPart> MaterialAndNominal(const SetterArguments& arguments) {
+  if (arguments.config.empty()) {
+    const auto part = config::LoadPart(arguments.part);
+    if (!part) return hal::Fail(part.error());
+    const auto nominal = NominalProgram(*part);
+    if (!nominal) return hal::Fail(nominal.error());
+    return PlainPart{part->name, *nominal, MaterialOf(*part)};
   }
-  if (arguments.send && arguments.config.empty()) arguments.config = kInstalledCell;
+  auto cell = config::LoadCell(arguments.config);
+  if (!cell) return hal::Fail(cell.error());
+  const auto parts = CellParts::Open(std::move(*cell));
+  if (!parts) return hal::Fail(parts.error());
+  const auto part = parts->Of(arguments.part_number);
+  if (!part) return hal::Fail(part.error());
+  return PlainPart{(*part)->part, (*part)->nominal, (*part)->correction.material};
+}
+
+int FirstProgram(SetterArguments arguments) {
+  const bool of_cell = arguments.send || arguments.part_number != 0;
+  if (of_cell && !arguments.part.empty()) {
+    return Report(
+        {hal::ErrorKind::kUsage,
+         "--send and --part-number go by the cell's parts: leave out --part; try bendloop "
+         "first-program --help"});
+  }
+  if (of_cell && arguments.config.empty()) arguments.config = kInstalledCell;
   if (arguments.part.empty() == arguments.config.empty()) {
     return Report({hal::ErrorKind::kUsage,
                    "expected either --part or --config; try bendloop first-program --help"});
   }
   if (arguments.send) return Ask(SetterWish::kFirstProgram, arguments);
-  config::PartConfig part;
-  if (arguments.config.empty()) {
-    auto loaded = config::LoadPart(arguments.part);
-    if (!loaded) return Report(loaded.error());
-    part = std::move(*loaded);
-  } else {
-    auto cell = config::LoadCell(arguments.config);
-    if (!cell) return Report(cell.error());
-    part = std::move(cell->part);
-  }
-  const auto nominal = NominalProgram(part);
-  if (!nominal) return Report(nominal.error());
-  const auto first = pipeline::InitialProgram(*nominal, MaterialOf(part));
+  const auto part = MaterialAndNominal(arguments);
+  if (!part) return Report(part.error());
+  const auto first = pipeline::InitialProgram(part->nominal, part->material);
   if (!first) return Report(first.error());
   if (arguments.json) {
     std::cout << Dump({{"schema", "bendloop.first-program/1"},
-                       {"part", part.name},
+                       {"part", part->name},
                        {"rows", RowsJson(*first)}},
                       2)
               << std::endl;
@@ -268,6 +329,13 @@ int FirstProgram(SetterArguments arguments) {
   }
   std::cout << table.Render(false) << std::flush;
   return 0;
+}
+
+void AddPartNumber(CLI::App* command, const std::shared_ptr<SetterArguments>& arguments) {
+  command
+      ->add_option("--part-number", arguments->part_number,
+                   "A part of the cell's parts_dir, by its number")
+      ->check(CLI::PositiveNumber);
 }
 
 void AddConfig(CLI::App* command, const std::shared_ptr<SetterArguments>& arguments) {
@@ -291,6 +359,7 @@ CLI::App* AddWish(CLI::App& under, Run& run, const char* name, const char* what,
   CLI::App* command = under.add_subcommand(name, what);
   command->footer(footer);
   AddConfig(command, arguments);
+  if (wish != SetterWish::kAcknowledge) AddPartNumber(command, arguments);
   AddPatience(command, arguments);
   command->callback(
       [arguments, wish, &run] { run = [arguments, wish] { return Ask(wish, *arguments); }; });
@@ -308,6 +377,7 @@ CLI::App* AddLotCommand(CLI::App& app, Run& run) {
   CLI::App* show = lot->add_subcommand("show", "What is known of the lot");
   show->footer(kLotFooter);
   AddConfig(show, arguments);
+  AddPartNumber(show, arguments);
   show->callback([arguments, &run] { run = [arguments] { return ShowLot(*arguments); }; });
   AddWish(*lot, run, "new", "Another coil or tool: a new lot begins", kLotFooter,
           SetterWish::kNewLot);
@@ -334,6 +404,7 @@ CLI::App* AddFirstProgramCommand(CLI::App& app, Run& run) {
   command->add_option("--part", arguments->part, "The part file")->type_name("PART.toml");
   command->add_option("--config", arguments->config, "The cell file; its part")
       ->type_name("CELL.toml");
+  AddPartNumber(command, arguments);
   command->add_flag("--send", arguments->send, "Send it to the cell's bender");
   command->add_flag("--json", arguments->json, "JSON instead of text");
   AddPatience(command, arguments);

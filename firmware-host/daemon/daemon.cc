@@ -473,13 +473,15 @@ void Daemon::Impl::ServePeople() {
   ShowLock();
   alarms_.Look(board_.Get());
   keeper_.KeepAlarms(alarms_.TakeNews());
-  const PartPlan& part = parts_.shown();
-  SetterDesk desk({&part, desk_.get(), [&] { return keeper_.Lot(part); },
-                   [&](const pipeline::LotState& lot) { return keeper_.SetLot(part, lot); },
+  SetterDesk desk({[this](std::uint32_t number) { return parts_.Of(number); }, desk_.get(),
+                   [this](const PartPlan& part) { return keeper_.Lot(part); },
+                   [this](const PartPlan& part, const pipeline::LotState& lot) {
+                     return keeper_.SetLot(part, lot);
+                   },
                    store_.requests_log()});
   if (parts_.is_known() && plc_.AsksForLot()) {
     const SetterAnswer answer =
-        desk.Grant({SetterWish::kNewLot, "the PLC", UtcText(SystemMoment().unix_ms)});
+        desk.Grant({SetterWish::kNewLot, "the PLC", UtcText(SystemMoment().unix_ms), 0});
     spdlog::warn("the PLC asked for a new lot: {}{}", answer.error ? "refused, " : "", answer.text);
     if (!answer.error) plc_.LotBegun();
     ShowLot();
@@ -487,7 +489,9 @@ void Daemon::Impl::ServePeople() {
   SetterBox(store_.directory()).Serve([&](const SetterRequest& request) {
     const SetterAnswer answer = desk.Grant(request);
     if (request.wish == SetterWish::kAcknowledge && !answer.error) alarms_.board().Acknowledge();
-    spdlog::warn("{} asked for '{}': {}{}", request.who, Name(request.wish),
+    const std::string of_part =
+        request.part_number == 0 ? "" : " of part " + std::to_string(request.part_number);
+    spdlog::warn("{} asked for '{}'{}: {}{}", request.who, Name(request.wish), of_part,
                  answer.error ? "refused, " : "", answer.text);
     ShowLot();
     return answer;

@@ -25,6 +25,14 @@ bool PartSetter::Set(const hal::PlcOrders& orders) {
   return true;
 }
 
+hal::Result<PartSetter::Part> PartSetter::Of(std::uint32_t number) {
+  if (number == 0) return set_ ? set_ : own_;
+  const PartShelf::Choice choice = shelf_.Select(number);
+  if (!choice.part) return hal::Fail(hal::ErrorKind::kBadInput, choice.detail);
+  if (auto taken = keeper_.TakeUp(*choice.part); !taken) return hal::Fail(taken.error());
+  return choice.part;
+}
+
 hal::Result<PartSetter::Part> PartSetter::OfScan(const hal::PlcOrders& orders) {
   Set(orders);
   if (!set_) return hal::Fail(hal::ErrorKind::kRefused, problem_);

@@ -35,6 +35,9 @@ class PartSetter {
   // The part of the scan that begins; kRefused where it is not known.
   hal::Result<Part> OfScan(const hal::PlcOrders& orders);
 
+  // The part that a setter means: 0 for the one that shown() is; kBadInput where there is none.
+  hal::Result<Part> Of(std::uint32_t number);
+
   const PartPlan& own() const { return *own_; }
   bool is_known() const { return set_ != nullptr; }
   std::uint32_t number() const { return set_ ? set_->part_number : 0; }  // 0: it is not known

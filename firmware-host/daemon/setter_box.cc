@@ -76,6 +76,7 @@ hal::Result<SetterRequest> ReadRequest(const fs::path& file) {
   SetterRequest request;
   const auto wish = WishNamed(reader.At("request").Text());
   if (!wish) reader.At("request").WrongText("\"lot new\", \"undo\" or another request");
+  if (reader.Has("part_number")) request.part_number = reader.At("part_number").Count32();
   if (error) return hal::Fail(*error);
   request.wish = *wish;
   request.who = UserName(facts.st_uid);
@@ -91,13 +92,15 @@ std::string OwnUser() {
   return caller != nullptr && *caller != '\0' ? std::string(caller) + " as " + own : own;
 }
 
-hal::Result<SetterAnswer> SetterBox::Ask(SetterWish wish, std::chrono::nanoseconds patience,
+hal::Result<SetterAnswer> SetterBox::Ask(SetterWish wish, std::uint32_t part_number,
+                                         std::chrono::nanoseconds patience,
                                          hal::Clock& clock) const {
   const std::string name =
       std::to_string(SystemMoment().unix_ms) + "-" + std::to_string(::getpid());
   const fs::path request = box_ / (name + kRequestEnd);
   const fs::path answer = box_ / (name + kAnswerEnd);
-  const Json json = {{"schema", "bendloop.request/1"}, {"request", Name(wish)}};
+  Json json = {{"schema", "bendloop.request/1"}, {"request", Name(wish)}};
+  if (part_number != 0) json["part_number"] = part_number;
   if (::access(box_.c_str(), W_OK) != 0 && errno == EACCES) {
     return hal::Fail(hal::ErrorKind::kDevice,
                      box_.string() + ": " + OwnUser() +

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 
@@ -19,9 +20,9 @@ class SetterBox {
   explicit SetterBox(const std::filesystem::path& state_dir) : box_(state_dir / "requests") {}
 
   // Of the command: waits for the daemon, which answers between two parts. kDevice when it does not
-  // take the request in that time; it is withdrawn then.
-  hal::Result<SetterAnswer> Ask(SetterWish wish, std::chrono::nanoseconds patience,
-                                hal::Clock& clock) const;
+  // take the request in that time; it is withdrawn then. `part_number` as in SetterRequest.
+  hal::Result<SetterAnswer> Ask(SetterWish wish, std::uint32_t part_number,
+                                std::chrono::nanoseconds patience, hal::Clock& clock) const;
   // Of the daemon: answers whatever lies in the box.
   void Serve(const std::function<SetterAnswer(const SetterRequest&)>& grant) const;
 

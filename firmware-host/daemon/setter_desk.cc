@@ -51,6 +51,9 @@ SetterAnswer SetterDesk::Grant(const SetterRequest& request) {
 }
 
 SetterAnswer SetterDesk::Do(const SetterRequest& request) {
+  auto part = ports_.part(request.part_number);
+  if (!part) return No(part.error());
+  plan_ = std::move(*part);
   switch (request.wish) {
     case SetterWish::kNewLot:
       return NewLot();
@@ -69,28 +72,28 @@ SetterAnswer SetterDesk::Do(const SetterRequest& request) {
 }
 
 SetterAnswer SetterDesk::NewLot() {
-  const auto lot = ports_.lot();
+  const auto lot = Lot();
   if (!lot || lot->hypotheses.empty()) {
     return {std::nullopt, "there is no lot yet: the next part begins one"};
   }
   hal::BendProgram base = lot->base;
   // Where the bender answers, the new lot's limits count from what it holds.
   if (const auto active = ActiveOfThisPart()) base = active->program;
-  const auto next = pipeline::NextLot(*lot, base, ports_.plan->correction);
+  const auto next = pipeline::NextLot(*lot, base, plan_->correction);
   return Keep(next,
               "lot " + std::to_string(next.number) +
                   " begins; what is each bend's own is kept, springback and stretch are open");
 }
 
 SetterAnswer SetterDesk::HoldLot(bool held) {
-  pipeline::LotState lot = ports_.lot().value_or(pipeline::LotState{});
+  pipeline::LotState lot = Lot().value_or(pipeline::LotState{});
   lot.held = held;
   return Keep(lot, held ? "the lot is held: parts are measured and learnt from, no program changes"
                         : "the lot is released: programs are corrected again");
 }
 
 SetterAnswer SetterDesk::Keep(const pipeline::LotState& lot, const std::string& said) {
-  if (auto kept = ports_.keep_lot(lot); !kept) return No(kept.error());
+  if (auto kept = ports_.keep_lot(*plan_, lot); !kept) return No(kept.error());
   return {std::nullopt, said};
 }
 
@@ -98,14 +101,14 @@ hal::Result<hal::ProgramBlock> SetterDesk::ActiveOfThisPart() {
   const BenderReading now = ports_.desk->Look();
   if (!now.facts) return hal::Fail(hal::ErrorKind::kDevice, now.problem);
   const hal::ProgramBlock& active = now.facts->active;
-  const std::size_t rows = ports_.plan->nominal.rows.size();
-  if (active.part_number == ports_.plan->part_number && active.program.rows.size() == rows) {
+  const std::size_t rows = plan_->nominal.rows.size();
+  if (active.part_number == plan_->part_number && active.program.rows.size() == rows) {
     return active;
   }
   return hal::Fail(hal::ErrorKind::kRefused,
                    "nothing was sent: the bender holds part " + std::to_string(active.part_number) +
                        " with " + std::to_string(active.program.rows.size()) +
-                       " rows, this cell makes part " + std::to_string(ports_.plan->part_number) +
+                       " rows, this cell makes part " + std::to_string(plan_->part_number) +
                        " with " + std::to_string(rows) +
                        "; load this part's program at the bender first");
 }
@@ -140,17 +143,16 @@ SetterAnswer SetterDesk::Acknowledge(const SetterRequest& request) {
 }
 
 SetterAnswer SetterDesk::SendFirstProgram(const SetterRequest& request) {
-  const auto first =
-      pipeline::InitialProgram(ports_.plan->nominal, ports_.plan->correction.material);
+  const auto first = pipeline::InitialProgram(plan_->nominal, plan_->correction.material);
   if (!first) return No(first.error());
   const auto active = ActiveOfThisPart();
   if (!active) return No(active.error());
   SetterAnswer answer = Send(request, *active, *first);
   if (answer.error) return answer;
-  const auto lot = ports_.lot();
+  const auto lot = Lot();
   if (lot && !lot->hypotheses.empty()) {
     const SetterAnswer kept =
-        Keep(pipeline::NextLot(*lot, *first, ports_.plan->correction), "a new lot begins");
+        Keep(pipeline::NextLot(*lot, *first, plan_->correction), "a new lot begins");
     answer.text += "; " + kept.text;
   }
   return answer;
@@ -173,11 +175,10 @@ SetterAnswer SetterDesk::Send(const SetterRequest& request, const hal::ProgramBl
 }
 
 hal::Result<void> SetterDesk::Log(const SetterRequest& request, const std::string& end) const {
-  const std::string line = Dump({{"time", request.time},
-                                 {"who", request.who},
-                                 {"request", Name(request.wish)},
-                                 {"end", end}}) +
-                           "\n";
+  Json entry = {{"time", request.time}, {"who", request.who}, {"request", Name(request.wish)}};
+  if (request.part_number != 0) entry["part_number"] = request.part_number;
+  entry["end"] = end;
+  const std::string line = Dump(entry) + "\n";
   const auto fail = [&] {
     return hal::Fail(hal::ErrorKind::kDevice, ports_.log.string() + ": cannot be written: " +
                                                   std::generic_category().message(errno) +

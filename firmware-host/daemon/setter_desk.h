@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -29,8 +30,9 @@ std::optional<SetterWish> WishNamed(const std::string& name);
 
 struct SetterRequest {
   SetterWish wish = SetterWish::kNewLot;
-  std::string who;   // the user, as the machine knows him
-  std::string time;  // ISO 8601
+  std::string who;                // the user, as the machine knows him
+  std::string time;               // ISO 8601
+  std::uint32_t part_number = 0;  // whose lot and program; 0: the part that the cell makes now
 };
 
 // What became of it: done, or the error's kind with its reason.
@@ -41,10 +43,12 @@ struct SetterAnswer {
 
 // What the desk needs of its cell, whoever runs it; all outlive it.
 struct SetterPorts {
-  const PartPlan* plan = nullptr;
+  using Part = std::shared_ptr<const PartPlan>;
+
+  std::function<hal::Result<Part>(std::uint32_t number)> part;  // 0: as SetterRequest says
   BenderDesk* desk = nullptr;
-  std::function<std::optional<pipeline::LotState>()> lot;
-  std::function<hal::Result<void>(const pipeline::LotState&)> keep_lot;
+  std::function<std::optional<pipeline::LotState>(const PartPlan&)> lot;
+  std::function<hal::Result<void>(const PartPlan&, const pipeline::LotState&)> keep_lot;
   std::filesystem::path log;  // a JSON line for each request, flushed
 };
 
@@ -68,7 +72,10 @@ class SetterDesk {
   SetterAnswer Keep(const pipeline::LotState& lot, const std::string& said);
   hal::Result<void> Log(const SetterRequest& request, const std::string& end) const;
 
+  std::optional<pipeline::LotState> Lot() const { return ports_.lot(*plan_); }
+
   SetterPorts ports_;
+  SetterPorts::Part plan_;  // of the request
 };
 
 }  // namespace bendloop::host

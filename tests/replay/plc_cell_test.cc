@@ -15,6 +15,9 @@ namespace {
 
 using hal::CellState;
 using hal::TubeVerdict;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 constexpr std::uint32_t kDemo = 1001;
 constexpr std::uint32_t kElbow = 1002;
@@ -72,6 +75,10 @@ class PlcCell : public LiveCell {
     part_ = number;
     bender().Say(With([&](hal::PlcOrders& said) { said.part_number = number; }));
     ASSERT_TRUE(Told([&](const auto& cell) { return cell.part_set == number; })) << log();
+  }
+
+  Ran Ask(const std::string& what) const {
+    return scratch().Bendloop(what + " --config " + cell_file());
   }
 
   template <class Condition>
@@ -137,7 +144,7 @@ void SetWrongParts(PlcCell& cell, int& tube, std::uint32_t part) {
   cell.Write("twin", PartText(1004, rows));
   cell.Write("other-twin", PartText(1004, rows));
   for (const auto& [number, alarm] : {std::pair{9999u, 4010u}, std::pair{1004u, 4011u}}) {
-    cell.bender().Say(With([&](hal::PlcOrders& said) { said.part_number = number; }));
+    cell.bender().Say(With([number = number](hal::PlcOrders& said) { said.part_number = number; }));
     ASSERT_TRUE(cell.Told([alarm = alarm](const auto& told) {
       return told.alarm == alarm && told.state == CellState::kFault && told.part_set == 0;
     })) << cell.log();
@@ -221,8 +228,20 @@ TEST(PlcCell, SixtyTubesUnattended) {
   EXPECT_EQ(told.passed + told.failed + told.undecided + told.held, told.tubes);
   EXPECT_GE(told.held, 2u);
   EXPECT_NE(told.heartbeat, beat);
+  // Each part has a lot of its own, which setters reach by its number, beside a daemon and without.
+  const Ran held = cell.Ask("lot hold --part-number 1002");
+  EXPECT_EQ(held.code, 0) << held.err;
+  EXPECT_EQ(cell.Ask("lot hold --part-number 9999").code, 3);
   cell.StopDaemon();
-  // Each part has a lot of its own, and the history knows all of them.
+  EXPECT_THAT(cell.Ask("lot show --part-number 1002").out,
+              AllOf(HasSubstr("part 1002: lot 2, "), HasSubstr("HELD")));
+  const Ran released = cell.Ask("lot release --part-number 1002");
+  EXPECT_EQ(released.code, 0) << released.err;
+  for (const char* part : {"1002", "1003"}) {
+    const Ran shown = cell.Ask("lot show --part-number " + std::string(part));
+    EXPECT_THAT(shown.out, Not(HasSubstr("HELD"))) << shown.err;
+  }
+  // And the history knows all of them.
   for (const char* lot : {"lot.json", "lot-1002.json", "lot-1003.json"}) {
     EXPECT_TRUE(std::filesystem::exists(cell.scratch() / "state" / lot)) << lot;
   }
