@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -7,6 +9,8 @@
 #include <iostream>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "config/load.h"
 #include "config/object_dictionary.h"
@@ -14,6 +18,7 @@
 #include "drivers/simulated_bender/rule_mutant.h"
 #include "drivers/simulated_bender/simulated_bender.h"
 #include "firmware-host/result/program_json.h"
+#include "firmware-host/simulators/plc_console.h"
 #include "firmware-host/simulators/simulator_main.h"
 
 namespace bendloop::host {
@@ -50,11 +55,40 @@ hal::Result<hal::BendProgram> ReadProgram(const std::string& file) {
   return program;
 }
 
+hal::Result<void> Say(SimulatedBender& bender, const hal::RegisterMap& map,
+                      std::string_view words) {
+  const auto orders = PlcOrderOf(words, map.orders);
+  if (!orders) return hal::Fail(orders.error());
+  bender.Say(*orders);
+  return {};
+}
+
+// "PROGRAM.json PART": another program at the panel, keyed in.
+hal::Result<void> Load(SimulatedBender& bender, const std::string& words) {
+  const std::size_t blank = words.rfind(' ');
+  hal::ProgramBlock block;
+  const char* const end = words.data() + words.size();
+  if (blank == std::string::npos ||
+      std::from_chars(words.data() + blank + 1, end, block.part_number).ptr != end) {
+    return hal::Fail(hal::ErrorKind::kUsage,
+                     "load \"" + words + "\": expected a program's file and its part number");
+  }
+  auto program = ReadProgram(words.substr(0, blank));
+  if (!program) return hal::Fail(program.error());
+  block.program = std::move(*program);
+  return bender.Load(block);
+}
+
 // The operator's words, one a line; false: end.
-bool Obey(SimulatedBender& bender, const std::string& line) {
+bool Obey(SimulatedBender& bender, const hal::RegisterMap& map, const std::string& line) {
   if (line == "quit") return false;
   if (line.empty()) return true;
-  constexpr std::string_view kMisbehave = "misbehave ";
+  const std::size_t blank = std::min(line.find(' '), line.size());
+  const std::string verb = line.substr(0, blank);
+  const std::string rest = line.substr(std::min(blank + 1, line.size()));
+  const auto tell = [](const hal::Result<void>& done) {
+    std::cout << (done ? "ok" : "error " + done.error().message) << std::endl;
+  };
   if (line == "bend") {
     const auto part = bender.Bend();
     if (part) {
@@ -62,17 +96,25 @@ bool Obey(SimulatedBender& bender, const std::string& line) {
     } else {
       std::cout << "error " << part.error().message << std::endl;
     }
-  } else if (line.rfind(kMisbehave, 0) == 0) {
-    const auto done = bender.Misbehave(line.substr(kMisbehave.size()));
-    std::cout << (done ? "ok" : "error " + done.error().message) << std::endl;
+  } else if (verb == "misbehave") {
+    tell(bender.Misbehave(rest));
+  } else if (verb == "say") {
+    tell(Say(bender, map, rest));
+  } else if (verb == "load") {
+    tell(Load(bender, rest));
+  } else if (line == "told") {
+    std::cout << "told " << Told(bender.Heard(), map.report) << std::endl;
   } else if (line == "status") {
     const hal::ProgramBlock active = bender.Active();
     std::cout << "active part " << active.part_number << " sequence " << active.sequence << " rows "
               << active.program.rows.size() << " accepted " << bender.commits_accepted()
               << " rejected " << bender.commits_rejected() << std::endl;
   } else {
-    std::cout << "error \"" << line << "\": expected bend, status, misbehave FAULT or quit"
-              << std::endl;
+    std::cout
+        << "error \"" << line
+        << "\": expected bend, status, say FIELD VALUE, told, load FILE PART, misbehave FAULT "
+           "or quit"
+        << std::endl;
   }
   return true;
 }
@@ -87,6 +129,7 @@ struct Options {
   std::string program_file;
   std::vector<std::string> faults;
   std::vector<std::string> broken;
+  std::vector<std::string> said;
   unsigned cycle_ms = 200;
 };
 
@@ -100,10 +143,14 @@ void Describe(CLI::App& app) {
       "the "
       "tray\n"
       "  status               print the active program's numbers\n"
+      "  say FIELD VALUE      the PLC says something to the cell (below)\n"
+      "  told                 print what the cell has told the PLC\n"
+      "  load FILE PART       load another part's program at the panel\n"
       "  misbehave FAULT      do something wrong (below)\n"
       "  quit                 or the end of input: switch off");
   app.footer(
-      "Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
+      "What the PLC can say (--say \"FIELD VALUE\"), as drivers/README.md has it:\n" +
+      std::string(PlcOrderHelp()) + "Faults:\n" + std::string(drivers::MisbehaviourHelp()) +
       "Rules that it can break (\"misbehave break RULE\", --break RULE), with their numbers in "
       "drivers/README.md, \"What the PLC must do\":\n" +
       drivers::RuleMutantHelp() +
@@ -178,6 +225,8 @@ void AddBenderOptions(CLI::App& app, Options& options) {
       ->check(CLI::Range(0u, 600000u));
   app.add_option("--misbehave", options.faults,
                  "a fault from the start, e.g. --misbehave \"late 500\"");
+  app.add_option("--say", options.said,
+                 "what the PLC says from the start, e.g. --say \"part_number 1002\"");
   app.add_option("--break", options.broken,
                  "a rule that it breaks from the start, e.g. --break takes-wrong-crc");
 }
@@ -194,7 +243,7 @@ hal::Result<drivers::SimulatedNode> NodeOf(const Options& options, hal::Register
   return node;
 }
 
-hal::Result<std::unique_ptr<SimulatedBender>> Start(Options options) {
+hal::Result<std::unique_ptr<SimulatedBender>> Start(Options& options) {
   drivers::SimulatedBenderOptions& bender = options.bender;
   bender.cycle = std::chrono::milliseconds(options.cycle_ms);
   if (!options.can.interface.empty()) bender.can = options.can;
@@ -216,7 +265,7 @@ hal::Result<std::unique_ptr<SimulatedBender>> Start(Options options) {
   auto program = ReadProgram(options.program_file);
   if (!program) return hal::Fail(program.error());
   bender.program.program = std::move(*program);
-  return SimulatedBender::Start(std::move(bender));
+  return SimulatedBender::Start(bender);
 }
 
 hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
@@ -229,6 +278,10 @@ hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
   auto bender = Start(options);
   if (!bender) return hal::Fail(bender.error());
   for (const std::string& rule : options.broken) options.faults.push_back("break " + rule);
+  const hal::RegisterMap& map = options.bender.map;
+  for (const std::string& words : options.said) {
+    if (auto done = Say(**bender, map, words); !done) return hal::Fail(done.error());
+  }
   for (const std::string& fault : options.faults) {
     if (auto done = (*bender)->Misbehave(fault); !done) return hal::Fail(done.error());
   }
@@ -238,7 +291,7 @@ hal::Result<void> Run(CLI::App& app, int argc, char** argv) {
     std::cout << "listening " << (*bender)->device() << std::endl;
   }
   std::string line;
-  while (std::getline(std::cin, line) && Obey(**bender, line)) {
+  while (std::getline(std::cin, line) && Obey(**bender, map, line)) {
   }
   return {};
 }

@@ -99,6 +99,64 @@ TEST_F(SimbenderCommand, ListensBendsAndEndsWithItsInput) {
   EXPECT_EQ(simulator.Wait(), 0);
 }
 
+// An integrator tries the PLC's side by hand.
+TEST_F(SimbenderCommand, SaysWhatThePlcIsToSayAndTellsWhatItWasTold) {
+  ChildProcess simulator(Command({"--say", "part_number 1002"}));
+  const auto listening = simulator.ReadLine();
+  ASSERT_TRUE(listening);
+  int port = 0;
+  ASSERT_EQ(std::sscanf(listening->c_str(), "listening %d", &port), 1) << *listening;
+  hal::SteadyClock clock;
+  drivers::ModbusBenderOptions options;
+  options.port = static_cast<std::uint16_t>(port);
+  options.response_timeout = std::chrono::seconds(10);
+  const auto link =
+      drivers::MakeModbusBender(config::LoadRegisterMap(kMap).value(), options, clock);
+  const auto answer = [&](const std::string& line) {
+    simulator.WriteLine(line);
+    return simulator.ReadLine().value_or("");
+  };
+
+  for (const char* line : {"say identity COIL 7/T-1", "say scan 1", "say hold 1", "say new_lot 7",
+                           "say acknowledge 8"}) {
+    EXPECT_EQ(answer(line), "ok") << line;
+  }
+  auto state = link->ReadState();
+  ASSERT_TRUE(state) << state.error().message;
+  const hal::PlcOrders said{1002u, "COIL 7/T-1", true, hal::ScanOrder::kMayRun, true, 7u, 8u};
+  EXPECT_EQ(state->orders, said);
+  EXPECT_EQ(answer("say identity"), "ok");
+  EXPECT_EQ(answer("say hold 0"), "ok");
+  state = link->ReadState();
+  ASSERT_TRUE(state);
+  EXPECT_EQ(state->orders.identity, "");
+  EXPECT_EQ(state->orders.hold, false);
+  for (const char* line : {"say", "say scan", "say scan 3", "say hold 1 2", "say new_lot -1",
+                           "say part_number 4294967296", "say hello 1",
+                           "say identity 123456789012345678901234567890123"}) {
+    EXPECT_THAT(answer(line), StartsWith("error say \"")) << line;
+  }
+
+  hal::CellReport report;
+  report.state = hal::CellState::kHeld;
+  report.verdict = hal::TubeVerdict::kPass;
+  report.identity = "COIL 7/T-1";
+  report.tubes = 3;
+  ASSERT_TRUE(link->Report(report));
+  EXPECT_THAT(answer("told"),
+              testing::AllOf(HasSubstr("state 5 held, "), HasSubstr("verdict 1 pass"),
+                             HasSubstr("identity \"COIL 7/T-1\", tubes 3")));
+
+  // The changeover: the operator loads the other part's program.
+  EXPECT_EQ(answer("load " + program().string() + " 1002"), "ok");
+  const auto active = link->ReadActive();
+  ASSERT_TRUE(active);
+  EXPECT_EQ(active->part_number, 1002u);
+  EXPECT_EQ(active->sequence, 0u);
+  EXPECT_THAT(answer("load " + program().string()), StartsWith("error load"));
+  EXPECT_THAT(answer("load nowhere.json 7"), StartsWith("error nowhere.json"));
+}
+
 TEST_F(SimbenderCommand, HelpShowsFaultsAndAnExample) {
   ChildProcess simulator({kSimulator, "--help"});
   const std::string help = simulator.ReadAll();
@@ -120,6 +178,7 @@ TEST_F(SimbenderCommand, ExitCodesSayWhoHasToAct) {
   EXPECT_EQ(exit_code(Command({"--frobnicate"})), 2);
   EXPECT_EQ(exit_code(Command({"--springback-20", "nan"})), 3);
   EXPECT_EQ(exit_code(Command({"--misbehave", "dance"})), 2);
+  EXPECT_EQ(exit_code(Command({"--say", "hold maybe"})), 2);
   EXPECT_EQ(exit_code(Command({"--canopen", "nocan9"})), 2);  // without --object-dictionary
   EXPECT_EQ(exit_code(Command({"--canopen", "nocan9", "--object-dictionary", kEds})), 2);  // map
   EXPECT_EQ(exit_code({kSimulator, "--canopen", "nocan9", "--object-dictionary", kEds, "--map",
