@@ -15,6 +15,7 @@
 #include "firmware-host/commit/commit_protocol.h"
 #include "tests/support/canopen_bender_under_test.h"
 #include "tests/support/faulty_link.h"
+#include "tests/support/isotp_bender_under_test.h"
 #include "tests/support/memory_bender.h"
 #include "tests/support/modbus_bender_under_test.h"
 
@@ -199,6 +200,7 @@ void IsToldOver(const hal::RegisterMap& map) {
 }
 
 TEST(BenderFaultsOverModbus, ABreachIsTold) { IsToldOver<ModbusBenderUnderTest>(PlainMap()); }
+TEST(BenderFaultsOverIsotp, ABreachIsTold) { IsToldOver<IsotpBenderUnderTest>(PlainMap()); }
 TEST(BenderFaultsOverCanopen, ABreachIsTold) {
   IsToldOver<CanopenBenderUnderTest>(ObjectMap(PlainMap()));
 }

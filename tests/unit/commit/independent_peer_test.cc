@@ -56,6 +56,10 @@ TEST(IndependentPeers, MbpollStagesAndCommitsAtTheSimulatedBender) {
   options.program.part_number = 7;
   const auto bender = StartBender(options);
   const int port = bender->port();
+  // Our own master stays connected beside it.
+  hal::SteadyClock clock;
+  const auto link = drivers::MakeModbusBender(PlainMap(), LinkOptions(bender->port()), clock);
+  ASSERT_TRUE(link->ReadActive());
   EXPECT_EQ(MbpollRead(port, 4, 0, 1)[0], 1);  // idle
   // The worked example of drivers/README.md.
   EXPECT_EQ(MbpollWrite(port, 1010, "1 34464 0 0 0 45500 0 30000 1 14714 0 0 0 0 0 0"), 0);
@@ -71,6 +75,9 @@ TEST(IndependentPeers, MbpollStagesAndCommitsAtTheSimulatedBender) {
   EXPECT_EQ(MbpollWrite(port, 2000, "0 13"), 0);
   EXPECT_EQ(MbpollRead(port, 4, 3, 4), (std::vector<int>{2, 1, 0, 13}));
   EXPECT_EQ(bender->Active(), active);
+  const auto seen = link->ReadActive();
+  ASSERT_TRUE(seen) << seen.error().message;
+  EXPECT_EQ(*seen, active);
   EXPECT_NE(MbpollWrite(port, 102, "0 13"), 0);  // the active program cannot be written
 }
 

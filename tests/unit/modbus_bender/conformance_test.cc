@@ -50,6 +50,20 @@ INSTANTIATE_TEST_SUITE_P(ModbusInIsotp, BenderLinkConformance,
                              [] { return std::make_unique<IsotpBenderUnderTest>(PlainMap()); }}),
                          [](const auto& factory) { return factory.param.name; });
 
+// A PLC that takes nothing does not notice what stays as it is.
+TEST(ModbusReport, OnlyWhatHasChangedIsWritten) {
+  ModbusBenderUnderTest cell(PlainMap());
+  hal::CellReport report = SampleReport();
+  ASSERT_TRUE(cell.link().Report(report));
+  cell.Misbehave("refuse-report");
+  EXPECT_TRUE(cell.link().Report(report));
+  report.state = hal::CellState::kIdle;
+  EXPECT_FALSE(cell.link().Report(report));
+  cell.Misbehave("behave");
+  EXPECT_TRUE(cell.link().Report(report));
+  EXPECT_EQ(cell.Heard().state, hal::CellState::kIdle);
+}
+
 TEST(ModbusRtuLine, SaysWhatIsWrongWithThePort) {
   hal::SteadyClock clock;
   drivers::ModbusBenderOptions options;

@@ -15,6 +15,7 @@
 #include "drivers/register_bender/program_codec.h"
 #include "drivers/simulated_bender/bender_memory.h"
 #include "tests/support/canopen_bender_under_test.h"
+#include "tests/support/isotp_bender_under_test.h"
 #include "tests/support/modbus_bender_under_test.h"
 
 namespace bendloop::drivers {
@@ -187,6 +188,8 @@ INSTANTIATE_TEST_SUITE_P(
         Carrier{
             "Rtu", false,
             [] { return std::make_unique<test::ModbusBenderUnderTest>(test::PlainMap(), true); }},
+        Carrier{"Isotp", false,
+                [] { return std::make_unique<test::IsotpBenderUnderTest>(test::PlainMap()); }},
         Carrier{"Canopen", false,
                 [] {
                   return std::make_unique<test::CanopenBenderUnderTest>(
