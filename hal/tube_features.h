@@ -13,16 +13,19 @@
 // of the bend that is there or was the last before; before the first bend from the first's [deg].
 namespace bendloop::hal {
 
-// A hole or slot through the wall, its axis radial. Seen along that axis its border is that of all
-// places no further than half the width from a line: a circle (a hole) where length and width are
-// the same, two half circles and two lines otherwise (a slot).
+// A hole or slot through the wall. Seen along the drill's axis its border is that of all places no
+// further than half the width from a line: a circle (a hole) where length and width are the same,
+// two half circles and two lines otherwise (a slot).
 struct WallOpening {
-  double along_mm = 0;
+  double along_mm = 0;  // where the drill's axis meets the surface
   double around_deg = 0;
   double length_mm = 0;  // over all
   double width_mm = 0;   // across; at most the length
   // Of the length: from the feed direction, right-handed about the outward normal, (-90, 90].
   double axis_deg = 0;
+  // Of a hole: of the drill's axis, going out, from the outward normal towards the feed direction
+  // and towards growing angles. Both 0: radial.
+  double lean_along_deg = 0, lean_around_deg = 0;
 
   bool is_hole() const { return length_mm == width_mm; }
   bool operator==(const WallOpening&) const = default;
@@ -36,7 +39,7 @@ struct EndCut {
   bool operator==(const EndCut&) const = default;
 };
 
-// A place that was pressed in; its depth falls off like a gaussian.
+// A place that was pressed in; its depth falls off like a gaussian on the unrolled surface.
 struct PressedDent {
   double along_mm = 0;
   double around_deg = 0;
@@ -59,6 +62,7 @@ struct SurfaceFrame {
   Eigen::Vector3d spine_mm = Eigen::Vector3d::Zero();  // of the spine
   Eigen::Vector3d tangent = Eigen::Vector3d::UnitX();  // feed direction
   Eigen::Vector3d outward = Eigen::Vector3d::UnitZ();  // surface normal
+  // Towards decreasing angles: seen from outside with the feed to the right, up.
   Eigen::Vector3d sideways() const { return outward.cross(tangent); }
 };
 

@@ -8,7 +8,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/features/dents.h"
 #include "pipeline/features/end_cut.h"
+#include "pipeline/features/end_profile.h"
 #include "pipeline/features/openings.h"
 #include "pipeline/fit/bowed_fit.h"
 #include "pipeline/fit/correlations.h"
@@ -158,6 +160,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   ReportForm(FindForm(fit, measurement.tube, final.noise_mm, tube->blocks, final.options.reach_mm),
              measurement);
+  MeasureDents(measurement.tube, ends, final.noise_mm, tube->blocks, measurement.dents);
   LookBeyondEnds(ends, final.noise_mm, measurement);
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
@@ -288,7 +291,12 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     for (const std::int32_t index : intake_.grid().BlocksNear(places, 3.0 * r_mm)) {
       if (!intake_.IsPlanar(index)) near.push_back(BlockAt(index, true));
     }
-    ReportEndForm(at_start, FindEndForm(end, r_mm, noise_mm, near, others), measurement);
+    const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others);
+    ReportEndForm(at_start, found, measurement);
+    EndForm& form = at_start ? measurement.first_end : measurement.last_end;
+    const double plain_mm = at_start ? ends.first_sigma_mm : ends.last_sigma_mm;
+    MeasureEndProfile(end, r_mm, noise_mm, form.length_mm > 0 ? found.sigma_mm : plain_mm, near,
+                      form);
   }
 }
 

@@ -104,9 +104,15 @@ TubeSurface::TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& feature
   for (const hal::WallOpening& opening : features.openings) {
     const hal::SurfaceFrame frame = hal::FrameAt(segments_, opening.along_mm, opening.around_deg);
     const double axis = opening.axis_deg * hal::kRadiansPerDegree;
-    const Vector3d along = std::cos(axis) * frame.tangent + std::sin(axis) * frame.sideways();
-    openings_.push_back({frame, along, frame.outward.cross(along),
-                         0.5 * (opening.length_mm - opening.width_mm), 0.5 * opening.width_mm});
+    const Vector3d drill =
+        (frame.outward + std::tan(opening.lean_along_deg * hal::kRadiansPerDegree) * frame.tangent -
+         std::tan(opening.lean_around_deg * hal::kRadiansPerDegree) * frame.sideways())
+            .normalized();
+    Vector3d along = std::cos(axis) * frame.tangent + std::sin(axis) * frame.sideways();
+    along = (along - along.dot(drill) * drill).normalized();
+    openings_.push_back({frame, frame.spine_mm + pipe_radius_mm_ * frame.outward, along,
+                         drill.cross(along), 0.5 * (opening.length_mm - opening.width_mm),
+                         0.5 * opening.width_mm});
   }
   for (const hal::PressedDent& dent : features.dents) {
     dents_.push_back(
@@ -143,9 +149,10 @@ bool TubeSurface::IsAway(const Part& part, const Vector3d& point_mm) const {
     // Of this wall, and not of what else lies behind it.
     const double above_mm = from_mm.dot(opening.frame.outward);
     if (above_mm < 0 || above_mm > 1.5 * pipe_radius_mm_) continue;
-    const double along_mm = from_mm.dot(opening.along);
+    const Vector3d from_middle_mm = point_mm - opening.middle_mm;
+    const double along_mm = from_middle_mm.dot(opening.along);
     const double off_mm = std::max(0.0, std::abs(along_mm) - opening.half_line_mm);
-    if (std::hypot(off_mm, from_mm.dot(opening.across)) < opening.half_width_mm) return true;
+    if (std::hypot(off_mm, from_middle_mm.dot(opening.across)) < opening.half_width_mm) return true;
   }
   return false;
 }
@@ -153,8 +160,15 @@ bool TubeSurface::IsAway(const Part& part, const Vector3d& point_mm) const {
 double TubeSurface::PressedMm(const Vector3d& point_mm) const {
   double depth_mm = 0;
   for (const Dent& dent : dents_) {
-    const Vector3d middle_mm = dent.frame.spine_mm + pipe_radius_mm_ * dent.frame.outward;
-    const double off = (point_mm - middle_mm).squaredNorm() / (dent.width_mm * dent.width_mm);
+    // On the unrolled surface, so that a place knows nothing of how deep it is pressed in.
+    const Vector3d from_mm = point_mm - dent.frame.spine_mm;
+    const double along_mm = from_mm.dot(dent.frame.tangent);
+    const double out_mm = from_mm.dot(dent.frame.outward);
+    const double across_mm = from_mm.dot(dent.frame.sideways());
+    if (std::hypot(out_mm, across_mm) > 2 * pipe_radius_mm_) continue;  // of another leg
+    const double around_mm = pipe_radius_mm_ * std::atan2(across_mm, out_mm);
+    const double off =
+        (along_mm * along_mm + around_mm * around_mm) / (dent.width_mm * dent.width_mm);
     if (off < 40.0) depth_mm += dent.depth_mm * std::exp(-0.5 * off);
   }
   return depth_mm;

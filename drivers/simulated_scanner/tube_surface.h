@@ -62,7 +62,8 @@ class TubeSurface {
   };
   struct Opening {
     hal::SurfaceFrame frame;
-    Eigen::Vector3d along, across;  // unit, of its length and its width
+    Eigen::Vector3d middle_mm;      // on the round skin
+    Eigen::Vector3d along, across;  // unit, of its length and its width, across the drill's axis
     double half_line_mm = 0;        // the line about which it is drilled, from its middle
     double half_width_mm = 0;
   };

@@ -9,13 +9,12 @@
 #include <string>
 
 #include "config/load.h"
-#include "firmware-host/cad/cad_helper.h"
 #include "firmware-host/cad/dxf.h"
+#include "firmware-host/cad/step_file.h"
 #include "firmware-host/cad/tube_chain.h"
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/output_file.h"
-#include "firmware-host/console/temporary_folder.h"
 #include "firmware-host/console/whole_file.h"
 #include "firmware-host/convert/tube_table.h"
 
@@ -110,26 +109,6 @@ std::string TubeJson(const Exported& exported, const Spine& spine) {
   return tube.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
-// By way of a file beside the system's temporary ones, so that what stands at `step` is whole or
-// not there.
-hal::Result<void> WriteStep(const Exported& exported, const Spine& spine, const std::string& step) {
-  const auto folder = TemporaryFolder::Make();
-  if (!folder) return hal::Fail(folder.error());
-  const std::string made = folder->path() / "tube.step";
-  const auto answer = RunCadHelper({"write", made}, TubeJson(exported, spine), step);
-  if (!answer) return hal::Fail(answer.error());
-  const nlohmann::json said = nlohmann::json::parse(*answer, nullptr, false);
-  if (!said.is_object() || !said.contains("written")) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     "OpenCASCADE cannot make this tube: " +
-                         (said.is_object() ? said.value("error", std::string("no reason given"))
-                                           : std::string("no answer")));
-  }
-  const auto text = ReadWholeFile(made);
-  if (!text) return hal::Fail(text.error());
-  return WriteOutputFile(step, *text);
-}
-
 hal::Result<void> Export(const ExportArguments& arguments, std::ostream& err) {
   if (arguments.step.empty() && arguments.dxf.empty() && arguments.csv.empty()) {
     return hal::Fail(hal::ErrorKind::kUsage,
@@ -139,7 +118,8 @@ hal::Result<void> Export(const ExportArguments& arguments, std::ostream& err) {
   if (!exported) return hal::Fail(exported.error());
   const Spine spine = SpineOf(exported->tube);
   if (!arguments.step.empty()) {
-    if (auto written = WriteStep(*exported, spine, arguments.step); !written) return written;
+    if (auto written = WriteStepFile(TubeJson(*exported, spine), arguments.step); !written)
+      return written;
   }
   if (!arguments.dxf.empty()) {
     auto written = WriteOutputFile(arguments.dxf, DxfText(spine, exported->tube));

@@ -2,11 +2,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <memory>
+#include <vector>
 
+#include "firmware-host/cad/step_file.h"
 #include "firmware-host/cli/cloud_argument.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/console/command_line.h"
@@ -40,6 +44,7 @@ constexpr const char* kFeaturesFooter = R"(
 Examples:
   bendloop features handle.ply
   bendloop features handle.ply --borders borders.csv --json features.json
+  bendloop features handle.ply --borders borders.step
   bendloop features part.xyz --units m --normal-turn 20
   bendloop features casting.pcd --concavity 0.5 --json -
 
@@ -50,8 +55,11 @@ Fudos 2008). "error/chord2" is their measure: mean squared error over squared
 chord of the pieces. "+-" is 1 sigma of the curve across itself.
 
 The CSV has a line for each control point (kind control, with its weight) and 16
-sampled points a piece (kind sample). Reads PLY, PCD and XYZ/CSV text, - from
-standard input. Output is in mm.)";
+sampled points a piece (kind sample). STEP (AP214, mm) has each border as one
+rational B-spline and needs OpenCASCADE (bendloop-cad): exit code 4 where it is
+not installed.
+
+Reads PLY, PCD and XYZ/CSV text, - from standard input. Output is in mm.)";
 
 std::string Triple(const Eigen::Vector3d& v, int decimals) {
   return Fixed(v.x(), decimals) + " " + Fixed(v.y(), decimals) + " " + Fixed(v.z(), decimals);
@@ -186,12 +194,31 @@ std::string BordersCsv(const FeatureBorders& found) {
   return csv;
 }
 
+bool IsStep(const std::string& file) {
+  std::string end = std::filesystem::path(file).extension().string();
+  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return end == ".step" || end == ".stp";
+}
+
+int WriteBorders(const FeaturesArguments& arguments, const FeatureBorders& found) {
+  if (!IsStep(arguments.borders)) return WriteOutput(arguments.borders, BordersCsv(found));
+  std::vector<const pipeline::RationalBezier*> curves;
+  for (const FeatureBorder& border : found.borders) curves.push_back(&border.fit.curve);
+  if (curves.empty()) {
+    return Report(
+        {hal::ErrorKind::kBadInput,
+         arguments.cloud.file + ": no borders were found to write as " + arguments.borders});
+  }
+  const auto written = WriteCurvesStep(curves, "borders", arguments.borders);
+  return written ? 0 : Report(written.error());
+}
+
 int Features(const FeaturesArguments& arguments) {
   if (!arguments.borders.empty() && arguments.borders != "-" &&
-      !arguments.borders.ends_with(".csv")) {
+      !arguments.borders.ends_with(".csv") && !IsStep(arguments.borders)) {
     return Report({hal::ErrorKind::kUsage, "--borders " + arguments.borders +
-                                               ": borders are written as CSV; give a name that "
-                                               "ends in .csv"});
+                                               ": borders are written as STEP or CSV; give a name "
+                                               "that ends in .step or .csv"});
   }
   const auto cloud = arguments.cloud.Read();
   if (!cloud) return Report(cloud.error());
@@ -212,7 +239,7 @@ int Features(const FeaturesArguments& arguments) {
         arguments.cloud.is_standard_input() ? "standard input" : arguments.cloud.file;
     if (const int code = WriteOutput(arguments.json, FeaturesJson(*found, name))) return code;
   }
-  return arguments.borders.empty() ? 0 : WriteOutput(arguments.borders, BordersCsv(*found));
+  return arguments.borders.empty() ? 0 : WriteBorders(arguments, *found);
 }
 
 }  // namespace
@@ -239,8 +266,9 @@ CLI::App* AddFeaturesCommand(CLI::App& app, Run& run) {
       ->type_name("OUT");
   command
       ->add_option("--borders", arguments->borders,
-                   "Write control points, weights and sampled points of the borders")
-      ->type_name("OUT.csv");
+                   "Write the borders: OUT.step as B-splines, OUT.csv with control points, weights "
+                   "and sampled points")
+      ->type_name("OUT");
   command->callback([arguments, &run] { run = [arguments] { return Features(*arguments); }; });
   return command;
 }

@@ -257,11 +257,14 @@ std::string EasingTable(std::span<const pipeline::BendEasing> easings) {
 std::string DentTable(std::span<const pipeline::DentFound> dents) {
   if (dents.empty()) return "";
   std::string html =
-      "<p>Dents</p>" + HeadOf({"along <small>mm</small>", "around <small>deg</small>",
-                               "depth <small>mm</small>", "&#177;", "size <small>mm</small>"});
+      "<p>Dents; the area is that where they are at least half as deep</p>" +
+      HeadOf({"along <small>mm</small>", "&#177;", "around <small>deg</small>", "&#177;",
+              "depth <small>mm</small>", "&#177;", "area <small>mm&#178;</small>", "&#177;"});
   for (const pipeline::DentFound& dent : dents) {
-    html += "<tr>" + Number(dent.along_mm, 1) + Number(dent.around_deg, 0) +
-            Number(dent.depth_mm, 2) + Number(dent.sigma_mm, 2) + Number(dent.size_mm, 1) + "</tr>";
+    html += "<tr>" + Number(dent.along_mm, 1) + Number(dent.along_sigma_mm, 1) +
+            Number(dent.around_deg, 1) + Number(dent.around_sigma_deg, 1) +
+            Number(dent.depth_mm, 2) + Number(dent.sigma_mm, 2) + Number(dent.area_mm2, 1) +
+            Number(dent.area_sigma_mm2, 1) + "</tr>";
   }
   return html + "</tbody></table>";
 }
@@ -277,6 +280,31 @@ std::string EndTable(const pipeline::TubeFeaturesFound& features) {
   if (rows.empty()) return "";
   return "<p>How the ends are cut</p>" +
          HeadOf({"end", "oblique <small>deg</small>", "&#177;", "longest at <small>deg</small>"}) +
+         rows + "</tbody></table>";
+}
+
+// Beads, flares and what else is wider than the pipe.
+std::string EndFormTable(const pipeline::Measurement& m) {
+  std::string rows;
+  for (const auto* end : {&m.first_end, &m.last_end}) {
+    if (end->profile.empty()) continue;
+    const auto widest =
+        std::max_element(end->profile.begin(), end->profile.end(),
+                         [](const auto& a, const auto& b) { return a.radius_mm < b.radius_mm; });
+    const bool is_bead = end->returns_sigma_mm > 0;
+    rows += std::string("<tr><td>") + (end == &m.first_end ? "first" : "last") +
+            (is_bead ? ", bead" : "") + "</td>" + Number(end->begins_mm, 2) +
+            Number(end->begins_sigma_mm, 2) +
+            (is_bead ? Number(end->returns_mm, 2) + Number(end->returns_sigma_mm, 2)
+                     : "<td></td><td></td>") +
+            Number(widest->radius_mm, 2) + Number(widest->sigma_mm, 2) + "<td>" +
+            EndProfileSvg(*end, m.tube.pipe_radius_mm) + "</td></tr>";
+  }
+  if (rows.empty()) return "";
+  return "<p>Ends that are wider than the pipe, counted from the end</p>" +
+         HeadOf({"end", "begins <small>mm</small>", "&#177;",
+                 "back at the pipe's <small>mm</small>", "&#177;", "radius <small>mm</small>",
+                 "&#177;", "radius by place"}) +
          rows + "</tbody></table>";
 }
 
@@ -307,7 +335,7 @@ std::string OpeningTable(const pipeline::Measurement& m) {
 std::string FormBody(const RunResult& run) {
   const auto& m = run.measurement;
   return StraightnessTable(m.straights) + EasingTable(m.bend_easings) + EndTable(m.features) +
-         OpeningTable(m) + DentTable(m.dents) + UnrolledSvg(m);
+         EndFormTable(m) + OpeningTable(m) + DentTable(m.dents) + UnrolledSvg(m);
 }
 
 std::string TimingBody(const RunResult& run) {

@@ -18,7 +18,8 @@ constexpr double kPaperWidth = 640, kPaperHeight = 200, kPaperLeft = 44, kPaperB
                  kPaperMargin = 14;
 constexpr double kOblique = 5.0;  // [sigma] ends that are drawn as they are cut
 
-// Places on the paper: mm along the tube to the right, degrees around it upwards.
+// Places on the paper, seen from outside: mm along the tube to the right, so degrees around it grow
+// downwards.
 struct Paper {
   double length_mm, pipe_radius_mm;
 
@@ -27,7 +28,7 @@ struct Paper {
            (kPaperWidth - kPaperLeft - 2 * kPaperMargin) * along_mm / length_mm;
   }
   double Y(double around_deg) const {
-    return (kPaperHeight - kPaperBelow) * (0.5 - std::remainder(around_deg, 360.0) / 360.0);
+    return (kPaperHeight - kPaperBelow) * (0.5 + std::remainder(around_deg, 360.0) / 360.0);
   }
   std::string At(double along_mm, double around_deg) const {
     return Fixed(X(along_mm), 1) + "," + Fixed(Y(around_deg), 1) + " ";
@@ -69,9 +70,26 @@ std::string OpeningLine(const Paper& paper, const hal::WallOpening& opening) {
     // Not beyond the edge of the paper, where the rest would be on its other side.
     const double middle_deg = std::remainder(opening.around_deg, 360.0);
     const double around_deg =
-        middle_deg +
+        middle_deg -
         std::asin(std::clamp(across_mm / paper.pipe_radius_mm, -1.0, 1.0)) * hal::kDegreesPerRadian;
     svg += paper.At(opening.along_mm + along_mm, std::clamp(around_deg, -179.9, 179.9));
+  }
+  return svg + "\"/>";
+}
+
+// A dent: the circle that has its area; how deep it is stands in the table.
+std::string DentLine(const Paper& paper, const pipeline::DentFound& dent) {
+  constexpr int kPoints = 32;
+  std::string svg =
+      "<polygon fill=\"currentColor\" fill-opacity=\"0.12\" stroke=\"currentColor\" "
+      "stroke-dasharray=\"3 2\" points=\"";
+  const double middle_deg = std::remainder(dent.around_deg, 360.0);
+  for (int i = 0; i < kPoints; ++i) {
+    const double turn = 360.0 * i / kPoints * hal::kRadiansPerDegree;
+    const double around_deg = middle_deg + 0.5 * dent.size_mm * std::sin(turn) /
+                                               paper.pipe_radius_mm * hal::kDegreesPerRadian;
+    svg += paper.At(dent.along_mm + 0.5 * dent.size_mm * std::cos(turn),
+                    std::clamp(around_deg, -179.9, 179.9));
   }
   return svg + "\"/>";
 }
@@ -102,13 +120,31 @@ std::string PaperAxes(const Paper& paper, const std::vector<hal::SpineSegment>& 
 
 }  // namespace
 
+std::string EndProfileSvg(const pipeline::EndForm& end, double pipe_radius_mm) {
+  if (end.profile.size() < 2) return "";
+  constexpr double kWidth = 120, kHeight = 36;
+  const double far_mm = end.profile.back().from_end_mm;
+  double widest_mm = pipe_radius_mm;
+  for (const pipeline::RadiusAt& at : end.profile) widest_mm = std::max(widest_mm, at.radius_mm);
+  const double high_mm = std::max(widest_mm - pipe_radius_mm, 1e-6);
+  std::string svg = "<svg role=\"img\" aria-label=\"radius by place\" width=\"" + Fixed(kWidth, 0) +
+                    "\" height=\"" + Fixed(kHeight, 0) + "\" viewBox=\"0 0 " + Fixed(kWidth, 0) +
+                    " " + Fixed(kHeight, 0) +
+                    "\"><polyline fill=\"none\" stroke=\"currentColor\" points=\"";
+  for (const pipeline::RadiusAt& at : end.profile) {
+    svg += Fixed(kWidth * (1 - at.from_end_mm / far_mm), 1) + "," +
+           Fixed(kHeight - 4 - (kHeight - 8) * (at.radius_mm - pipe_radius_mm) / high_mm, 1) + " ";
+  }
+  return svg + "\"/></svg>";
+}
+
 std::string UnrolledSvg(const pipeline::Measurement& m) {
   const Paper paper{hal::SpineLength(m.tube.program), m.tube.pipe_radius_mm};
   const auto is_oblique = [](const std::optional<pipeline::EndCutFound>& end) {
     return end && end->cut.obliquity_deg > kOblique * end->obliquity_sigma_deg;
   };
-  const bool has_any = !m.features.openings.empty() || is_oblique(m.features.first_end) ||
-                       is_oblique(m.features.last_end);
+  const bool has_any = !m.features.openings.empty() || !m.dents.empty() ||
+                       is_oblique(m.features.first_end) || is_oblique(m.features.last_end);
   if (!has_any || !(paper.length_mm > 0) || !(paper.pipe_radius_mm > 0)) return "";
   std::string svg =
       "<svg role=\"img\" aria-label=\"the surface unrolled: length by angle\" viewBox=\"0 0 " +
@@ -118,6 +154,7 @@ std::string UnrolledSvg(const pipeline::Measurement& m) {
   for (const pipeline::OpeningFound& found : m.features.openings) {
     svg += OpeningLine(paper, found.opening);
   }
+  for (const pipeline::DentFound& dent : m.dents) svg += DentLine(paper, dent);
   return svg + "</svg>";
 }
 

@@ -43,6 +43,12 @@ Json OpeningJson(const pipeline::OpeningFound& found, double length_mm) {
     json["axis_deg"] = Number(opening.axis_deg);
     json["axis_sigma_deg"] = Number(found.sigma.axis_deg);
   }
+  if (opening.lean_along_deg != 0 || opening.lean_around_deg != 0) {
+    json["lean_along_deg"] = Number(opening.lean_along_deg);
+    json["lean_along_sigma_deg"] = Number(found.sigma.lean_along_deg);
+    json["lean_around_deg"] = Number(opening.lean_around_deg);
+    json["lean_around_sigma_deg"] = Number(found.sigma.lean_around_deg);
+  }
   json["position_mm"] = PointJson(found.position_mm);
   json["direction"] = PointJson(found.direction);
   return json;
@@ -65,6 +71,10 @@ pipeline::OpeningFound ReadOpening(const JsonReader& json) {
     found.opening.axis_deg = json.NumberOr("axis_deg", 0);
     found.sigma.axis_deg = json.NumberOr("axis_sigma_deg", 0);
   }
+  found.opening.lean_along_deg = json.NumberOr("lean_along_deg", 0);
+  found.sigma.lean_along_deg = json.NumberOr("lean_along_sigma_deg", 0);
+  found.opening.lean_around_deg = json.NumberOr("lean_around_deg", 0);
+  found.sigma.lean_around_deg = json.NumberOr("lean_around_sigma_deg", 0);
   found.position_mm = ReadPoint(json.At("position_mm"));
   found.direction = ReadPoint(json.At("direction"));
   return found;

@@ -8,15 +8,42 @@ namespace {
 constexpr std::size_t kMostDents = 1000;
 constexpr std::size_t kMostPasses = 1000;
 
+constexpr std::size_t kMostRadii = 1000;
+
 Json EndJson(const pipeline::EndForm& end) {
-  return {{"fitting_mm", Number(end.length_mm)},
-          {"proud_mm", Number(end.outside_mm)},
-          {"samples_go_on_mm", Number(end.continues_mm)}};
+  Json json = {{"fitting_mm", Number(end.length_mm)},
+               {"proud_mm", Number(end.outside_mm)},
+               {"samples_go_on_mm", Number(end.continues_mm)}};
+  if (end.profile.empty()) return json;
+  json["begins_mm"] = Number(end.begins_mm);
+  json["begins_sigma_mm"] = Number(end.begins_sigma_mm);
+  if (end.returns_sigma_mm > 0) {
+    json["returns_mm"] = Number(end.returns_mm);
+    json["returns_sigma_mm"] = Number(end.returns_sigma_mm);
+  }
+  Json profile = Json::array();
+  for (const pipeline::RadiusAt& at : end.profile) {
+    profile.push_back({{"from_end_mm", Number(at.from_end_mm)},
+                       {"radius_mm", Number(at.radius_mm)},
+                       {"sigma_mm", Number(at.sigma_mm)}});
+  }
+  json["profile"] = std::move(profile);
+  return json;
 }
 
 pipeline::EndForm ReadEnd(const JsonReader& json) {
-  return {json.NumberOr("fitting_mm", 0), json.NumberOr("proud_mm", 0),
-          json.NumberOr("samples_go_on_mm", 0)};
+  pipeline::EndForm end{json.NumberOr("fitting_mm", 0),       json.NumberOr("proud_mm", 0),
+                        json.NumberOr("samples_go_on_mm", 0), json.NumberOr("begins_mm", 0),
+                        json.NumberOr("begins_sigma_mm", 0),  json.NumberOr("returns_mm", 0),
+                        json.NumberOr("returns_sigma_mm", 0), {}};
+  if (!json.Has("profile")) return end;
+  const JsonReader profile = json.At("profile");
+  for (std::size_t i = 0, n = profile.Size(kMostRadii); i < n; ++i) {
+    const JsonReader at = profile.Item(i);
+    end.profile.push_back(
+        {at.NumberOr("from_end_mm", 0), at.NumberOr("radius_mm", 0), at.NumberOr("sigma_mm", 0)});
+  }
+  return end;
 }
 
 }  // namespace
@@ -49,16 +76,20 @@ Json FormJson(const pipeline::Measurement& m) {
     Json list = Json::array();
     for (const pipeline::DentFound& dent : m.dents) {
       list.push_back({{"along_mm", Number(dent.along_mm)},
+                      {"along_sigma_mm", Number(dent.along_sigma_mm)},
                       {"around_deg", Number(dent.around_deg)},
+                      {"around_sigma_deg", Number(dent.around_sigma_deg)},
                       {"depth_mm", Number(dent.depth_mm)},
                       {"depth_sigma_mm", Number(dent.sigma_mm)},
+                      {"area_mm2", Number(dent.area_mm2)},
+                      {"area_sigma_mm2", Number(dent.area_sigma_mm2)},
                       {"size_mm", Number(dent.size_mm)},
                       {"position_mm", PointJson(dent.position_mm)}});
     }
     json["dents"] = std::move(list);
   }
   const auto is_plain = [](const pipeline::EndForm& end) {
-    return end.length_mm == 0 && end.continues_mm == 0;
+    return end.length_mm == 0 && end.continues_mm == 0 && end.profile.empty();
   };
   if (!is_plain(m.first_end)) json["first_end"] = EndJson(m.first_end);
   if (!is_plain(m.last_end)) json["last_end"] = EndJson(m.last_end);
@@ -92,7 +123,9 @@ void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
       const JsonReader item = list.Item(i);
       m.dents.push_back({item.NumberOr("along_mm", 0), item.NumberOr("around_deg", 0),
                          item.NumberOr("depth_mm", 0), item.NumberOr("depth_sigma_mm", 0),
-                         item.NumberOr("size_mm", 0), ReadPoint(item.At("position_mm"))});
+                         item.NumberOr("size_mm", 0), ReadPoint(item.At("position_mm")),
+                         item.NumberOr("along_sigma_mm", 0), item.NumberOr("around_sigma_deg", 0),
+                         item.NumberOr("area_mm2", 0), item.NumberOr("area_sigma_mm2", 0)});
     }
   }
   if (json.Has("first_end")) m.first_end = ReadEnd(json.At("first_end"));

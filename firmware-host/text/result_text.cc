@@ -212,9 +212,12 @@ std::string FormText(const pipeline::Measurement& m) {
     out += Below("bends ease in and out over" + lengths + " mm");
   }
   for (const pipeline::DentFound& dent : m.dents) {
-    out += Below("dent: " + Fixed(dent.depth_mm, 2) + " +- " + Fixed(dent.sigma_mm, 2) +
-                 " mm deep, " + Fixed(dent.size_mm, 1) + " mm wide, at " + Fixed(dent.along_mm, 1) +
-                 " mm along the spine, " + Fixed(dent.around_deg, 0) + " degrees around");
+    out +=
+        Below("dent: " + Fixed(dent.depth_mm, 2) + " +- " + Fixed(dent.sigma_mm, 2) + " mm deep, " +
+              Fixed(dent.area_mm2, 1) + " +- " + Fixed(dent.area_sigma_mm2, 1) +
+              " mm2 where half as deep, at " + Fixed(dent.along_mm, 1) + " +- " +
+              Fixed(dent.along_sigma_mm, 1) + " mm along the spine, " + Fixed(dent.around_deg, 1) +
+              " +- " + Fixed(dent.around_sigma_deg, 1) + " degrees around");
   }
   for (std::size_t i = 0; i < m.passes.size(); ++i) {
     out += Below("pass " + std::to_string(i + 1) + ": moved by " +
@@ -240,6 +243,18 @@ std::string FeaturesText(const pipeline::Measurement& m) {
                  " oblique, longest at " +
                  degrees((*end)->cut.around_deg, (*end)->around_sigma_deg) + " around");
   }
+  for (const auto* end : {&m.first_end, &m.last_end}) {
+    if (end->profile.empty()) continue;
+    const auto widest =
+        std::max_element(end->profile.begin(), end->profile.end(),
+                         [](const auto& a, const auto& b) { return a.radius_mm < b.radius_mm; });
+    const bool is_bead = end->returns_sigma_mm > 0;
+    out += Below(std::string(end == &m.first_end ? "first" : "last") +
+                 " end: " + (is_bead ? "bead" : "wider") + " from " +
+                 mm(end->begins_mm, end->begins_sigma_mm) +
+                 (is_bead ? " to " + mm(end->returns_mm, end->returns_sigma_mm) : "") +
+                 " before its end, radius up to " + mm(widest->radius_mm, widest->sigma_mm));
+  }
   const double length_mm = hal::SpineLength(m.tube.program);
   for (const pipeline::OpeningFound& found : m.features.openings) {
     const hal::WallOpening& opening = found.opening;
@@ -248,6 +263,11 @@ std::string FeaturesText(const pipeline::Measurement& m) {
     if (!opening.is_hole()) {
       size = mm(opening.length_mm, found.sigma.length_mm) + " long, " + size + " wide, axis at " +
              degrees(opening.axis_deg, found.sigma.axis_deg);
+    }
+    if (opening.lean_along_deg != 0 || opening.lean_around_deg != 0) {
+      size += ", leaning " + degrees(opening.lean_along_deg, found.sigma.lean_along_deg) +
+              " along and " + degrees(opening.lean_around_deg, found.sigma.lean_around_deg) +
+              " around";
     }
     out +=
         Below((opening.is_hole() ? "hole: " : "slot: ") + size + ", " +

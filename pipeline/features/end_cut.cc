@@ -10,6 +10,7 @@
 
 #include "hal/angles.h"
 #include "pipeline/features/posterior.h"
+#include "pipeline/features/sampling.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
 
@@ -17,8 +18,6 @@ namespace bendloop::pipeline {
 namespace {
 
 struct EndCutSettings {
-  // [sigma] From the surface; points further off are not the tube's.
-  double on_surface = 4.0;
   // [of r_P] From the border into the tube: where the gaps between samples are looked at; and how
   // far beyond the end that was found the long side of a cut may lie. By trial.
   double window = 3.0, beyond = 2.0;
@@ -40,9 +39,6 @@ struct EndCutSettings {
   // Slopes before the scan: ends are cut square to a degree or two, or mitred by any angle; so this
   // is the half width of a Cauchy distribution, a degree.
   double usual_slope = 0.0175;
-  // Of the noise along the normal: how far it displaces a point along the tube. Rays come in at up
-  // to 60 degrees from the normal across the tube, but at less than 30 along it.
-  double along = 0.5;
   // Neighbouring columns have their points as far apart as this, in mean gaps: in 0.5 if one does
   // not know of the other, in next to nothing if laser lines cross both.
   double one_line = 0.25;
@@ -52,9 +48,8 @@ struct EndCutSettings {
   // samples differ by the root of their number, 0.4 of six. By trial.
   double even = 0.12;
   std::size_t most_passes = 6;
-  // Columns that one laser line crosses err together: what the mean over planes says of its
-  // certainty is too little by so much. By trial (tests/unit/tube_features).
-  double of_lines = 1.5;
+  // Of all columns: so many may a laser line cross, which sees one side of the tube.
+  double crossed = 0.5;
   // [sigma] From a square cut; closer ones are taken for it.
   double oblique = 5.0;
   // Steps of the walk, and of one that says whether the end may be oblique at all, from so many
@@ -100,6 +95,20 @@ class LogNormalCdf {
   static constexpr double kFrom = -6.0, kStep = 0.025;
   std::array<double, kSize> table_{};
 };
+
+// The samples of so many columns are of one laser line, whose place they tell with errors of their
+// own: a plane beyond the line lies beyond the greatest of them no more often than not only where
+// that is taken for as far beyond the line as the greatest of so many errors is [sigma]. Without it
+// each column would push the plane away from lines once more.
+double GreatestError(double columns) {
+  const double log_half = -std::numbers::ln2 / std::max(1.0, columns);
+  double low = 0, high = 5;
+  for (int i = 0; i < 40; ++i) {
+    const double z = 0.5 * (low + high);
+    (std::log(0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0)) < log_half ? low : high) = z;
+  }
+  return low;
+}
 
 // How samples along a column follow each other if they are those of laser lines in so many passes:
 // after as many lines all comes again.
@@ -238,12 +247,6 @@ class Columns {
     return seen_.size() >= 6 &&
            static_cast<double>(seen_.size()) >= kCut.least_seen * static_cast<double>(count_);
   }
-  bool AreLines() const {
-    const auto lines = std::count_if(seen_.begin(), seen_.end(), [](const Column& column) {
-      return column.next_mm.has_value();
-    });
-    return 2 * static_cast<std::size_t>(lines) > seen_.size();
-  }
   double MeanGapMm() const {
     std::vector<double> gaps_mm;
     for (const Column& column : seen_) gaps_mm.push_back(column.mean_gap_mm);
@@ -360,7 +363,7 @@ std::vector<EndSample> SamplesNear(const hal::Tube& tube, bool at_start, double 
   const Eigen::Vector3d outward = at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent;
   const Eigen::Vector3d zero = hal::AroundZero(segments, at);
   const Eigen::Vector3d quarter = straight.tangent.cross(zero);
-  const double r_mm = tube.pipe_radius_mm, reach_mm = kCut.on_surface * sigma_mm;
+  const double r_mm = tube.pipe_radius_mm, reach_mm = kSampling.on_surface * sigma_mm;
   const double beyond_mm = kCut.beyond * r_mm;
   const double around_mm = std::hypot(std::max(window_mm + r_mm, beyond_mm), 1.5 * r_mm);
   std::vector<EndSample> samples;
@@ -393,18 +396,16 @@ EndCutFound Found(const EndPlane& plane) {
   return found;
 }
 
-// `wider`: than the walk's are its sigmas.
-EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm, double r_mm,
-                 double wider) {
+EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm, double r_mm) {
   const Eigen::Vector2d slope = (posterior.mean.tail<2>() + slope_mm) / r_mm;
   const Eigen::Matrix2d covariance = posterior.covariance.block<2, 2>(1, 1) / (r_mm * r_mm);
   EndPlane plane;
   plane.at_mm = posterior.mean[0];
-  plane.at_sigma_mm = wider * posterior.Sigma(0);
+  plane.at_sigma_mm = posterior.Sigma(0);
   plane.cosine = slope[0];
   plane.sine = slope[1];
-  plane.slope_sigma = wider * std::sqrt(0.5 * covariance.trace());
-  plane.slope_sigmas = std::sqrt(std::max(0.0, slope.dot(covariance.inverse() * slope))) / wider;
+  plane.slope_sigma = std::sqrt(0.5 * covariance.trace());
+  plane.slope_sigmas = std::sqrt(std::max(0.0, slope.dot(covariance.inverse() * slope)));
   return plane;
 }
 
@@ -412,7 +413,7 @@ EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm, do
 
 std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
                                     double window_mm, double sigma_mm) {
-  const double smear_mm = std::max(kCut.along * sigma_mm, 1e-4 * pipe_radius_mm);
+  const double smear_mm = kSampling.SmearMm(sigma_mm, pipe_radius_mm);
   // About a rough plane, so that the border is level within each column.
   Eigen::Vector2d slope_mm = Eigen::Vector2d::Zero();
   std::optional<Columns> columns;
@@ -428,6 +429,7 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
   }
   const Stops stops = columns->MakeStops(smear_mm);
   const LogNormalCdf log_cdf;
+  const double greatest = GreatestError(kCut.crossed * static_cast<double>(columns->seen().size()));
   const double prior_mm = kCut.usual_slope * pipe_radius_mm;
   const auto log_density = [&](const Eigen::VectorXd& x) {
     // The slopes in the walk are lengths, so that all three numbers are alike.
@@ -438,18 +440,16 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
         log += stops((at_mm - column.last_mm) / column.mean_gap_mm);
         continue;
       }
-      log += log_cdf((at_mm - column.last_mm) / column.last_sigma_mm);
-      log += log_cdf((*column.next_mm - at_mm) / column.next_sigma_mm);
+      log += log_cdf((at_mm - column.last_mm) / column.last_sigma_mm + greatest);
+      log += log_cdf((*column.next_mm - at_mm) / column.next_sigma_mm + greatest);
     }
     return log;
   };
   rough.tail<2>() *= pipe_radius_mm;
   const Eigen::Vector3d scale = Eigen::Vector3d::Constant(0.1 * columns->MeanGapMm());
-  const double wider = columns->AreLines() ? kCut.of_lines : 1.0;
   EndPlane plane;
   for (const int walk : {kCut.short_walk, kCut.walk}) {
-    plane =
-        PlaneOf(SamplePosterior(rough, scale, walk, log_density), slope_mm, pipe_radius_mm, wider);
+    plane = PlaneOf(SamplePosterior(rough, scale, walk, log_density), slope_mm, pipe_radius_mm);
     if (plane.slope_sigmas < kCut.may_be_oblique) break;
   }
   return plane;

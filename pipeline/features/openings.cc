@@ -7,7 +7,8 @@
 #include <numbers>
 
 #include "hal/angles.h"
-#include "pipeline/features/posterior.h"
+#include "pipeline/features/opening_border.h"
+#include "pipeline/features/sampling.h"
 #include "pipeline/features/surface_cells.h"
 #include "pipeline/math/quantiles.h"
 
@@ -15,8 +16,9 @@ namespace bendloop::pipeline {
 namespace {
 
 struct OpeningSettings {
-  // [sigma] and [of r_P] From the surface, the greater: samples of the wall beside an opening.
-  double on_surface = 4.0, on_surface_r = 0.05;
+  // [of r_P] From the surface, if that is more than kSampling.on_surface: samples of the wall
+  // beside an opening.
+  double on_surface_r = 0.05;
   // [of r_P] Samples further in are not the wall's; further out nothing hides it.
   double inside = 0.3, outside = 1.0;
   // The place is looked at as far as this around its middle, in its own size, and [of r_P] further.
@@ -36,21 +38,8 @@ struct OpeningSettings {
   int sides = 24, least_sides = 23;
   // [of r_P] The widest, and how much longer than wide.
   double widest = 1.7, longest = 12.0;
-  // [sigma] A slot is longer than wide by so much, and by this part of its width.
-  double slot_sigmas = 5.0, slot_part = 0.08;
-  // Of the noise along the normal: how far it displaces a sample along the surface.
-  double along = 0.5;
-  double flier = 1e-3;  // part of the samples that may lie anywhere
-  // Samples of laser lines are no scattered ones: of the sigmas that these would have. By trial.
-  double of_lines = 1.5;
-  int walk = 2500;
 };
 constexpr OpeningSettings kOpening;
-
-double LogCovered(double distance_mm, double smear_mm) {
-  const double covered = 0.5 * std::erfc(-distance_mm / smear_mm * std::numbers::sqrt2 / 2.0);
-  return std::log(kOpening.flier + (1.0 - kOpening.flier) * covered);
-}
 
 // What lies about a place, in the plane across the outward direction there.
 struct Surroundings {
@@ -154,43 +143,6 @@ double GapBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> p
   return Quantile(std::move(gaps), 0.98);
 }
 
-// Samples per area in a band beside the border, and how that grows over the place [part of it a
-// mm]: where one pass of the scan ends, one side has more than the other.
-struct Density {
-  double per_mm2 = 0;
-  Eigen::Vector2d slope = Eigen::Vector2d::Zero();
-
-  // Samples that an opening takes away; `about_mm`: where `per_mm2` is.
-  double Missing(const OpeningBorder& border, const Eigen::Vector2d& about_mm) const {
-    return per_mm2 * border.AreaMm2() * (1.0 + slope.dot(border.middle_mm - about_mm));
-  }
-};
-
-Density DensityBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall) {
-  const double to_mm = 0.4 * border.width_mm;
-  double count = 0;
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d square = Eigen::Matrix2d::Zero();
-  for (const Eigen::Vector2d& place : wall) {
-    const double off_mm = border.DistanceMm(place);
-    if (!(off_mm > 0 && off_mm < to_mm)) continue;
-    const Eigen::Vector2d from = place - border.middle_mm;
-    count += 1;
-    mean += from;
-    square += from * from.transpose();
-  }
-  OpeningBorder wider = border;
-  wider.width_mm += 2.0 * to_mm;
-  wider.length_mm += 2.0 * to_mm;
-  Density density;
-  density.per_mm2 = count / (wider.AreaMm2() - border.AreaMm2());
-  if (square.determinant() > 0) density.slope = square.inverse() * mean;
-  // No side has fewer than none.
-  const double most = 1.8 / border.length_mm;
-  if (density.slope.norm() > most) density.slope *= most / density.slope.norm();
-  return density;
-}
-
 // Whether an opening with this border leaves these samples: none in it, and some on all its sides,
 // no further from it than they are from each other.
 bool IsCut(const OpeningBorder& border, const Surroundings& around, double gap_mm) {
@@ -217,65 +169,6 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, double gap_m
          std::count(has.begin(), has.end(), true) >= kOpening.least_sides;
 }
 
-// Numbers of a border in the walk: place, half width, half of what it is longer; the axis.
-OpeningBorder BorderOf(const Eigen::VectorXd& x, bool is_slot) {
-  OpeningBorder border;
-  border.middle_mm = x.head<2>();
-  border.width_mm = 2.0 * x[2];
-  border.length_mm = border.width_mm + (is_slot ? 2.0 * x[3] : 0.0);
-  border.axis_rad = is_slot ? x[4] : 0.0;
-  return border;
-}
-
-FittedOpening FitShape(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
-                       bool is_slot, double smear_mm) {
-  const Density density = DensityBeside(about, samples);
-  // Samples far outside tell nothing.
-  const double far_mm = 0.35 * about.width_mm;
-  std::vector<Eigen::Vector2d> near;
-  for (const Eigen::Vector2d& sample : samples) {
-    if (about.DistanceMm(sample) < far_mm) near.push_back(sample);
-  }
-  const auto log_density = [&](const Eigen::VectorXd& x) {
-    if (x[2] < 0.25 * about.width_mm || x[2] > about.width_mm) return -1e300;
-    if (is_slot && (x[3] < 0 || std::abs(x[4] - about.axis_rad) > 0.5 * std::numbers::pi)) {
-      return -1e300;
-    }
-    const OpeningBorder border = BorderOf(x, is_slot);
-    double log = density.Missing(border, about.middle_mm);
-    const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
-    const double half_line_mm = is_slot ? x[3] : 0.0, free_mm = x[2] + 5.0 * smear_mm;
-    for (const Eigen::Vector2d& sample : near) {
-      const Eigen::Vector2d from = sample - border.middle_mm;
-      const double along = std::max(0.0, std::abs(c * from.x() + s * from.y()) - half_line_mm);
-      const double across = c * from.y() - s * from.x();
-      const double square = along * along + across * across;
-      if (square > free_mm * free_mm) continue;  // nowhere near the border
-      log += LogCovered(std::sqrt(square) - x[2], smear_mm);
-    }
-    return log;
-  };
-  const int numbers = is_slot ? 5 : 3;
-  Eigen::VectorXd start(numbers), scale(numbers);
-  start.head<3>() << about.middle_mm, 0.48 * about.width_mm;
-  scale.head<3>().setConstant(0.02 * about.width_mm);
-  if (is_slot) {
-    start.tail<2>() << 0.5 * (about.length_mm - about.width_mm), about.axis_rad;
-    scale.tail<2>() << 0.02 * about.width_mm, 0.02 * about.width_mm / about.length_mm;
-  }
-  const Posterior posterior = SamplePosterior(start, scale, kOpening.walk, log_density);
-  FittedOpening fitted{BorderOf(posterior.mean, is_slot), {}};
-  fitted.sigma.middle_mm = {posterior.Sigma(0), posterior.Sigma(1)};
-  fitted.sigma.width_mm = 2.0 * posterior.Sigma(2);
-  fitted.sigma.length_mm = fitted.sigma.width_mm;
-  if (is_slot) {
-    const Eigen::MatrixXd& c = posterior.covariance;
-    fitted.sigma.length_mm = 2.0 * std::sqrt(std::max(0.0, c(2, 2) + c(3, 3) + 2.0 * c(2, 3)));
-    fitted.sigma.axis_rad = posterior.Sigma(4);
-  }
-  return fitted;
-}
-
 // One place where cells of the surface are empty, looked at closely.
 class Candidate {
  public:
@@ -291,7 +184,8 @@ class Candidate {
   std::optional<OpeningFound> LookAt(const EmptyPlace& place) const {
     const double size_mm = 0.5 * place.size_mm;
     const double reach_mm = kOpening.look * 2.0 * size_mm + kOpening.look_more * r_mm_;
-    const double wall_mm = std::max(kOpening.on_surface * sigma_mm_, kOpening.on_surface_r * r_mm_);
+    const double wall_mm =
+        std::max(kSampling.on_surface * sigma_mm_, kOpening.on_surface_r * r_mm_);
     hal::SurfaceFrame frame = hal::FrameAt(segments_, place.along_mm, place.around_deg);
     for (int round = 0; round < 2; ++round) {
       const Surroundings around =
@@ -315,10 +209,12 @@ class Candidate {
     if (rough.length_mm > kOpening.longest * rough.width_mm) return std::nullopt;
     const double gap_mm = GapBeside(rough, around.present, r_mm_);
     if (rough.width_mm < 2.0 * kOpening.least_gaps * gap_mm) return std::nullopt;
-    const Density density = DensityBeside(rough, around.wall);
+    const SampleDensity density = DensityBeside(rough, around.wall);
     if (density.per_mm2 * rough.AreaMm2() < kOpening.least_missing) return std::nullopt;
-    const double smear_mm = std::max(kOpening.along * sigma_mm_, 1e-4 * r_mm_);
-    const FittedOpening fitted = FitOpening(around.wall, rough, smear_mm);
+    OpeningBorder about = rough;
+    about.pipe_radius_mm = r_mm_;
+    const FittedOpening fitted =
+        FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_));
     if (!IsCut(fitted.border, around, gap_mm)) return std::nullopt;
     return Found(frame, fitted);
   }
@@ -358,11 +254,25 @@ class Candidate {
     const double axis_deg = std::remainder(border.axis_rad * hal::kDegreesPerRadian, 180.0);
     found.opening = {along_mm, around_deg, border.length_mm, border.width_mm,
                      border.is_hole() ? 0.0 : axis_deg};
-    const double wider = kOpening.of_lines;
-    found.sigma = {wider * fitted.sigma.middle_mm.x(),
-                   wider * fitted.sigma.middle_mm.y() / r_mm_ * hal::kDegreesPerRadian,
+    const double wider = 1.5;
+    const double degrees = wider * hal::kDegreesPerRadian;
+    found.sigma = {wider * fitted.sigma.middle_mm.x(), degrees * fitted.sigma.middle_mm.y() / r_mm_,
                    wider * fitted.sigma.length_mm, wider * fitted.sigma.width_mm,
-                   wider * fitted.sigma.axis_rad * hal::kDegreesPerRadian};
+                   degrees * fitted.sigma.axis_rad};
+    if (!border.lean.isZero()) {
+      // About its own normal, which is as far around as its middle is.
+      const Eigen::Vector3d drill =
+          frame.outward + border.lean.x() * frame.tangent + border.lean.y() * frame.sideways();
+      const double out = drill.dot(own.outward);
+      found.opening.lean_along_deg =
+          std::atan2(drill.dot(own.tangent), out) * hal::kDegreesPerRadian;
+      found.opening.lean_around_deg =
+          std::atan2(-drill.dot(own.sideways()), out) * hal::kDegreesPerRadian;
+      found.sigma.lean_along_deg =
+          degrees * fitted.sigma.lean.x() / (1.0 + std::pow(border.lean.x(), 2));
+      found.sigma.lean_around_deg =
+          degrees * fitted.sigma.lean.y() / (1.0 + std::pow(border.lean.y(), 2));
+    }
     found.position_mm = own.spine_mm + r_mm_ * own.outward;
     const double axis = found.opening.axis_deg * hal::kRadiansPerDegree;
     found.direction = std::cos(axis) * own.tangent + std::sin(axis) * own.sideways();
@@ -377,33 +287,6 @@ class Candidate {
 };
 
 }  // namespace
-
-double OpeningBorder::DistanceMm(const Eigen::Vector2d& place_mm) const {
-  const Eigen::Vector2d from = place_mm - middle_mm;
-  if (is_hole()) return from.norm() - 0.5 * width_mm;
-  const double c = std::cos(axis_rad), s = std::sin(axis_rad);
-  const double along = std::abs(c * from.x() + s * from.y()) - 0.5 * (length_mm - width_mm);
-  const double across = c * from.y() - s * from.x();
-  return std::hypot(std::max(0.0, along), across) - 0.5 * width_mm;
-}
-
-double OpeningBorder::AreaMm2() const {
-  return 0.25 * std::numbers::pi * width_mm * width_mm + (length_mm - width_mm) * width_mm;
-}
-
-FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
-                         double smear_mm) {
-  FittedOpening slot = FitShape(samples, about, true, smear_mm);
-  const double longer_mm = slot.border.length_mm - slot.border.width_mm;
-  const double sigma_mm = std::hypot(slot.sigma.length_mm, slot.sigma.width_mm);
-  if (longer_mm > kOpening.slot_sigmas * sigma_mm &&
-      longer_mm > kOpening.slot_part * slot.border.width_mm) {
-    return slot;
-  }
-  OpeningBorder round = slot.border;
-  round.width_mm = round.length_mm = std::sqrt(slot.border.AreaMm2() * 4.0 / std::numbers::pi);
-  return FitShape(samples, round, false, smear_mm);
-}
 
 std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easing,
                                        const TubeEnds& ends, double sigma_mm,

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -23,24 +21,5 @@ std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easi
                                        const TubeEnds& ends, double sigma_mm,
                                        std::span<const PointBlock> blocks,
                                        Workers* workers = nullptr);
-
-// A border in the plane across an opening's axis: a circle, or two half circles with lines between.
-struct OpeningBorder {
-  Eigen::Vector2d middle_mm = Eigen::Vector2d::Zero();
-  double length_mm = 0, width_mm = 0;
-  double axis_rad = 0;  // of the length, from x
-  bool is_hole() const { return length_mm == width_mm; }
-
-  // Positive outside.
-  double DistanceMm(const Eigen::Vector2d& place_mm) const;
-  double AreaMm2() const;
-};
-struct FittedOpening {
-  OpeningBorder border, sigma;
-};
-// The border that samples of the wall leave free (posterior.h), from one that is about right.
-// `smear_mm`: 1 sigma by which noise displaces the samples.
-FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
-                         double smear_mm);
 
 }  // namespace bendloop::pipeline

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <optional>
 
+#include "hal/tube_features.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/circle_sectors.h"
 #include "pipeline/math/dense_solve.h"
@@ -258,7 +259,8 @@ int TakeHalfAsDeep(Depths& depths, int row, int side, double half_mm) {
 }
 
 // The place in the middle of a cell.
-DentFound DentAt(const Depths& depths, int row, int side, double pipe_radius_mm) {
+DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int side,
+                 double pipe_radius_mm) {
   const Cells& cells = *depths.cells;
   const hal::SpineSegment& segment = *depths.segment;
   const double along_mm =
@@ -271,14 +273,15 @@ DentFound DentAt(const Depths& depths, int row, int side, double pipe_radius_mm)
   const Eigen::Vector3d direction = std::cos(turn) * outward + std::sin(turn) * segment.normal;
   DentFound dent;
   dent.along_mm = segment.from_start_mm + along_mm;
-  const double around =
-      std::atan2(direction.dot(segment.normal.cross(tangent)), direction.dot(segment.normal));
-  dent.around_deg = around * 180.0 / std::numbers::pi;
+  const auto at = static_cast<std::size_t>(&segment - spine.segments.data());
+  dent.around_deg =
+      hal::AroundDeg(hal::AroundZero(spine.segments, at, spine.pieces), tangent, direction);
   dent.position_mm = segment.PointAt(along_mm) + pipe_radius_mm * direction;
   return dent;
 }
 
-std::vector<DentFound> FindDents(std::vector<Depths> segments, double pipe_radius_mm) {
+std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> segments,
+                                 double pipe_radius_mm) {
   std::vector<double> magnitudes;
   for (const Depths& depths : segments) {
     for (const double depth : depths.mm) {
@@ -302,7 +305,7 @@ std::vector<DentFound> FindDents(std::vector<Depths> segments, double pipe_radiu
     }
     if (!deepest) break;
     const int row = static_cast<int>(at) / kSides, side = static_cast<int>(at) % kSides;
-    DentFound dent = DentAt(*deepest, row, side, pipe_radius_mm);
+    DentFound dent = DentAt(spine, *deepest, row, side, pipe_radius_mm);
     dent.depth_mm = depth_mm;
     dent.sigma_mm = scatter_mm;
     const int cells = TakeHalfAsDeep(*deepest, row, side, 0.5 * depth_mm);
@@ -419,7 +422,7 @@ SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_
   form.sides_mm2 = straights > 0 ? std::max(0.0, sides_mm2 / straights) : 0.0;
   std::vector<Depths> depths;
   for (const SegmentForm& segment : segments) depths.push_back(segment.DepthsOfCells());
-  form.dents = FindDents(std::move(depths), r_mm);
+  form.dents = FindDents(spine, std::move(depths), r_mm);
   return form;
 }
 

@@ -65,14 +65,24 @@ struct StraightForm {
   double length_mm = 0;  // of the part that was looked at; 0: too short to tell
 };
 
-// Where the surface is pressed in.
+// Where the surface is pressed in; hal/tube_features.h says how its place is counted.
 struct DentFound {
   double along_mm = 0;    // of the spine, from its start
-  double around_deg = 0;  // about the spine, from the normal of the bend plane there
-  double depth_mm = 0;
-  double sigma_mm = 0;
-  double size_mm = 0;  // across, where it is half as deep
+  double around_deg = 0;  // right-handed about the feed
+  double depth_mm = 0;    // below the wall about it, in its middle
+  double sigma_mm = 0;    // 1 sigma of the depth
+  double size_mm = 0;     // diameter of a circle with the same area
   Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
+  double along_sigma_mm = 0, around_sigma_deg = 0;
+  double area_mm2 = 0;  // of the surface, where it is at least half as deep as in its middle
+  double area_sigma_mm2 = 0;
+};
+
+// The radius all round the tube at a place near its end.
+struct RadiusAt {
+  double from_end_mm = 0;  // along the axis, from the end of all into the tube
+  double radius_mm = 0;
+  double sigma_mm = 0;
 };
 
 // What sits on an end, thicker than the tube.
@@ -80,6 +90,10 @@ struct EndForm {
   double length_mm = 0;     // from where the plain tube ends to the end of all; 0: nothing
   double outside_mm = 0;    // how far it stands out, at most
   double continues_mm = 0;  // samples too thin for the tube's end go on so far beyond it
+  // Where the radius leaves the plain tube's, from the end of all into the tube; 0: nowhere.
+  double begins_mm = 0, begins_sigma_mm = 0;
+  double returns_mm = 0, returns_sigma_mm = 0;  // of a bead: where it is the plain tube's again
+  std::vector<RadiusAt> profile;                // from the end of all on, where it begins
 };
 
 // By how much a pass of the scan (a turn of the arm, what came after a pause) does not meet the

@@ -248,6 +248,10 @@ class Scanner {
     const double left = (spine_.length_mm() - s_mm) / r_;
     if (form_.at_end == EndFitting::kFlare && left < 1.5)
       radius_mm += 0.4 * r_ * (1.0 - left / 1.5);
+    if (form_.at_end == EndFitting::kBead) {
+      // Straight flanks of 0.3, and a top between them.
+      radius_mm += r_ * std::clamp((0.4 - std::abs(left - 1.2)) / 0.3 * 0.25, 0.0, 0.25);
+    }
     if (form_.at_end == EndFitting::kNut && left < 2.5) radius_mm = 1.6 * r_;
     if (form_.at_end == EndFitting::kFlange && left < 0.5) radius_mm = 2.5 * r_;
     // The face of a nut or flange.

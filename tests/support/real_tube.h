@@ -20,7 +20,9 @@ struct Dent {
   double width_r = 0.8;   // 1 sigma of its gaussian
 };
 
-enum class EndFitting { kNone, kNut, kFlange, kFlare };
+// kBead: a ridge all round, 0.25 high, whose flanks' lines meet the plain tube 0.8 and 1.6 from the
+// end. kFlare: a cone from 1.5 before the end on, 0.4 high. In pipe radii.
+enum class EndFitting { kNone, kNut, kFlange, kFlare, kBead };
 
 // How a real tube differs from its program. Lengths in pipe radii.
 struct Form {

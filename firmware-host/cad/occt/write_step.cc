@@ -7,10 +7,14 @@
 #include <BRepBuilderAPI_MakeWire.hxx>
 #include <BRepBuilderAPI_Sewing.hxx>
 #include <BRepLib.hxx>
+#include <Geom_BSplineCurve.hxx>
 #include <Geom_CylindricalSurface.hxx>
 #include <Geom_ToroidalSurface.hxx>
 #include <Interface_Static.hxx>
 #include <STEPCAFControl_Writer.hxx>
+#include <TColStd_Array1OfInteger.hxx>
+#include <TColStd_Array1OfReal.hxx>
+#include <TColgp_Array1OfPnt.hxx>
 #include <TCollection_ExtendedString.hxx>
 #include <TDataStd_Name.hxx>
 #include <TDocStd_Document.hxx>
@@ -140,27 +144,66 @@ TopoDS_Shape Surface(const std::vector<Segment>& segments, double radius, double
   return solid;
 }
 
+template <class Array>
+Array Values(const json& j) {
+  Array values(1, static_cast<int>(j.size()));
+  for (int i = 1; i <= values.Upper(); ++i)
+    values.SetValue(i, j.at(static_cast<std::size_t>(i - 1)));
+  return values;
+}
+
+// A rational B-spline as it stands in the file.
+TopoDS_Shape Curve(const json& j) {
+  const json& places = j.at("poles");
+  TColgp_Array1OfPnt poles(1, static_cast<int>(places.size()));
+  for (int i = 1; i <= poles.Upper(); ++i) {
+    poles.SetValue(i, Point(places.at(static_cast<std::size_t>(i - 1))));
+  }
+  const Handle(Geom_BSplineCurve) curve = new Geom_BSplineCurve(
+      poles, Values<TColStd_Array1OfReal>(j.at("weights")),
+      Values<TColStd_Array1OfReal>(j.at("knots")),
+      Values<TColStd_Array1OfInteger>(j.at("multiplicities")), j.at("degree").get<int>());
+  return BRepBuilderAPI_MakeEdge(curve).Edge();
+}
+
+// What goes into one file, by name.
+class StepFile {
+ public:
+  void Add(const TopoDS_Shape& shape, const std::string& called) {
+    const TDF_Label label = shapes_->AddShape(shape, false);
+    TDataStd_Name::Set(label, TCollection_ExtendedString(called.c_str(), true));
+  }
+  void Write(const std::string& name, const std::string& file) {
+    STEPCAFControl_Writer writer;
+    Interface_Static::SetCVal("write.step.schema", "AP214IS");
+    Interface_Static::SetCVal("write.step.unit", "MM");
+    Interface_Static::SetCVal("write.step.product.name", name.c_str());
+    if (!writer.Transfer(document_) || writer.Write(file.c_str()) != IFSelect_RetDone) {
+      throw std::runtime_error("cannot be written");
+    }
+  }
+
+ private:
+  Handle(TDocStd_Document) document_ = new TDocStd_Document("BinXCAF");
+  Handle(XCAFDoc_ShapeTool) shapes_ = XCAFDoc_DocumentTool::ShapeTool(document_->Main());
+};
+
 }  // namespace
 
 void WriteStep(const json& tube, const std::string& file) {
+  const std::string name = tube.value("name", std::string("tube"));
+  StepFile step;
+  if (tube.contains("curves")) {
+    for (const json& curve : tube.at("curves")) {
+      step.Add(Curve(curve), curve.value("name", std::string("border")));
+    }
+    return step.Write(name, file);
+  }
   const std::vector<Segment> segments = SegmentsOf(tube);
   const double radius = tube.value("pipe_radius_mm", 0.0), wall = tube.value("wall_mm", 0.0);
-  const std::string name = tube.value("name", std::string("tube"));
-  Handle(TDocStd_Document) document = new TDocStd_Document("BinXCAF");
-  const Handle(XCAFDoc_ShapeTool) shapes = XCAFDoc_DocumentTool::ShapeTool(document->Main());
-  const auto add = [&](const TopoDS_Shape& shape, const std::string& called) {
-    const TDF_Label label = shapes->AddShape(shape, false);
-    TDataStd_Name::Set(label, TCollection_ExtendedString(called.c_str(), true));
-  };
-  if (radius > 0) add(Surface(segments, radius, wall), name);
-  add(CentreLine(segments), name + ", centre line");
-  STEPCAFControl_Writer writer;
-  Interface_Static::SetCVal("write.step.schema", "AP214IS");
-  Interface_Static::SetCVal("write.step.unit", "MM");
-  Interface_Static::SetCVal("write.step.product.name", name.c_str());
-  if (!writer.Transfer(document) || writer.Write(file.c_str()) != IFSelect_RetDone) {
-    throw std::runtime_error("cannot be written");
-  }
+  if (radius > 0) step.Add(Surface(segments, radius, wall), name);
+  step.Add(CentreLine(segments), name + ", centre line");
+  step.Write(name, file);
 }
 
 }  // namespace bendloop::cad

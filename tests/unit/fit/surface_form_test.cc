@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "pipeline/reconstruction.h"
@@ -68,16 +69,19 @@ TEST(SurfaceForm, StraightTubesAreStraightAndHaveNoDents) {
 }
 
 TEST(SurfaceForm, ADentIsFoundWhereItIs) {
-  std::mt19937_64 random(2);
+  std::mt19937_64 random(6);
   const double depth_r = 0.08;
   const tests::Form form{.dents = {{.along = 0.5, .around_rad = 1.0, .depth_r = depth_r}}};
   const Measurement found = Measured(tests::ScanRealTube(TwoBends(), form, {}, random));
   ASSERT_EQ(found.dents.size(), 1U);
   const double length_mm = hal::SpineLength(found.tube.program);
-  EXPECT_NEAR(found.dents[0].along_mm, 0.5 * length_mm, 4);
-  EXPECT_NEAR(found.dents[0].depth_mm, depth_r * 5, 0.1);
-  EXPECT_GT(found.dents[0].size_mm, 4);
-  EXPECT_LT(found.dents[0].size_mm, 14);
+  const DentFound& dent = found.dents[0];
+  EXPECT_NEAR(dent.along_mm, 0.5 * length_mm, 4);
+  EXPECT_NEAR(dent.depth_mm, depth_r * 5, 3 * dent.sigma_mm);
+  EXPECT_LT(dent.sigma_mm, 0.03);
+  // A gaussian of 4 mm is half as deep at 1.177 of it.
+  EXPECT_NEAR(dent.area_mm2, std::numbers::pi * std::pow(1.1774 * 4, 2), 3 * dent.area_sigma_mm2);
+  EXPECT_LT(dent.area_sigma_mm2, 0.1 * dent.area_mm2);
 }
 
 TEST(EndForms, TheLengthIsUpToTheEndOfWhatSitsOnIt) {
@@ -97,6 +101,34 @@ TEST(EndForms, TheLengthIsUpToTheEndOfWhatSitsOnIt) {
                 5 * found.sigma.rows[row].length_mm);
     EXPECT_LT(found.sigma.rows[row].length_mm, 1.5);
     EXPECT_TRUE(Says(found, "something thicker than the tube sits on its"));
+  }
+}
+
+TEST(EndForms, BeadsAndFlaresBeginWhereTheirFlanksDo) {
+  using enum tests::EndFitting;
+  for (const tests::EndFitting fitting : {kBead, kFlare}) {
+    SCOPED_TRACE(static_cast<int>(fitting));
+    std::mt19937_64 random(5);
+    const auto cloud = tests::ScanRealTube(TwoBends(), {.at_end = fitting}, {}, random);
+    const Measurement found = Measured(cloud);
+    ASSERT_EQ(found.tube.program.rows.size(), 3U);
+    const bool reversed = IsReversed(found);
+    const EndForm& end = reversed ? found.first_end : found.last_end;
+    EXPECT_TRUE((reversed ? found.last_end : found.first_end).profile.empty());
+    ASSERT_FALSE(end.profile.empty());
+    const bool is_bead = fitting == kBead;
+    EXPECT_NEAR(end.begins_mm, (is_bead ? 1.6 : 1.5) * 5, 3 * end.begins_sigma_mm);
+    EXPECT_LT(end.begins_sigma_mm, 0.6);
+    EXPECT_EQ(end.returns_sigma_mm > 0, is_bead);
+    if (is_bead) {
+      EXPECT_NEAR(end.returns_mm, 0.8 * 5, 3 * end.returns_sigma_mm);
+    }
+    double widest_mm = 0;
+    for (const RadiusAt& at : end.profile) widest_mm = std::max(widest_mm, at.radius_mm);
+    EXPECT_NEAR(widest_mm, (is_bead ? 1.25 : 1.4) * 5, 0.2);
+    const std::size_t row = reversed ? 0 : 2;
+    EXPECT_NEAR(found.tube.program.rows[row].length_mm, cloud.truth.program.rows[2].length_mm,
+                5 * found.sigma.rows[row].length_mm);
   }
 }
 

@@ -55,13 +55,19 @@ TEST(ReportHtml, TellsStraightnessEasingsAndDents) {
   RunResult run = SampleRun();
   run.measurement.straights = {{0.12, 0.01, 80}, {0, 0, 0}, {0.3, 0.02, 60}};
   run.measurement.bend_easings = {{8, 0.5}, {7.5, 0.25}};
-  run.measurement.dents = {{40, -90, 0.5, 0.02, 6, {1, 2, 3}}};
+  run.measurement.dents = {{40, -90, 0.5, 0.02, 6, {1, 2, 3}, 0.1, 0.9, 28.3, 0.7}};
+  run.measurement.last_end.begins_mm = 4.5;
+  run.measurement.last_end.profile = {{0.2, 5.4, 0.01}, {4.8, 4, 0.01}};
   const std::string html = CardsHtml(run);
   // 0.3 mm of 60 mm; the straight in the middle is too short to tell.
   EXPECT_EQ(Count(html, ">L/200<"), 1u);
   EXPECT_EQ(Count(html, ">L/"), 2u);
   EXPECT_EQ(Count(html, "<td class=\"n\">7.50</td><td class=\"n\">0.25</td>"), 1u);
-  EXPECT_EQ(Count(html, "<p>Dents</p>"), 1u);
+  EXPECT_EQ(Count(html, "<p>Dents; "), 1u);
+  EXPECT_EQ(Count(html, "<td class=\"n\">28.3</td><td class=\"n\">0.7</td>"), 1u);
+  EXPECT_EQ(Count(html, "stroke-dasharray=\"3 2\""), 1u);  // on the unrolled surface
+  EXPECT_EQ(Count(html, "<td class=\"n\">5.40</td>"), 1u);
+  EXPECT_EQ(Count(html, "aria-label=\"radius by place\""), 1u);
   EXPECT_EQ(Count(CardsHtml(SampleRun()), "<h3>Form</h3>"), 0u);
 }
 

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Holes and slots: the error of a border against the bound of its sampling, and what is none.
-#include "pipeline/features/openings.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "hal/angles.h"
+#include "pipeline/features/opening_border.h"
 
 namespace bendloop::pipeline {
 namespace {

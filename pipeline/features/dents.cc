@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/dents.h"
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "hal/angles.h"
+#include "hal/tube_features.h"
+#include "pipeline/math/dense_solve.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct DentSettings {
+  // [of its size] and [of r_P] So far around its middle the wall is looked at, on its unrolled
+  // surface.
+  double look = 1.25, look_more = 0.5;
+  // [of r_P] No further around the tube: beyond is its other side.
+  double most_around = 2.2;
+  // [of its depth] and [sigma] Points further off are none of the wall's.
+  double most_off = 2.5, off_sigmas = 6.0;
+  // [sigma] Points that the first fit leaves so far off are left out of the second.
+  double flier = 5.0;
+  // Points: fewer tell no area; more tell hardly more and cost time.
+  std::size_t least_points = 60, enough_points = 4000;
+  // 1 sigma before the scan: of the logarithm of the power s (balls and edges press gaussians,
+  // flats have up to 3), of the logarithm of either half axis about the cells', and [of r_P] of the
+  // wall's own form at the edge of what is looked at. They decide only where points leave it open.
+  double power = 0.5, half_axis = 0.7, wall = 0.05;
+  int most_steps = 40;
+  // [of depth] 1 sigma of a dent that is known no better was not fitted.
+  double vague = 0.33;
+};
+constexpr DentSettings kDents;
+
+// The numbers of the fit. L = (e^kAxisU 0; kLean e^kAxisV): q = |L^T (place - middle)|^2.
+enum Unknown : Eigen::Index {
+  kDepth,
+  kU,
+  kV,
+  kAxisU,
+  kLean,
+  kAxisV,
+  kPower,
+  kWall,  // of the wall: its radius, its axis aside in two directions, and how that grows along
+  kUnknowns = kWall + 5
+};
+using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
+using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
+
+class DentFit {
+ public:
+  DentFit(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
+          double pipe_radius_mm, double noise_mm)
+      : points_(points.begin(), points.end()),
+        reach_mm_(reach_mm),
+        r_mm_(pipe_radius_mm),
+        noise_mm_(noise_mm) {
+    at_[kDepth] = depth_mm;
+    at_[kAxisU] = at_[kAxisV] = -std::log(0.5 * size_mm);
+    about_ = at_;
+    certainty_[kAxisU] = certainty_[kAxisV] = 1.0 / kDents.half_axis;
+    certainty_[kPower] = 1.0 / kDents.power;
+    certainty_.tail<5>().setConstant(1.0 / (kDents.wall * pipe_radius_mm));
+  }
+
+  FittedDent Fit() {
+    Solve();
+    std::erase_if(points_, [&](const WallPoint& point) {
+      return std::abs(Residual(point, at_, nullptr)) > kDents.flier * noise_mm_;
+    });
+    FittedDent dent;
+    if (points_.size() < kDents.least_points) return dent;
+    Solve();
+    Square matrix;
+    Unknowns right;
+    const double cost = Normal(at_, &matrix, &right);
+    // Where the form is not the dent's, the residuals say so.
+    const double scale =
+        std::max(1.0, cost / static_cast<double>(points_.size() - std::size_t{kUnknowns}));
+    const Square covariance = scale * Inverse(matrix);
+    const auto sigma = [&](Unknown k) { return std::sqrt(std::max(0.0, covariance(k, k))); };
+    dent.along_mm = at_[kU], dent.along_sigma_mm = sigma(kU);
+    dent.around_mm = at_[kV], dent.around_sigma_mm = sigma(kV);
+    dent.depth_mm = at_[kDepth], dent.depth_sigma_mm = sigma(kDepth);
+    dent.area_mm2 = std::numbers::pi * std::exp(-at_[kAxisU] - at_[kAxisV]);
+    const double variance =
+        covariance(kAxisU, kAxisU) + covariance(kAxisV, kAxisV) + 2.0 * covariance(kAxisU, kAxisV);
+    dent.area_sigma_mm2 = dent.area_mm2 * std::sqrt(std::max(0.0, variance));
+    dent.is_fitted = dent.depth_mm > 0 && dent.depth_sigma_mm < kDents.vague * dent.depth_mm &&
+                     std::hypot(at_[kU], at_[kV]) < 0.7 * reach_mm_ &&
+                     dent.area_mm2 < std::numbers::pi * reach_mm_ * reach_mm_;
+    return dent;
+  }
+
+ private:
+  // How far the point lies out of what the numbers say; its derivatives to them.
+  double Residual(const WallPoint& point, const Unknowns& x, Unknowns* row) const {
+    const double u = point.along_mm - x[kU], v = point.around_mm - x[kV];
+    const double of_u = std::exp(x[kAxisU]), of_v = std::exp(x[kAxisV]);
+    const double z_u = of_u * u + x[kLean] * v, z_v = of_v * v;
+    const double q = std::max(1e-12, z_u * z_u + z_v * z_v);
+    const double power = std::exp(x[kPower]);
+    const double g = std::pow(q, power);
+    const double f = std::exp(-std::numbers::ln2 * g);
+    const double wall_u = point.along_mm / reach_mm_;
+    const double cosine = std::cos(point.around_mm / r_mm_);
+    const double sine = std::sin(point.around_mm / r_mm_);
+    const double wall = x[kWall] + (x[kWall + 1] + x[kWall + 3] * wall_u) * cosine +
+                        (x[kWall + 2] + x[kWall + 4] * wall_u) * sine;
+    if (row) {
+      const double by_q = x[kDepth] * std::numbers::ln2 * power * g / q * f;
+      *row << -f, -2.0 * by_q * z_u * of_u, -2.0 * by_q * (z_u * x[kLean] + z_v * of_v),
+          2.0 * by_q * z_u * of_u * u, 2.0 * by_q * z_u * v, 2.0 * by_q * z_v * of_v * v,
+          by_q * q * std::log(q), 1.0, cosine, sine, wall_u * cosine, wall_u * sine;
+    }
+    return point.off_mm - (wall - x[kDepth] * f);
+  }
+
+  // Sum of squares in sigmas, and the normal equations.
+  double Normal(const Unknowns& x, Square* matrix, Unknowns* right) const {
+    double cost = (x - about_).cwiseProduct(certainty_).squaredNorm();
+    if (matrix) {
+      matrix->setZero();
+      matrix->diagonal() = certainty_.cwiseAbs2();
+      *right = certainty_.cwiseAbs2().cwiseProduct(about_ - x);
+    }
+    const double weight = 1.0 / (noise_mm_ * noise_mm_);
+    Unknowns row;
+    for (const WallPoint& point : points_) {
+      const double residual = Residual(point, x, matrix ? &row : nullptr);
+      cost += weight * residual * residual;
+      if (!matrix) continue;
+      for (Eigen::Index k = 0; k < kUnknowns; ++k) {
+        (*right)[k] += weight * row[k] * residual;
+        for (Eigen::Index i = 0; i <= k; ++i) (*matrix)(k, i) += weight * row[k] * row[i];
+      }
+    }
+    if (matrix) *matrix = Square(matrix->selfadjointView<Eigen::Lower>());
+    return cost;
+  }
+
+  // Levenberg and Marquardt.
+  void Solve() {
+    Square matrix;
+    Unknowns right;
+    double damping = 1e-3, cost = Normal(at_, &matrix, &right);
+    for (int step = 0; step < kDents.most_steps && damping < 1e8; ++step) {
+      Square damped = matrix;
+      damped.diagonal() *= 1.0 + damping;
+      const Unknowns to = at_ + Unknowns(SolveSymmetric(damped, right));
+      const double there = to.allFinite() ? Normal(to, nullptr, nullptr) : cost + 1.0;
+      if (!(there < cost)) {
+        damping *= 8.0;
+        continue;
+      }
+      const bool is_done = cost - there < 1e-6;
+      at_ = to;
+      damping *= 0.2;
+      if (is_done) break;
+      cost = Normal(at_, &matrix, &right);
+    }
+  }
+
+  std::vector<WallPoint> points_;
+  double reach_mm_, r_mm_, noise_mm_;
+  Unknowns at_ = Unknowns::Zero(), about_ = Unknowns::Zero(), certainty_ = Unknowns::Zero();
+};
+
+// The wall about a place, unrolled.
+class Wall {
+ public:
+  Wall(const hal::Tube& tube, std::span<const PointBlock> blocks)
+      : r_mm_(tube.pipe_radius_mm),
+        segments_(hal::SpineSegments(tube.program, tube.X_WT)),
+        frames_(SegmentFrames(segments_, 0.0)),
+        blocks_(blocks) {}
+
+  // The direction out of the tube at a place, in the cross-section of another nearby.
+  static Eigen::Vector3d Carried(const Eigen::Vector3d& direction, const Eigen::Vector3d& from,
+                                 const Eigen::Vector3d& to) {
+    return Eigen::Quaterniond::FromTwoVectors(from, to) * direction;
+  }
+
+  std::vector<WallPoint> About(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
+                               double off_mm) const {
+    const Eigen::Vector3d middle = frame.spine_mm + r_mm_ * frame.outward;
+    const double around_mm = std::min(reach_mm, kDents.most_around * r_mm_);
+    std::vector<WallPoint> points;
+    std::vector<std::int32_t> candidates;
+    for (const PointBlock& block : blocks_) {
+      const double near_mm = std::hypot(reach_mm, around_mm) + r_mm_ + block.half_diagonal_mm;
+      if ((block.center_mm - middle).squaredNorm() > near_mm * near_mm) continue;
+      CandidateSegments(block, frames_, 2.0 * r_mm_, candidates);
+      if (candidates.empty()) continue;
+      for (const Eigen::Vector3d& point : block.points) {
+        const SpineFoot foot = NearestFoot(point, segments_, frames_, candidates);
+        if (foot.segment < 0 || std::abs(foot.distance_mm - r_mm_) > off_mm) continue;
+        const hal::SpineSegment& segment = segments_[static_cast<std::size_t>(foot.segment)];
+        const double u = segment.from_start_mm + foot.along_mm - along_mm;
+        if (std::abs(u) > reach_mm || foot.along_mm < 0 || foot.along_mm > segment.length_mm)
+          continue;
+        const Eigen::Vector3d across = Carried(point - segment.PointAt(foot.along_mm),
+                                               segment.TangentAt(foot.along_mm), frame.tangent);
+        const double v =
+            -r_mm_ * std::atan2(across.dot(frame.sideways()), across.dot(frame.outward));
+        if (std::abs(v) > around_mm) continue;
+        points.push_back({u, v, foot.distance_mm - r_mm_});
+      }
+    }
+    return points;
+  }
+
+  const std::vector<hal::SpineSegment>& segments() const { return segments_; }
+
+ private:
+  double r_mm_;
+  std::vector<hal::SpineSegment> segments_;
+  std::vector<SegmentFrame> frames_;
+  std::span<const PointBlock> blocks_;
+};
+
+// As the cells saw it: its middle and size to about a cell.
+void Doubt(double pipe_radius_mm, DentFound& dent) {
+  constexpr double kCellPart = 0.15;  // of r_P: 1 sigma of a place in a cell half as long
+  dent.along_sigma_mm = kCellPart * pipe_radius_mm;
+  dent.around_sigma_deg = kCellPart * hal::kDegreesPerRadian;
+  dent.area_mm2 = 0.25 * std::numbers::pi * dent.size_mm * dent.size_mm;
+  dent.area_sigma_mm2 = 0.5 * dent.area_mm2;
+}
+
+}  // namespace
+
+FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,
+                   double size_mm, double pipe_radius_mm, double noise_mm) {
+  if (points.size() < kDents.least_points || !(noise_mm > 0)) return {};
+  return DentFit(points, reach_mm, depth_mm, size_mm, pipe_radius_mm, noise_mm).Fit();
+}
+
+void MeasureDents(const hal::Tube& tube, const TubeEnds& ends, double noise_mm,
+                  std::span<const PointBlock> blocks, std::vector<DentFound>& dents) {
+  if (dents.empty()) return;
+  const double r_mm = tube.pipe_radius_mm, length_mm = hal::SpineLength(tube.program);
+  const Wall wall(tube, blocks);
+  for (DentFound& dent : dents) {
+    Doubt(r_mm, dent);
+    const hal::SurfaceFrame frame = hal::FrameAt(wall.segments(), dent.along_mm, dent.around_deg);
+    const double reach_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
+    std::vector<WallPoint> points =
+        wall.About(frame, dent.along_mm, reach_mm,
+                   kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm);
+    const std::size_t stride = StrideTo(points.size(), kDents.enough_points);
+    for (std::size_t i = 0; i * stride < points.size(); ++i) points[i] = points[i * stride];
+    points.resize((points.size() + stride - 1) / stride);
+    const FittedDent fitted =
+        FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
+    if (fitted.is_fitted) {
+      dent.along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, length_mm);
+      const std::size_t at = hal::SegmentAt(wall.segments(), dent.along_mm);
+      const hal::SurfaceFrame there = hal::FrameAt(wall.segments(), dent.along_mm, 0.0);
+      const Eigen::Vector3d outward =
+          Wall::Carried(Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward,
+                        frame.tangent, there.tangent);
+      dent.around_deg =
+          hal::AroundDeg(hal::AroundZero(wall.segments(), at), there.tangent, outward);
+      dent.position_mm = there.spine_mm + r_mm * outward;
+      dent.along_sigma_mm = fitted.along_sigma_mm;
+      dent.around_sigma_deg = fitted.around_sigma_mm / r_mm * hal::kDegreesPerRadian;
+      dent.depth_mm = fitted.depth_mm, dent.sigma_mm = fitted.depth_sigma_mm;
+      dent.area_mm2 = fitted.area_mm2, dent.area_sigma_mm2 = fitted.area_sigma_mm2;
+      dent.size_mm = 2.0 * std::sqrt(fitted.area_mm2 / std::numbers::pi);
+    }
+    const bool from_end = 2.0 * dent.along_mm > length_mm;
+    dent.along_sigma_mm =
+        std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
+  }
+}
+
+}  // namespace bendloop::pipeline

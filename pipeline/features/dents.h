@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "hal/tube.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/tube_ends.h"
+#include "pipeline/tube/measurement.h"
+
+namespace bendloop::pipeline {
+
+// Place, depth and area of dents that were seen in cells of the surface (fit/surface_form.h), from
+// the points themselves: least squares of D 2^-(q^s) on a smooth wall, q a quadratic form of the
+// place on the unrolled surface, 1 where the dent is half as deep as in its middle. The power s
+// tells round dents (1: a gaussian) from flats. What cannot be fitted stays as the cells have it.
+// `noise_mm`: 1 sigma of a point along the normal.
+void MeasureDents(const hal::Tube& tube, const TubeEnds& ends, double noise_mm,
+                  std::span<const PointBlock> blocks, std::vector<DentFound>& dents);
+
+// A point of the wall about a dent: along the tube and around it on the unrolled surface, and out
+// of the round one [mm].
+struct WallPoint {
+  double along_mm = 0, around_mm = 0, off_mm = 0;
+};
+struct FittedDent {
+  double along_mm = 0, around_mm = 0, depth_mm = 0, area_mm2 = 0;
+  double along_sigma_mm = 0, around_sigma_mm = 0, depth_sigma_mm = 0, area_sigma_mm2 = 0;
+  bool is_fitted = false;
+};
+// `points`: within `reach_mm` of a place where it is about `depth_mm` deep and `size_mm` wide.
+FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,
+                   double size_mm, double pipe_radius_mm, double noise_mm);
+
+}  // namespace bendloop::pipeline

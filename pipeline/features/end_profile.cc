@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/end_profile.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "pipeline/math/circle_sectors.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct ProfileSettings {
+  // [of r_P] From the end of all into the tube; what begins further in is no form of the end.
+  double look = 5.0;
+  // [of r_P] What is further from the axis, or nearer to it, is not the end's.
+  double widest = 3.0, narrowest = 0.8;
+  // [of r_P] Of the places along the axis at least, and points in each of them on average.
+  double place = 0.05, points = 48.0;
+  // Points of a side that tell its radius, and sides of sixteen that tell the place's.
+  double least_of_side = 2.0;
+  int least_sides = 6;
+  // [of r_P] and [sigma] A place is wider than the pipe, and something is there at all.
+  double wider = 0.015, wider_sigmas = 4.0, least_height = 0.03;
+  // Points further out than that: with fewer nobody need look closer.
+  std::size_t least_points = 20;
+  // [of its height] The flank, whose line says where it begins.
+  double flank_from = 0.15, flank_to = 0.7;
+};
+constexpr ProfileSettings kProfile;
+constexpr unsigned kProfileSides = 16;
+
+// Place and radius of a point near the end: from the end of all into the tube.
+struct EndPoint {
+  double from_end_mm = 0, radius_mm = 0;
+  unsigned side = 0;
+};
+
+std::vector<EndPoint> PointsOf(const PlainEnd& end, double r_mm, double length_mm,
+                               std::span<const PointBlock> near) {
+  const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
+  const double out_mm = (1.0 + kProfile.least_height) * r_mm;
+  const double widest_mm = kProfile.widest * r_mm, narrowest_mm = kProfile.narrowest * r_mm;
+  std::vector<EndPoint> points;
+  std::size_t wider = 0;
+  for (const PointBlock& block : near) {
+    for (const Eigen::Vector3d& point : block.points) {
+      const Eigen::Vector3d from = point - end.position_mm;
+      const double from_end_mm = length_mm - from.dot(end.outward);
+      if (from_end_mm < 0 || from_end_mm > kProfile.look * r_mm) continue;
+      const double x = from.dot(u), y = from.dot(v), square = x * x + y * y;
+      if (square > widest_mm * widest_mm || square < narrowest_mm * narrowest_mm) continue;
+      wider += square > out_mm * out_mm ? 1 : 0;
+      points.push_back({from_end_mm, std::sqrt(square), AzimuthSector<kProfileSides>(x, y)});
+    }
+  }
+  if (wider < kProfile.least_points) points.clear();
+  return points;
+}
+
+// A place with its radius: the mean of its sides, whose scatter says how sure it is.
+std::optional<RadiusAt> RadiusOf(double from_end_mm, std::span<const EndPoint> points,
+                                 double noise_mm) {
+  std::array<double, kProfileSides> count{}, sum{};
+  for (const EndPoint& point : points) {
+    count[point.side] += 1;
+    sum[point.side] += point.radius_mm;
+  }
+  double sides = 0, mean = 0, square = 0;
+  for (std::size_t i = 0; i < kProfileSides; ++i) {
+    if (count[i] < kProfile.least_of_side) continue;
+    const double radius_mm = sum[i] / count[i];
+    sides += 1;
+    mean += radius_mm;
+    square += radius_mm * radius_mm;
+  }
+  if (sides < kProfile.least_sides) return std::nullopt;
+  mean /= sides;
+  const double variance = std::max(0.0, square / sides - mean * mean) / (sides - 1);
+  const double least = noise_mm * noise_mm / static_cast<double>(points.size());
+  return RadiusAt{from_end_mm, mean, std::sqrt(std::max(variance, least))};
+}
+
+std::vector<RadiusAt> Radii(std::vector<EndPoint> points, double r_mm, double noise_mm) {
+  std::sort(points.begin(), points.end(),
+            [](const EndPoint& a, const EndPoint& b) { return a.from_end_mm < b.from_end_mm; });
+  const double far_mm = points.back().from_end_mm;
+  const double place_mm = std::max(kProfile.place * r_mm,
+                                   kProfile.points * far_mm / static_cast<double>(points.size()));
+  std::vector<RadiusAt> radii;
+  std::size_t first = 0;
+  for (double at_mm = 0; first < points.size(); at_mm += place_mm) {
+    std::size_t last = first;
+    while (last < points.size() && points[last].from_end_mm < at_mm + place_mm) ++last;
+    const auto radius =
+        RadiusOf(at_mm + 0.5 * place_mm, std::span(points).subspan(first, last - first), noise_mm);
+    if (radius) radii.push_back(*radius);
+    first = last;
+  }
+  return radii;
+}
+
+struct Crossing {
+  double at_mm = 0, sigma_mm = 0;
+};
+
+// Where the flank between two places, the first at the height's foot, meets the plain radius.
+Crossing FlankFoot(std::span<const RadiusAt> radii, std::size_t foot, std::size_t top,
+                   double r_mm) {
+  const double height_mm = radii[top].radius_mm - r_mm;
+  const int step = foot < top ? 1 : -1;
+  double weights = 0, x = 0, h = 0, xx = 0, xh = 0, count = 0;
+  const double about_mm = radii[top].from_end_mm;
+  for (std::size_t i = foot;; i = static_cast<std::size_t>(static_cast<int>(i) + step)) {
+    const double part = (radii[i].radius_mm - r_mm) / height_mm;
+    if (part > kProfile.flank_from && part < kProfile.flank_to) {
+      const double weight = 1.0 / (radii[i].sigma_mm * radii[i].sigma_mm);
+      const double at = radii[i].from_end_mm - about_mm, up = radii[i].radius_mm - r_mm;
+      weights += weight, x += weight * at, h += weight * up;
+      xx += weight * at * at, xh += weight * at * up, count += 1;
+    }
+    if (i == top) break;
+  }
+  const double place_mm =
+      radii.size() > 1 ? std::abs(radii[1].from_end_mm - radii[0].from_end_mm) : 0.0;
+  const double spread = weights * xx - x * x;
+  // Too steep for a line: between the last plain place and the first wider one.
+  const Crossing step_up{radii[foot].from_end_mm - 0.5 * step * place_mm,
+                         place_mm / std::sqrt(3.0)};
+  if (count < 3 || !(spread > 0)) return step_up;
+  const double slope = (weights * xh - x * h) / spread;
+  if (slope * step <= 0) return step_up;
+  const double mean = x / weights, up = h / weights;
+  const double at = mean - up / slope;
+  const double variance =
+      (1.0 / weights + (at - mean) * (at - mean) * weights / spread) / (slope * slope);
+  return {about_mm + at, std::hypot(std::sqrt(variance), place_mm / std::sqrt(12.0 * count))};
+}
+
+}  // namespace
+
+void MeasureEndProfile(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
+                       double end_sigma_mm, std::span<const PointBlock> near, EndForm& form) {
+  std::vector<EndPoint> points = PointsOf(end, pipe_radius_mm, form.length_mm, near);
+  if (points.empty()) return;
+  const std::vector<RadiusAt> radii = Radii(std::move(points), pipe_radius_mm, noise_mm);
+  const auto is_wider = [&](const RadiusAt& at) {
+    return at.radius_mm - pipe_radius_mm >
+           std::max(kProfile.wider * pipe_radius_mm, kProfile.wider_sigmas * at.sigma_mm);
+  };
+  // The widest place, and what is wider about it.
+  std::size_t top = 0;
+  for (std::size_t i = 0; i < radii.size(); ++i) {
+    if (radii[i].radius_mm > radii[top].radius_mm) top = i;
+  }
+  std::size_t first = top, last = top;
+  while (first > 0 && is_wider(radii[first - 1])) --first;
+  while (last < radii.size() && is_wider(radii[last])) ++last;
+  // It has to begin within what is seen, and be high.
+  if (last >= radii.size() || last - first < 2 ||
+      radii[top].radius_mm - pipe_radius_mm < kProfile.least_height * pipe_radius_mm) {
+    return;
+  }
+  const Crossing begins = FlankFoot(radii, last - 1, top, pipe_radius_mm);
+  form.begins_mm = begins.at_mm;
+  form.begins_sigma_mm = std::hypot(begins.sigma_mm, end_sigma_mm);
+  if (first > 0) {
+    const Crossing returns = FlankFoot(radii, first, top, pipe_radius_mm);
+    form.returns_mm = returns.at_mm;
+    form.returns_sigma_mm = std::hypot(returns.sigma_mm, end_sigma_mm);
+  }
+  form.profile.assign(
+      radii.begin(), radii.begin() + static_cast<std::ptrdiff_t>(std::min(last + 2, radii.size())));
+}
+
+}  // namespace bendloop::pipeline
