@@ -7,13 +7,14 @@
 // or after its effect, late or repeated, a torn staging, a journal that cannot be written, a crash
 // of ours, a reboot of the bender, a deed of another master.
 //
-// Two benders that break a rule: IGNORES_NUMBER takes whatever is staged, whatever number was committed (in one
+// Three benders that break a rule: IGNORES_NUMBER takes whatever is staged, whatever number was committed (in one
 // attempt, without another master: two commits it cannot tell apart), REJECTS_AND_ACTIVATES answers "rejected" to what
-// it takes. The void is the old program's rows, and a breach that was seen locks.
+// it takes, COPIES_WRONG makes active what was not sent. The void is the old program's rows, and a breach that was seen locks.
 //
 // holds with: -DFAULTS=3
 // holds with: -DFAULTS=4 -DIGNORES_NUMBER
 // holds with: -DFAULTS=2 -DREJECTS_AND_ACTIVATES
+// holds with: -DFAULTS=2 -DCOPIES_WRONG
 // fails with: -DFAULTS=3
 
 #ifdef MUTANT_VOID_WITH_NEW_ROWS
@@ -21,6 +22,9 @@
 #endif
 #ifdef MUTANT_LOCK_AFTER_THE_END
 #define REJECTS_AND_ACTIVATES
+#endif
+#ifdef MUTANT_WRONG_COPY_UNLOCKED
+#define COPIES_WRONG
 #endif
 #ifdef IGNORES_NUMBER
 #define ATTEMPTS 1
@@ -40,15 +44,21 @@
 #define THEIRS 1  // staged and committed by another master, which never takes a number of ours
 #define BASE 2    // active at the start
 #define NUMBERS 12
+#define WRONG_COPY 14  // of a program that was sent: a row is another one
 #define OTHER_PART 15  // loaded at the panel: another part, sequence 0
 
+#ifdef COPIES_WRONG
+#define SEQUENCE(program) (program == OTHER_PART -> 0 : (program == WRONG_COPY -> wrong_number : program))
+#else
 #define SEQUENCE(program) (program == OTHER_PART -> 0 : program)
+#endif
 #define TROUBLE (faults > 0 && !quiet) -> faults--
 
 mtype = { begun, committing, committed, not_committed };
 
 // The bender: `bends` survives a reboot, the rest does not.
 byte bends = BASE;
+byte wrong_number;  // of WRONG_COPY
 byte staged = NONE;
 bool staged_torn;
 byte commit_register;
@@ -92,7 +102,12 @@ inline Activate(number) {
           assert(!was_denied[staged]);   // "not committed" stays true
           assert(void_with[staged] == NONE || !was_denied[void_with[staged]]);
           was_swapped[staged] = (staged > BASE);
+#ifdef COPIES_WRONG
+          wrong_number = staged;
+          bends = (staged > BASE -> WRONG_COPY : staged);
+#else
           bends = staged;
+#endif
 #ifdef REJECTS_AND_ACTIVATES
           accepted = false;
 #endif
@@ -262,6 +277,9 @@ Attempt:
             :: !accepted -> goto Breach
             :: else -> Finish(committed); goto Start
             fi
+#ifdef COPIES_WRONG
+         :: answered && bends == WRONG_COPY -> goto WrongCopy
+#endif
          :: answered && !accepted && bends == base ->
 #ifdef MUTANT_LEAVE_STAGED
             Finish(not_committed);
@@ -283,10 +301,22 @@ Breach:
     locked = true;
     goto Start;
 
+#ifdef COPIES_WRONG
+WrongCopy:
+#ifndef MUTANT_WRONG_COPY_UNLOCKED
+    locked = true;
+#endif
+    atomic { Finish(not_committed); breach_told = !open };
+    goto Start;
+#endif
+
 Settle:
     Read();
     if
     :: failed -> goto Start  // unknown
+#ifdef COPIES_WRONG
+    :: !failed && bends == WRONG_COPY && reply_sequence == next -> goto WrongCopy
+#endif
     :: !failed && bends == next && reply_sequence == next && !accepted -> goto Breach
     :: !failed && bends == next && (reply_sequence != next || accepted) ->
        Finish(committed); goto Start
