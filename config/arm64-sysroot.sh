@@ -53,6 +53,8 @@ mmdebstrap --quiet --architectures=arm64 --variant=extract --aptopt="$work/apt" 
   --include="$(echo "$wanted" | xargs | tr ' ' ,)" --extract-hook="sh $work/records \"\$1\"" \
   bookworm "$folder" "${mirror:-http://deb.debian.org/debian}"
 
+# qemu-user looks there for every file first: no device, no /etc and no /tmp but the machine's.
+find "$folder" -mindepth 1 -maxdepth 1 ! -name usr ! -name 'lib*' ! -name var -exec rm -rf --one-file-system {} +
 # What the packages' own scripts would have done: the loader finds no library in a folder of its own,
 # and links are to stay below the folder.
 libraries=$folder/usr/lib/aarch64-linux-gnu

@@ -1,0 +1,21 @@
+#!/bin/sh
+# Runs a command where programs for arm64 start as others do, also those that tests start themselves.
+# usage: with_emulator.sh SYSROOT COMMAND...
+# Where the machine does not start them already (Debian's qemu-user-static does, once systemd has read
+# what it brings), qemu-user is registered for this command alone, in a user namespace of its own.
+set -eu
+QEMU_LD_PREFIX=$(realpath -- "$1")
+export QEMU_LD_PREFIX
+shift
+mine=/proc/sys/fs/binfmt_misc
+if [ -e $mine/qemu-aarch64 ]; then exec "$@"; fi
+if ! unshare --map-root-user --mount mount -t binfmt_misc binfmt_misc $mine 2>/dev/null; then
+  echo "with_emulator.sh: arm64 programs do not start here, and this kernel (before Linux 6.7, or without" \
+    "user namespaces) does not let one command have that alone; as root: systemctl restart systemd-binfmt" >&2
+  exit 1
+fi
+# shellcheck disable=SC2016  # for the inner shell
+exec unshare --map-root-user --mount sh -euc '
+  mount -t binfmt_misc binfmt_misc "$0"
+  grep -v "^#" /usr/lib/binfmt.d/qemu-aarch64.conf >"$0/register"
+  exec "$@"' $mine "$@"
