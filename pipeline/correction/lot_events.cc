@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/correction/lot_events.h"
 
-#include <Eigen/Cholesky>
 #include <cmath>
+
+#include "pipeline/math/definite_solver.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-double LogLikelihood(const Eigen::VectorXd& innovation, const Eigen::LLT<Eigen::MatrixXd>& root) {
-  const double log_root = root.matrixLLT().diagonal().array().log().sum();
-  return -0.5 * innovation.dot(root.solve(innovation)) - log_root;
+double LogLikelihood(const Eigen::VectorXd& innovation, const DefiniteSolver& covariance) {
+  return -0.5 * (covariance.Square(innovation) + covariance.LogDeterminant());
 }
 
 struct Outliers {
@@ -50,16 +50,16 @@ Outliers FindOutliers(const Eigen::VectorXd& innovation, Eigen::MatrixXd inverse
 std::vector<LotExplanation> Explanations(const LotSurprise& surprise,
                                          const LotFilterOptions& options) {
   std::vector<LotExplanation> found;
-  const Eigen::LLT<Eigen::MatrixXd> root(surprise.covariance);
+  const DefiniteSolver covariance(surprise.covariance);
   const Eigen::Index size = surprise.innovation.size();
   const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(size, size);
-  const double plain = LogLikelihood(surprise.innovation, root);
+  const double plain = LogLikelihood(surprise.innovation, covariance);
   found.push_back({LotEvent::kNone, {}, plain, false});
   if (surprise.is_first) return found;
   const double log_size = std::log(static_cast<double>(size));
   const double log_further = std::log(options.further_value_odds);
-  const Outliers alone =
-      FindOutliers(surprise.innovation, root.solve(identity), surprise.event_variance, options);
+  const Outliers alone = FindOutliers(surprise.innovation, covariance.Solve(identity),
+                                      surprise.event_variance, options);
   if (!alone.values.empty()) {
     const double likelihood = plain + alone.log_gain - log_size +
                               log_further * static_cast<double>(alone.values.size() - 1);
@@ -68,12 +68,12 @@ std::vector<LotExplanation> Explanations(const LotSurprise& surprise,
     found.push_back(
         {LotEvent::kRowJump, alone.values, likelihood + std::log(options.row_jump_odds), false});
   }
-  const Eigen::LLT<Eigen::MatrixXd> coil_root(surprise.coil_covariance);
-  const double coil = LogLikelihood(surprise.innovation, coil_root);
+  const DefiniteSolver coil_covariance(surprise.coil_covariance);
+  const double coil = LogLikelihood(surprise.innovation, coil_covariance);
   // Not worth a look: less likely than the expected by this much.
   constexpr double kHopeless = 3;
   if (coil + std::log(options.coil_jump_odds) <= plain - kHopeless) return found;
-  const Outliers beside = FindOutliers(surprise.innovation, coil_root.solve(identity),
+  const Outliers beside = FindOutliers(surprise.innovation, coil_covariance.Solve(identity),
                                        surprise.event_variance, options);
   double likelihood = coil;
   if (!beside.values.empty()) {

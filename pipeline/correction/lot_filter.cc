@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/correction/lot_filter.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "pipeline/correction/lot_events.h"
 #include "pipeline/correction/tube_values.h"
+#include "pipeline/math/definite_solver.h"
+#include "pipeline/math/dense_product.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -73,7 +74,7 @@ class Meeting {
 
  private:
   Eigen::MatrixXd Expected(const LotBelief& belief) const {
-    return part_.matrix * belief.covariance * part_.matrix.transpose() + noise_;
+    return Mapped(part_.matrix, belief.covariance) + noise_;
   }
 
   LotHypothesis Outcome(const LotExplanation& why) const {
@@ -95,10 +96,10 @@ class Meeting {
     if (why.event != LotEvent::kRowJump) {  // slipped
       for (const std::uint32_t j : why.values) covariance(j, j) += surprise_.event_variance[j];
     }
-    const Eigen::LLT<Eigen::MatrixXd> root(covariance);
-    const Eigen::MatrixXd cross = part_.matrix * belief.covariance;
-    belief.mean += cross.transpose() * root.solve(surprise_.innovation);
-    belief.covariance -= cross.transpose() * root.solve(cross);
+    const DefiniteSolver solver(covariance);
+    const Eigen::MatrixXd cross = Product(part_.matrix, belief.covariance);
+    belief.mean += TransposeProduct(cross, solver.Solve(surprise_.innovation));
+    belief.covariance -= TransposeProduct(cross, solver.Solve(cross));
     Keep(belief, after);
     LearnScatter(why, covariance, after);
     return after;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/correction/measured_covariance.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
 #include "pipeline/correction/tube_values.h"
+#include "pipeline/math/definite_solver.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -50,7 +50,7 @@ Eigen::MatrixXd MeasuredCovariance(const hal::BendProgram& sigma,
   Eigen::MatrixXd coefficients = Eigen::MatrixXd::Identity(size, size) + apart;
   constexpr double kSmaller = 0.97;
   for (int tries = 0; tries < 200; ++tries) {
-    if (Eigen::LLT<Eigen::MatrixXd>(coefficients).info() == Eigen::Success) break;
+    if (DefiniteSolver(coefficients).is_definite()) break;
     apart *= kSmaller;
     coefficients = Eigen::MatrixXd::Identity(size, size) + apart;
   }

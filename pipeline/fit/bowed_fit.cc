@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/fit/bowed_fit.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,6 +15,8 @@
 #include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/tube_parameters.h"
 #include "pipeline/math/cross_matrix.h"
+#include "pipeline/math/dense_product.h"
+#include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -105,8 +107,9 @@ class BowedTube {
         if (!(informed(k, k) > 0)) informed(k, k) = 1.0;
       }
       const Eigen::VectorXd scale = informed.diagonal().cwiseSqrt().cwiseInverse();
-      const Eigen::LDLT<Eigen::MatrixXd> solver(scale.asDiagonal() * informed * scale.asDiagonal());
-      inverse_ = scale.asDiagonal() * solver.solve(Eigen::MatrixXd::Identity(size_, size_)) *
+      informed = scale.asDiagonal() * informed * scale.asDiagonal();
+      inverse_ = scale.asDiagonal() *
+                 SolveSymmetric(informed, Eigen::MatrixXd::Identity(size_, size_)) *
                  scale.asDiagonal();
       step_ = inverse_ * right_;
       SetWorth();
@@ -144,8 +147,8 @@ class BowedTube {
     moved.flattening = parameters_.FlatteningAt(to);
     moved.easing = parameters_.EasingAt(to);
     moved.last_start = derivatives_.back().row(0);
-    SetCovariance(map * (noise_mm2_ * inverse_ + Disagreement()) * map.transpose(),
-                  options_.free_pipe_radius, moved);
+    SetCovariance(Mapped(map, noise_mm2_ * inverse_ + Disagreement()), options_.free_pipe_radius,
+                  moved);
     fit = std::move(moved);
     return true;
   }
@@ -230,7 +233,7 @@ class BowedTube {
       }
       const double worth = 1.0 / worth_[ClassOf(k)];
       const Eigen::MatrixXd& motion = motions_[k];
-      matrix_.noalias() += worth * motion.transpose() * (InformationOf(whole) * motion);
+      matrix_ += worth * TransposeProduct(motion, Product(InformationOf(whole), motion));
       right_.noalias() -= worth * motion.transpose() * PullOf(whole);
       if (own_[k] < 0) continue;
       BowMotion with_motion = BowMotion::Zero();
@@ -243,7 +246,7 @@ class BowedTube {
         with_itself += field.transpose() * felt;
         pull += field.transpose() * PullOf(places_[i].sum);
       }
-      const Eigen::MatrixXd cross = worth * motion.transpose() * with_motion;
+      const Eigen::MatrixXd cross = worth * TransposeProduct(motion, with_motion);
       matrix_.middleCols<kBowModes>(own_[k]) += cross;
       matrix_.middleRows<kBowModes>(own_[k]) += cross.transpose();
       matrix_.block<kBowModes, kBowModes>(own_[k], own_[k]) += worth * with_itself;
@@ -291,7 +294,7 @@ class BowedTube {
       const LocalMatrix information = InformationOf(places_[i].sum);
       const LocalVector pull = PullOf(places_[i].sum) + information * (motion * step_);
       chi_square[ClassOf(k)] += pull.dot(inverses_[i] * pull) / noise_mm2_;
-      const LocalMatrix known = motion * inverse_ * motion.transpose();
+      const LocalMatrix known = Mapped(motion, inverse_);
       freedom[ClassOf(k)] += ranks_[i] - (information * known).trace() / worth_[ClassOf(k)];
     }
     for (const std::size_t c : {std::size_t{0}, std::size_t{1}}) {
@@ -314,10 +317,11 @@ class BowedTube {
       const double chi_square = pull.dot(inverses_[i] * pull) / (worth * noise_mm2_);
       const double of_noise = ranks_[i] + kBowed.noise_sigmas * std::sqrt(2.0 * ranks_[i]);
       if (!(chi_square > of_noise)) continue;
-      const Eigen::MatrixXd back = inverse_ * motion.transpose();
+      const Eigen::MatrixXd back = Product(inverse_, motion.transpose());
       const LocalMatrix others =
-          LocalMatrix::Identity() - kBowed.leverage / worth * information * (motion * back);
-      const Eigen::VectorXd moves = back * others.inverse() * pull / worth;
+          LocalMatrix::Identity() -
+          kBowed.leverage / worth * Product(information, Product(motion, back));
+      const Eigen::VectorXd moves = back * (Inverse(others) * pull) / worth;
       sum.noalias() += (1.0 - of_noise / chi_square) * moves * moves.transpose();
     }
     return sum;
@@ -406,12 +410,12 @@ class BowedTube {
         off[2 * end] = axes.col(1).dot(there);
         off[2 * end + 1] = axes.col(2).dot(there);
       }
-      const Eigen::MatrixXd of_tube = look * derivatives_[k];
-      left += of_tube.leftCols(pose).transpose() * of_tube.leftCols(pose);
+      const Eigen::MatrixXd of_tube = Product(look, derivatives_[k]);
+      left += TransposeProduct(of_tube, of_tube).topLeftCorner(pose, pose);
       right += of_tube.leftCols(pose).transpose() * (off - of_tube * rows);
       ++line;
     }
-    to.head(pose) = parameters_.Initial().head(pose) + left.ldlt().solve(right);
+    to.head(pose) = parameters_.Initial().head(pose) + SolveSymmetric(left, right);
     return to;
   }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/fit/correlations.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,6 +12,8 @@
 #include "hal/spine.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/tube_parameters.h"
+#include "pipeline/math/dense_product.h"
+#include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -74,7 +76,7 @@ class RowCovariance {
     }
     // The last length ends at a border and begins where the bends lead to.
     by_parameter.row(At(bends_, RowValueKind::kLength)) = -fit.last_start.transpose();
-    matrix_ = by_parameter * fit.covariance * by_parameter.transpose();
+    matrix_ = Mapped(by_parameter, fit.covariance);
     matrix_.diagonal() = matrix_.diagonal().cwiseMax(reported.cwiseAbs2());
   }
 
@@ -175,7 +177,7 @@ Eigen::MatrixXd TurnBehind(const KnownTogether& run, const TubeParameters& param
                            const std::vector<hal::SpineSegment>& segments,
                            const std::vector<Eigen::MatrixXd>& derivatives) {
   const auto turn = [&](std::size_t k) -> Eigen::MatrixXd {
-    return segments[k].axes() * derivatives[k].middleRows<3>(3);
+    return Product(segments[k].axes(), derivatives[k].middleRows<3>(3));
   };
   Eigen::MatrixXd before = turn(2 * run.first_bend);
   if (run.first_bend > 0) before.col(parameters.rotation(run.first_bend)).setZero();
@@ -185,8 +187,7 @@ Eigen::MatrixXd TurnBehind(const KnownTogether& run, const TubeParameters& param
 // The greatest sigma of a turn about an axis across `tangent`.
 double AcrossSigma(const Eigen::Matrix3d& turn, const Eigen::Vector3d& tangent) {
   const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - tangent * tangent.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(across * turn * across);
-  return std::sqrt(std::max(0.0, eigen.eigenvalues().maxCoeff()));
+  return std::sqrt(std::max(0.0, SymmetricEigen(across * turn * across).values.maxCoeff()));
 }
 
 // The greatest sigmas of a run's vague values.
@@ -278,7 +279,7 @@ JointUncertainty FindCorrelations(const SurfaceFit& fit, const hal::BendProgram&
   for (KnownTogether& run : runs) {
     const WorstSigmas worst = WorstOf(run, covariance);
     const Eigen::MatrixXd by_parameter = TurnBehind(run, parameters, segments, derivatives);
-    SetTurn(by_parameter * fit.covariance * by_parameter.transpose(), segments, bends, worst, run);
+    SetTurn(Mapped(by_parameter, fit.covariance), segments, bends, worst, run);
     SetLength(covariance, measured, worst, run);
     if (!SaysNothing(run)) joint.known_together.push_back(std::move(run));
   }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/structure/structure_score.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -10,6 +9,8 @@
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/tube_parameters.h"
 #include "pipeline/math/cross_matrix.h"
+#include "pipeline/math/definite_solver.h"
+#include "pipeline/math/dense_product.h"
 #include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
@@ -123,18 +124,20 @@ class ScaledEquations {
  public:
   // `scale`: 0 for a parameter that is held.
   ScaledEquations(Eigen::VectorXd scale, const Eigen::MatrixXd& information)
-      : scale_(std::move(scale)) {
-    Eigen::MatrixXd scaled = scale_.asDiagonal() * information * scale_.asDiagonal();
-    scaled.diagonal().array() += kScore.damping;
-    solver_.compute(scaled);
-  }
+      : scale_(std::move(scale)), solver_(Scaled(scale_, information)) {}
   Eigen::MatrixXd Solve(const Eigen::MatrixXd& right) const {
-    return scale_.asDiagonal() * solver_.solve(scale_.asDiagonal() * right);
+    return scale_.asDiagonal() * solver_.Solve(scale_.asDiagonal() * right);
   }
 
  private:
+  static Eigen::MatrixXd Scaled(const Eigen::VectorXd& scale, const Eigen::MatrixXd& information) {
+    Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
+    scaled.diagonal().array() += kScore.damping;
+    return scaled;
+  }
+
   Eigen::VectorXd scale_;
-  Eigen::LLT<Eigen::MatrixXd> solver_;
+  DefiniteSolver solver_;
 };
 
 // Where the squared distances are least, of what the samples feel.
@@ -172,8 +175,8 @@ class MissingBendScore {
         places.empty() ? 0 : places.back().column + places.back().modes.cols();
     Eigen::MatrixXd cross(parameters_.size(), columns);
     for (const BendPlace& place : places) {
-      cross.middleCols(place.column, place.modes.cols()).noalias() =
-          suffix_[place.piece].with_parameters.transpose() * place.modes;
+      cross.middleCols(place.column, place.modes.cols()) =
+          TransposeProduct(suffix_[place.piece].with_parameters, place.modes);
     }
     const Eigen::MatrixXd answers = equations.Solve(cross);  // all at once: there may be hundreds
     std::vector<MissingBend> all;
@@ -183,8 +186,8 @@ class MissingBendScore {
       const Eigen::Index modes = place.modes.cols();
       ModeMatrix free = ModeMatrix::Zero();
       free.topLeftCorner(modes, modes) =
-          Eigen::MatrixXd(place.modes.transpose() * rest.information * place.modes) -
-          of_place.transpose() * answers.middleCols(place.column, modes);
+          TransposeProduct(place.modes, Product(rest.information, place.modes)) -
+          TransposeProduct(of_place, answers.middleCols(place.column, modes));
       ModeVector pull = ModeVector::Zero();
       pull.head(modes) = place.modes.transpose() * rest.slope - of_place.transpose() * at_rest;
       all.push_back(BendAt(place, free, pull));
@@ -214,11 +217,12 @@ class MissingBendScore {
       suffix_[p].slope = suffix_[p + 1].slope + map.transpose() * sum.block<6, 1>(0, kLocalState);
       suffix_[p].with_parameters =
           suffix_[p + 1].with_parameters +
-          map.transpose() * sum.topLeftCorner<6, kLocalState>() * derivatives[k];
+          Product(map.transpose() * sum.topLeftCorner<6, kLocalState>(), derivatives[k]);
       of_segment += sum;
       if (p > 0 && pieces_[p - 1].segment == k) continue;
-      information_ += derivatives[k].transpose() *
-                      of_segment.topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
+      information_ += TransposeProduct(
+          derivatives[k],
+          Product(of_segment.topLeftCorner<kLocalState, kLocalState>(), derivatives[k]));
       slope_ += derivatives[k].transpose() * of_segment.block<kLocalState, 1>(0, kLocalState);
       of_segment.setZero();
     }
