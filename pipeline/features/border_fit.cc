@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "pipeline/math/dense_solve.h"
+
 namespace bendloop::pipeline {
 namespace {
 
@@ -180,7 +182,7 @@ RationalCubic SolveHandles(const OrderedBorder& border, const Segment& segment) 
     A.block<3, 1>(3 * i, 3) = b[3] * from_end;
     rhs.segment<3>(3 * i) = -b[1] * from_start - w3 * b[2] * from_end;
   }
-  const Eigen::VectorXd x = A.colPivHouseholderQr().solve(rhs);
+  const Eigen::VectorXd x = LeastSquares(A, rhs);
   const double least_mm = kLeastHandle * curve.ChordMm();
   curve.weight[0] = Positive(x[0]);
   curve.weight[3] = Positive(x[3]);
@@ -204,7 +206,7 @@ RationalCubic SolveWeights(const OrderedBorder& border, const Segment& segment,
     A.block<3, 1>(3 * i, 2) = b[3] * (q - curve.control_mm[3]);
     rhs.segment<3>(3 * i) = -b[1] * (q - curve.control_mm[1]);
   }
-  const Eigen::VectorXd x = A.colPivHouseholderQr().solve(rhs);
+  const Eigen::VectorXd x = LeastSquares(A, rhs);
   curve.weight = {Positive(x[0]), 1, Positive(x[1]), Positive(x[2])};
   return curve;
 }

@@ -12,6 +12,8 @@
 #include "pipeline/features/border_corners.h"
 #include "pipeline/features/border_sketch.h"
 #include "pipeline/features/border_unknowns.h"
+#include "pipeline/math/dense_product.h"
+#include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -389,19 +391,18 @@ CurveSigma SigmaOfCurve(const RationalBezier& curve, const std::vector<CurveFoot
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
   for (const CurveFoot& foot : feet) {
     const Eigen::Matrix<double, 3, 16> J = Across(unknowns, curve, foot);
-    const Eigen::Matrix<double, 16, 16> JJ = J.transpose() * J;
     const auto place = columns(foot.piece);
     for (std::size_t a = 0; a < 16; ++a) {
       for (std::size_t b = 0; b < 16; ++b) {
         information(place[a], place[b]) +=
-            JJ(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+            J.col(static_cast<Eigen::Index>(a)).dot(J.col(static_cast<Eigen::Index>(b)));
       }
     }
   }
   // What no point tells (slides, lengths of tangents, shapes that are one) moves no place either,
   // and is left out: the pseudo-inverse.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(information);
-  Eigen::VectorXd inverse = eigen.eigenvalues();
+  const EigenSystem eigen = SymmetricEigen(information);
+  Eigen::VectorXd inverse = eigen.values;
   const double least = 1e-10 * inverse.maxCoeff();
   for (double& value : inverse) value = value > least ? 1 / value : 0;
   CurveSigma sigma;
@@ -415,7 +416,7 @@ CurveSigma SigmaOfCurve(const RationalBezier& curve, const std::vector<CurveFoot
       for (std::size_t a = 0; a < 16; ++a) {
         spread.row(place[a]) += J.col(static_cast<Eigen::Index>(a)).transpose();
       }
-      const Eigen::MatrixXd turned = eigen.eigenvectors().transpose() * spread;
+      const Eigen::MatrixXd turned = TransposeProduct(eigen.vectors, spread);
       const double variance = 0.5 * (inverse.asDiagonal() * turned).cwiseProduct(turned).sum();
       sum += variance;
       sigma.most_mm = std::max(sigma.most_mm, noise_mm * std::sqrt(variance));

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/features/posterior.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+
+#include "pipeline/math/definite_solver.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -67,7 +68,7 @@ Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& s
   Eigen::MatrixXd shape = scale.array().square().matrix().asDiagonal();
   double length = kBestStep / std::sqrt(static_cast<double>(n));
   const auto round = [&](int steps) {
-    const Eigen::MatrixXd factor = length * Eigen::MatrixXd(shape.llt().matrixL());
+    const Eigen::MatrixXd factor = length * DefiniteSolver(shape).Lower();
     Sums sums(n);  // about the start, so that no digits are lost
     int taken = 0;
     for (int taking = 0; taking < steps; ++taking) {

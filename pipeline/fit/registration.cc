@@ -9,6 +9,7 @@
 #include "hal/angles.h"
 #include "pipeline/fit/normal_equations.h"
 #include "pipeline/fit/surface_sums.h"
+#include "pipeline/math/dense_product.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
 
@@ -218,8 +219,7 @@ class PassFit {
         to_all.setZero();
         to_all.topLeftCorner(n, kRound) = derivatives[k].topRows<kRound>().transpose();
         to_all.block<kOffset, kOffset>(n + kOffset * pass, kRound).setIdentity();
-        joint.matrix.noalias() +=
-            to_all * sum.topLeftCorner<kRound + kOffset, kRound + kOffset>() * to_all.transpose();
+        joint.matrix += Mapped(to_all, sum.topLeftCorner<kRound + kOffset, kRound + kOffset>());
         joint.right.noalias() -= to_all * sum.col(kRound + kOffset).head<kRound + kOffset>();
       }
     }

@@ -14,13 +14,15 @@ class DefiniteSolver {
   // False: `a` is not positive definite, and nothing else may be asked.
   bool is_definite() const { return is_definite_; }
   Eigen::MatrixXd Solve(const Eigen::MatrixXd& b) const;
+  // L of L L^T = a.
+  Eigen::MatrixXd Lower() const { return lower_.triangularView<Eigen::Lower>(); }
   // The logarithm of the determinant of `a`.
   double LogDeterminant() const;
   // b^T a^-1 b.
   double Square(const Eigen::VectorXd& b) const;
 
  private:
-  Eigen::MatrixXd lower_;  // a = L L^T
+  Eigen::MatrixXd lower_;  // L in its lower triangle
   bool is_definite_;
 };
 

@@ -11,6 +11,10 @@ Eigen::MatrixXd SolveSymmetric(const Eigen::MatrixXd& a, const Eigen::MatrixXd& 
   return a.ldlt().solve(b);
 }
 
+Eigen::VectorXd LeastSquares(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
+  return a.colPivHouseholderQr().solve(b);
+}
+
 EigenSystem SymmetricEigen(const Eigen::MatrixXd& a) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(a);
   return {eigen.eigenvalues(), eigen.eigenvectors()};

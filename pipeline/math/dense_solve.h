@@ -15,6 +15,9 @@ Eigen::MatrixXd Inverse(const Eigen::MatrixXd& a);
 // x of a x = b (LDL^T with pivots). `a`: symmetric, positive or negative semidefinite.
 Eigen::MatrixXd SolveSymmetric(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 
+// x for which |a x - b| is least (QR with pivots). `a`: at least as many rows as columns.
+Eigen::VectorXd LeastSquares(const Eigen::MatrixXd& a, const Eigen::VectorXd& b);
+
 // `a` = vectors diag(values) vectors^T.
 struct EigenSystem {
   Eigen::VectorXd values;  // the least first
