@@ -113,7 +113,7 @@ TEST(WeighByIncidence, GoesByTheRay) {
   EXPECT_TRUE(blocks[0].certainties.empty());
 }
 
-hal::Tube TwoBends(Random& random) {
+hal::Tube BentTube(Random& random) {
   return tests::RandomTube({.pipe_radius_mm = 4, .bends = 2, .min_angle_deg = 40}, random);
 }
 
@@ -136,7 +136,7 @@ struct TwoKinds {
 
 TEST(WeightedFit, CertaintiesOfOneChangeNoBit) {
   Random random(5);
-  const hal::Tube tube = TwoBends(random);
+  const hal::Tube tube = BentTube(random);
   for (const std::size_t count : {3000U, 45'000U}) {
     const TwoKinds scan(tube, count, random);
     const OwnedBlocks alike = scan.Alike();
@@ -159,7 +159,7 @@ TEST(WeightedFit, CertaintiesOfOneChangeNoBit) {
 // points at once, of a walk over many, and of their halves. The variance of the mean falls to 2/9.
 TEST(WeightedFit, IsMoreExactAndSaysSo) {
   Random random(6);
-  const hal::Tube tube = TwoBends(random);
+  const hal::Tube tube = BentTube(random);
   const SurfaceFitOptions options{.reach_mm = 0.8};
   for (const bool many : {false, true}) {
     const int runs = many ? 3 : 20;
