@@ -92,14 +92,21 @@ RaisedAlarms CellAlarms::Rises(const CellSnapshot& cell, bool part_is_over) {
 
 void CellAlarms::Look(const CellSnapshot& cell) {
   for (const auto& [code, detail] : Rises(cell, false)) board_.Begin(code, detail);
-  // The disk is looked at when a recording begins or ends.
-  board_.Set(AlarmCode::kDiskFull, cell.recorded_sessions > 0 && cell.disk_free_mb < kLeastFreeMb,
+  LookAtDisk(cell);
+}
+
+void CellAlarms::LookAtDisk(const CellSnapshot& cell) {
+  // The disk is looked at when a recording begins or ends, and when it could not begin.
+  const bool known = cell.recorded_sessions > 0 || cell.recorder_dropped_sessions > 0;
+  board_.Set(AlarmCode::kDiskFull, known && cell.disk_free_mb < kLeastFreeMb,
              std::to_string(cell.disk_free_mb) + " MB are free");
 }
 
 void CellAlarms::PartDone(RaisedAlarms complaints, const CellSnapshot& cell) {
   for (auto& rise : Rises(cell, true)) complaints.push_back(std::move(rise));
   board_.SetOfPart(complaints);
+  // Now: while a correction waits, as for a journal on a full disk, nobody calls Look.
+  LookAtDisk(cell);
 }
 
 }  // namespace bendloop::host

@@ -41,6 +41,7 @@ class CellAlarms {
     std::uint64_t last = 0;  // when the latest part was done
   };
   RaisedAlarms Rises(const CellSnapshot& cell, bool part_is_over);
+  void LookAtDisk(const CellSnapshot& cell);
 
   std::mutex mutex_;  // of the news and the counters
   std::deque<Alarm> news_;
