@@ -1,14 +1,9 @@
-# shellcheck shell=sh
+# shellcheck shell=sh source=/dev/null
 # In a guest with a bare Debian and its systemd: the packages by apt, a corrected part, the service with a
 # bender and a scanner on loopback, what is left of it when it is killed.
-# kills.txt: how often it is killed.
+# kills.txt: how often it is killed. faults: the disk is filled and the clock stepped, too.
 set -e
-step() { echo "== [$(cut -d ' ' -f 1 /proc/uptime) s] $*"; }
-fail() {
-  echo "appliance: $*"
-  journalctl -u bendloopd --no-pager -n 40 2>/dev/null || true
-  exit 1
-}
+. ./guest_service.sh
 kills=$(cat kills.txt)
 
 step "First command: apt install ./bendloop*.deb"
@@ -42,10 +37,7 @@ commit_timeout_ms = 10000
 [realtime]
 mode = "required"
 CELL
-bendloop check /etc/bendloop/cell.toml
-mkdir -p /etc/systemd/system/bendloopd.service.d
-bendloop check --unit-drop-in /etc/bendloop/cell.toml >/etc/systemd/system/bendloopd.service.d/50-cell.conf
-systemctl daemon-reload
+granted
 mkfifo bender.in scanner.in
 mkdir tray
 bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --tray tray \
@@ -54,42 +46,19 @@ bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --
 exec 3>bender.in
 bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate 4000 <scanner.in >scanner.out 2>&1 &
 exec 4>scanner.in
-until grep -q listening bender.out && grep -q listening scanner.out; do sleep 0.2; done
+await 60 "bender" said listening bender.out
+await 60 "scanner" said listening scanner.out
 systemctl enable --now bendloopd || fail "the service does not start"
 systemctl --quiet is-active bendloopd || fail "the service is not up"
 systemd-analyze security bendloopd | tail -n 1
 
-# state: what the daemon says that it does, or nothing
-state() { bendloop status --json 2>/dev/null | tr ',' '\n' | sed -n 's/.*"state": *"\([^"]*\)".*/\1/p' | head -n 1; }
-await_ready() {
-  tries=0
-  until [ "$(state)" = "waiting for a scan" ]; do
-    tries=$((tries + 1))
-    [ "$tries" -lt 300 ] || fail "not ready after 60 s, but: $(state)"
-    sleep 0.2
-  done
-}
 part=0
 bend() { # the next part lies on the tray
   part=$((part + 1))
   tube=$(printf 'tray/part-%04d.json' "$part")
   echo bend >&3
-  tries=0
-  until [ -e "$tube" ]; do
-    tries=$((tries + 1))
-    [ "$tries" -lt 300 ] || fail "no part $part on the tray: $(tail -n 3 bender.out)"
-    sleep 0.1
-  done
+  await 60 "part $part on the tray" test -e "$tube"
   sleep 0.5 # the daemon looks at the bender twice a second
-}
-results() { find /var/lib/bendloop/results -name '*.json' 2>/dev/null | wc -l; }
-await_result() { # until there are more than $1
-  tries=0
-  until [ "$(results)" -gt "$1" ]; do
-    tries=$((tries + 1))
-    [ "$tries" -lt 600 ] || fail "no result of part $part after 120 s: $(state)"
-    sleep 0.2
-  done
 }
 sequence() {
   : >bender.out
@@ -99,11 +68,6 @@ sequence() {
 }
 
 seconds() { cut -d ' ' -f 1 /proc/uptime; }
-newest_is_committed() {
-  newest=$(find /var/lib/bendloop/results -name '*.json' -printf '%T@ %p\n' | sort -n | tail -n 1 | cut -d ' ' -f 2)
-  grep -q '"outcome": *"committed"' "$newest" || fail "not committed: $(cat "$newest")"
-}
-
 step "A scan over TCP, a correction over Modbus"
 await_ready
 before=$(results)
@@ -114,6 +78,38 @@ await_result "$before"
 whole=$(awk -v a="$begun" -v b="$(seconds)" 'BEGIN { printf "%.1f", b - a }')
 newest_is_committed
 echo "scanned, measured and committed in $whole s"
+
+another_part() { # measured and corrected
+  await_ready
+  before=$(results)
+  bend
+  echo "scan $tube" >&4
+  await_result "$before"
+  newest_is_committed
+}
+
+step "Reloaded between two parts, by systemctl"
+pid=$(systemctl show -p MainPID --value bendloopd)
+cp /etc/bendloop/cell.toml good.toml
+sed 's/^kind = .*/kind = "crystal ball"/' good.toml >/etc/bendloop/cell.toml
+systemctl reload bendloopd || fail "no reload: $(systemctl status bendloopd)"
+await 60 "alarm of the refused file" alarmed BL5013
+sed 's/^name = .*/name = "Guest, reloaded"/' good.toml >/etc/bendloop/cell.toml
+systemctl reload bendloopd || fail "no second reload: $(systemctl status bendloopd)"
+await 60 "end of the alarm" alarm_ended BL5013
+await_ready
+[ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a reload began another process"
+[ "$(systemctl show -p ReloadResult --value bendloopd)" = success ] || fail "the reload failed"
+another_part
+echo "a wrong file refused, a good one taken, by the same process; the next part committed"
+
+step "A support bundle of the installed service"
+bendloop support-bundle --out support.tar.gz >support.log 2>&1 || fail "$(cat support.log)"
+tar -tzf support.tar.gz >support.list
+for held in cell.toml journal.db history.db .session; do
+  grep -q -F "$held" support.list || fail "no $held in the bundle: $(cat support.list)"
+done
+echo "$(wc -l <support.list) files, $(stat -c %s support.tar.gz) bytes"
 
 step "Killed $kills times, each at another time of a scan and its commit"
 unfinished=0
@@ -160,6 +156,36 @@ await_result "$before"
 newest_is_committed
 echo "$kills kills: service up $kills times, $sent programs sent once, $unfinished scans cut before their result," \
   "$(find /var/lib/bendloop/sessions -name '*.session' | wc -l) sessions, none damaged"
+
+if [ -e faults ]; then
+  pid=$(systemctl show -p MainPID --value bendloopd)
+  step "The disk filled in the middle of it all"
+  # All that is not root's own, so that the daemon has nothing.
+  fill() { fallocate -l "$(df --output=avail -B 1 /var/lib/bendloop | tail -n 1)" "/var/lib/fill-$1" 2>/dev/null || true; }
+  fill 1
+  fill 2
+  before=$(results)
+  bend
+  echo "scan $tube" >&4
+  await 120 "alarm of the full disk" alarmed BL5006
+  sleep 5
+  bendloop status | grep '^alarm' || true
+  systemctl --quiet is-active bendloopd || fail "the full disk ended the service"
+  rm /var/lib/fill-*
+  another_part
+  for code in BL5001 BL5002 BL5003 BL5006 BL5012; do await 60 "end of $code" alarm_ended "$code"; done
+  echo "told, and gone when there is room again; the next part committed"
+
+  step "The clock stepped a year ahead, and two years back"
+  for years in 1 -2 1; do
+    date -s "@$(($(date +%s) + years * 31536000))"
+    another_part
+  done
+  systemctl --quiet is-active bendloopd || fail "a step of the clock ended the service"
+  [ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a full disk or the clock ended the process"
+  await 60 "end of BL5014" alarm_ended BL5014
+  echo "three parts committed, by the same process"
+fi
 
 step "Stopped and removed; the data stay"
 systemctl stop bendloopd

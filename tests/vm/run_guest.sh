@@ -7,8 +7,13 @@
 #   PROGRAM  to take along, with its libraries; to /usr/bin or to PLACE
 # With GUEST_DISK=IMAGE, an ext4 file system with a Debian, the guest runs that one's systemd, and the script
 # with its sh as /root/script; programs and files named lie in /root. What it changes on the disk is lost.
+# GUEST_DISK_STAYS=1 keeps it; GUEST_WRITES=LOG also writes down each of its writes and flushes, in order (the
+# format of dm-log-writes), for power_cut.py.
+# GUEST_NET=1: a network of its own, on which 10.0.2.2 is the host's 127.0.0.1.
+# GUEST_SERIAL=/dev/pts/N: what its second serial port is connected with.
+# GUEST_PID=FILE gets qemu's process number: who kills it takes the guest's power.
 # GUEST_MEMORY_MB (512) and GUEST_CPUS (1) are the guest's.
-# Exits with the script's code, 124 if the guest hangs, 125 if it dies, 77 if there is no qemu or no
+# Exits with the script's code, 124 if the guest hangs, 125 if it dies, 137 if it was killed, 77 if there is no qemu or no
 # kernel to be had.
 set -eu
 
@@ -85,12 +90,12 @@ boot() {
   qemu=0
   cpu=max
   [ "$1" = kvm ] || cpu=qemu64 # emulated wide registers cost more than they save
-  # shellcheck disable=SC2086  # the disk's options are separate words
+  # shellcheck disable=SC2086  # disk's and network's options are separate words
   timeout "$2" qemu-system-x86_64 -accel "$1" -cpu "$cpu" -M q35 -m "${GUEST_MEMORY_MB:-512}" \
-    -smp "${GUEST_CPUS:-1}" $disk -nodefaults -no-user-config -display none -serial stdio -no-reboot \
+    -smp "${GUEST_CPUS:-1}" $disk $net -nodefaults -no-user-config -display none -serial stdio $serial -no-reboot \
     -device isa-debug-exit,iobase=0xf4,iosize=0x04 -kernel "$kernel/vmlinux" -initrd "$3" \
     -append "console=ttyS0 quiet panic=-1 systemd.mask=serial-getty@ttyS0.service" </dev/null || qemu=$?
-  [ "$qemu" != 124 ] || return 124
+  case $qemu in 124 | 137) return "$qemu" ;; esac
   [ $((qemu % 2)) = 1 ] || return 125
   return $((qemu / 2))
 }
@@ -121,6 +126,8 @@ choose_accelerator() {
 }
 
 disk=
+net=
+serial=
 (
   flock 9
   fetch_kernel
@@ -147,6 +154,12 @@ for program in "$@"; do
 done
 if [ -n "${GUEST_DISK:-}" ]; then
   disk="-drive file=$GUEST_DISK,if=virtio,format=raw,snapshot=on"
+  [ -z "${GUEST_DISK_STAYS:-}" ] || disk="-drive file=$GUEST_DISK,if=virtio,format=raw"
+  if [ -n "${GUEST_WRITES:-}" ]; then
+    : >"$GUEST_WRITES"
+    disk="-blockdev driver=blklogwrites,node-name=disk,file.driver=file,file.filename=$GUEST_DISK,log.driver=file"
+    disk="$disk,log.filename=$GUEST_WRITES -device virtio-blk-pci,drive=disk"
+  fi
   modules="$modules virtio_pci virtio_blk ext4"
   mkdir -p "$root/disk" "$root/take"
   cat >"$root/take/guest-script.service" <<'UNIT'
@@ -169,6 +182,12 @@ echo "run_guest: exit $code after $(cut -d ' ' -f 1 /proc/uptime) s, Linux $(una
 printf "\\$(printf %03o "$code")" | dd of=/dev/port bs=1 seek=244 count=1 2>/dev/null
 RUN
 fi
+if [ -n "${GUEST_NET:-}" ]; then
+  net="-netdev user,id=net -device virtio-net-pci,netdev=net,romfile="
+  modules="$modules virtio_pci virtio_net"
+fi
+[ -z "${GUEST_SERIAL:-}" ] || serial="-serial $GUEST_SERIAL"
+[ -z "${GUEST_PID:-}" ] || net="$net -pidfile $GUEST_PID"
 release=$(basename "$kernel"/lib/modules/*)
 : >"$root/modules/order"
 for module in $modules; do
@@ -198,6 +217,11 @@ if [ "$code" = 0 ] && [ -e /disk ]; then
   tries=0
   until [ -b /dev/vda ] || [ "$tries" = 50 ]; do usleep 100000; tries=$((tries + 1)); done
   mount -t ext4 /dev/vda /disk || code=126
+fi
+if [ -e /sys/class/net/eth0 ]; then
+  ip addr add 10.0.2.15/24 dev eth0
+  ip link set eth0 up
+  ip route add default via 10.0.2.2
 fi
 if [ "$code" = 0 ] && [ -e /disk ]; then
   cp /take/* /script /disk/root
