@@ -45,6 +45,7 @@ struct CadBody {
   std::string name;
   BodyKind kind = BodyKind::kSolid;
   int faces = 0;
+  int joined = 1;  // of so many bodies of the file (body_join.h)
   std::vector<SurfacePatch> patches;
   std::vector<FaceEdge> edges;
   std::vector<std::vector<Eigen::Vector3d>> curves;  // of a wire, each smooth

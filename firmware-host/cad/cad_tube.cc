@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cad/cad_tube.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <utility>
 
@@ -27,7 +28,29 @@ void FindOpenings(const CadBody& body, CadTube& tube) {
   tube.openings_reversed = OpeningsOf(body, back);
 }
 
+// Zero is the normal of the bend beside the straight, as hal::AroundZero has it.
+hal::EndCut CutOfEnd(const TubeEnd& end, const Eigen::Vector3d& zero, const Eigen::Vector3d& feed) {
+  if (!end.is_plane || end.oblique_deg == 0) return {};
+  return {end.oblique_deg, hal::AroundDeg(zero, feed, end.longest)};
+}
+
 }  // namespace
+
+hal::EndCut FirstCut(const CadTube& tube) {
+  const Spine& spine = tube.spine;
+  return CutOfEnd(tube.first,
+                  spine.arcs.empty() ? Eigen::Vector3d(spine.direction.unitOrthogonal())
+                                     : spine.arcs.front().normal,
+                  spine.direction);
+}
+
+hal::EndCut LastCut(const CadTube& tube) {
+  const Spine& spine = tube.spine;
+  return CutOfEnd(tube.last,
+                  spine.arcs.empty() ? Eigen::Vector3d(spine.direction.unitOrthogonal())
+                                     : spine.arcs.back().normal,
+                  spine.end_direction());
+}
 
 void BeginNearOrigin(CadTube& tube) {
   if (!StartsAtItsEnd(tube.spine)) return;
@@ -43,11 +66,18 @@ std::vector<CadTube> TubesOf(CadShape& shape) {
     for (CadTube& tube : found) {
       tube.body = i;
       tube.name = body.name;
+      if (body.joined > 1) {
+        tube.notes.push_back("the file has it as " + std::to_string(body.joined) +
+                             " bodies, end to end");
+      }
       BeginNearOrigin(tube);
       if (tube.problems.empty() && !tube.is_wire) FindOpenings(body, tube);
       tubes.push_back(std::move(tube));
     }
   }
+  const auto is_ring = [](const CadTube& tube) { return tube.is_ring; };
+  // Beside a tube they are seals and beads.
+  if (!std::all_of(tubes.begin(), tubes.end(), is_ring)) std::erase_if(tubes, is_ring);
   return tubes;
 }
 

@@ -8,6 +8,7 @@
 #include "firmware-host/cad/cad_shape.h"
 #include "firmware-host/cad/end_cut.h"
 #include "firmware-host/cad/tube_chain.h"
+#include "hal/tube_features.h"
 
 namespace bendloop::host {
 
@@ -26,6 +27,8 @@ struct TubeEnd {
   double oblique_deg = 0;  // of the cut; 0: square
   bool is_plane = true;    // false: cut to a shape, and the length is up to its farthest point
   double fitting_mm = 0;   // the plain outer surface ends so far before it
+  // Of an oblique cut: unit, from the axis to where the tube is longest.
+  Eigen::Vector3d longest = Eigen::Vector3d::Zero();
 };
 
 // A tube of a file.
@@ -43,10 +46,17 @@ struct CadTube {
   // Why it is no sequence of lines and arcs; empty: it is one.
   std::vector<std::string> problems;
 
+  bool is_ring = false;  // closed: without ends; one of its problems
+
   bool is_bent() const { return !spine.arcs.empty(); }
 };
 
-// All tubes of a file, in its order; each from the end that lies nearer to the file's origin.
+// How the ends are cut, as a part file says it; those that are square or no plane are square.
+hal::EndCut FirstCut(const CadTube& tube);
+hal::EndCut LastCut(const CadTube& tube);
+
+// All tubes of a file, in its order, or its rings where it holds nothing else; each from the end
+// that lies nearer to the file's origin.
 std::vector<CadTube> TubesOf(CadShape& shape);
 
 // Describes `tube` from the end that lies nearer to the file's origin.

@@ -119,7 +119,11 @@ EndCut CutThrough(const std::vector<const FaceEdge*>& loop, const Frame& frame,
   }
   cut.along_mm = (mean - frame.origin).dot(n) / cosine;
   cut.oblique_deg = std::atan2(n.cross(frame.along).norm(), cosine) * 180 / std::numbers::pi;
-  if (cut.oblique_deg < kSquareDeg) cut.oblique_deg = 0;
+  if (cut.oblique_deg < kSquareDeg) {
+    cut.oblique_deg = 0;
+  } else {
+    cut.longest = (cosine * frame.along - n).normalized();
+  }
   return cut;
 }
 

@@ -12,6 +12,8 @@ namespace bendloop::host {
 struct EndCut {
   double along_mm = 0;  // where the cut's plane meets the axis, along the outward direction
   double oblique_deg = 0;
+  // Of a plane: unit, from the axis to where the tube is longest; zero of a square one.
+  Eigen::Vector3d longest = Eigen::Vector3d::Zero();
   bool is_plane = true;                  // else `along_mm` is the farthest point, as of a saddle
   double lowest_mm = 0, highest_mm = 0;  // of the edge
 };

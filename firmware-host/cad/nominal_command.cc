@@ -13,6 +13,7 @@
 
 #include "config/load.h"
 #include "config/part_writer.h"
+#include "firmware-host/cad/body_join.h"
 #include "firmware-host/cad/cad_helper.h"
 #include "firmware-host/cad/nearest_tube.h"
 #include "firmware-host/cad/nominal_text.h"
@@ -55,7 +56,9 @@ hal::Result<CadShape> LoadShape(const std::string& file, double step_mm = 0) {
     return hal::Fail(hal::ErrorKind::kBadInput, file + ": is empty; expected STEP or IGES");
   const auto answer = RunCadHelper({"read", file, std::to_string(step_mm)}, "", file);
   if (!answer) return hal::Fail(answer.error());
-  return ReadCadShape(*answer, file);
+  auto shape = ReadCadShape(*answer, file);
+  if (shape) JoinBodies(*shape);
+  return shape;
 }
 
 // A number of the list, or a name as it stands there.
@@ -142,6 +145,13 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
   return config;
 }
 
+// Cuts that are more oblique than a part file holds stand in its comments alone.
+hal::EndCut ToConfig(const hal::EndCut& cut) {
+  constexpr double kMostObliqueDeg = 60;
+  if (cut.obliquity_deg > kMostObliqueDeg) return {};
+  return {Rounded(cut.obliquity_deg, 1e-3), Rounded(cut.around_deg, 1e-2) + 0.0};
+}
+
 std::string PartText(const Nominal& nominal, const NominalArguments& arguments) {
   config::PartConfig part;
   const std::string& body = nominal.tube.name;
@@ -154,6 +164,8 @@ std::string PartText(const Nominal& nominal, const NominalArguments& arguments) 
     auto& of_kind = opening.length_mm > 0 ? part.slots : part.holes;
     of_kind.push_back(ToConfig(opening, nominal.tube.spine.length_mm()));
   }
+  part.ends.first = ToConfig(FirstCut(nominal.tube));
+  part.ends.last = ToConfig(LastCut(nominal.tube));
   std::string comment =
       "From " + Printable(nominal.file) + ". Tolerances and material are defaults: set them.\n";
   for (const std::string& remark : Remarks(nominal.tube)) comment += remark + "\n";
@@ -254,8 +266,8 @@ Examples:
 STEP (AP203, AP214, AP242) and IGES in any unit; cylinders and tori of outer and
 inner surface, or lines and arcs of a centre line, become lengths, rotations and
 angles. The first end is the one nearer to the file's origin; --reverse takes the
-other. Holes and slots become [[hole]] and [[slot]]; oblique cuts and what sits on
-the ends are told, and stand in the part file as comments. A part that is no lines
+other. Holes, slots and oblique ends become [[hole]], [[slot]] and [end]; what sits
+on the ends is told, and stands in the part file as comments. A part that is no lines
 and arcs is refused with the reason; --nearest measures it as a scan would be.
 Tolerances and material of the part file are defaults.
 Exit codes: 2 several tubes and no --body; 3 no tube of lines and arcs, or a

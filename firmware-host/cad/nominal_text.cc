@@ -34,8 +34,9 @@ std::string OpeningRemark(const WallOpening& opening) {
          where + ", its long axis " + Fixed(opening.axis_deg, 2) + " degrees from the tube's";
 }
 
-Json EndJson(const TubeEnd& end) {
+Json EndJson(const TubeEnd& end, const hal::EndCut& cut) {
   return {{"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
+          {"around_deg", cut.obliquity_deg > 0 ? Number(cut.around_deg) : Json(nullptr)},
           {"plane", end.is_plane},
           {"plain_tube_ends_before_mm", Number(end.fitting_mm)}};
 }
@@ -102,7 +103,7 @@ Json NominalJson(const Nominal& nominal) {
           {"orientation_wxyz",
            {Number(q.w(), 9), Number(q.x(), 9), Number(q.y(), 9), Number(q.z(), 9)}},
           {"rows", RowsJson(nominal.program.program)},
-          {"ends", {EndJson(tube.first), EndJson(tube.last)}},
+          {"ends", {EndJson(tube.first, FirstCut(tube)), EndJson(tube.last, LastCut(tube))}},
           {"openings", std::move(openings)},
           {"notes", tube.notes}};
 }

@@ -23,6 +23,8 @@ constexpr double kFewestDiameters = 2;
 // A free surface that goes on beyond an end by more pipe radii than this is a bend, else the end's
 // form.
 constexpr double kEndFormRadii = 4;
+// A whole torus that has less of its surface is a fillet or a groove.
+constexpr double kRingAroundDeg = 350;
 // Joints below this [deg] are tangent.
 constexpr double kTangentDeg = 0.02;
 
@@ -42,6 +44,13 @@ class BodyTubes {
     for (SurfacePatch& patch : body_.patches) RecogniseFreeSurface(patch);
     free_forms_ = std::count_if(body_.patches.begin(), body_.patches.end(), IsFreeForm);
     pieces_ = PiecesOf(body_);
+    // A whole torus with nothing else about it.
+    for (const TubePiece& piece : pieces_) {
+      if (piece.is_ring() && !piece.concave && piece.around_deg() > kRingAroundDeg) {
+        ring_radius_mm_ = piece.radius_mm;
+      }
+    }
+    std::erase_if(pieces_, [](const TubePiece& piece) { return piece.is_ring(); });
     chains_ = ChainsOf(pieces_, free_forms_ == 0);
   }
 
@@ -51,6 +60,7 @@ class BodyTubes {
       if (auto tube = TubeOf(cluster)) tubes.push_back(std::move(*tube));
     }
     KeepLongestOfBroken(tubes);
+    if (tubes.empty() && ring_radius_mm_ > 0) tubes.push_back(RingOf(ring_radius_mm_));
     if (tubes.empty() && free_forms_ > 0) tubes.push_back(FreeTube());
     return tubes;
   }
@@ -174,7 +184,7 @@ class BodyTubes {
     if (outer == nullptr) return std::nullopt;
     const Layer* inner = outer->concave ? nullptr : InnerOf(layers, *outer);
     const TubeChain& basis = BasisOf(*outer, inner);
-    if (basis.is_closed) return std::nullopt;
+    if (basis.is_closed) return RingOf(outer->radius_mm);
     CadTube tube;
     tube.pipe_radius_mm = outer->radius_mm;
     tube.spine = basis.spine;
@@ -242,6 +252,7 @@ class BodyTubes {
     at = cut.along_mm;
     end.oblique_deg = cut.is_plane ? cut.oblique_deg : 0;
     end.is_plane = cut.is_plane;
+    end.longest = cut.longest;
   }
 
   // A bore or a fitting that begins before `at` and goes on.
@@ -343,6 +354,16 @@ class BodyTubes {
     tubes = std::move(kept);
   }
 
+  static CadTube RingOf(double pipe_radius_mm) {
+    CadTube tube;
+    tube.is_ring = true;
+    tube.pipe_radius_mm = pipe_radius_mm;
+    tube.spine.start = tube.spine.end = Vector3d::Zero();
+    tube.spine.direction = Vector3d::UnitX();
+    tube.problems.emplace_back("it is closed and has no ends, from which rows could count");
+    return tube;
+  }
+
   CadTube FreeTube() const {
     std::set<std::string> names;
     for (const SurfacePatch& patch : body_.patches) {
@@ -358,6 +379,7 @@ class BodyTubes {
 
   CadBody& body_;
   long free_forms_ = 0;
+  double ring_radius_mm_ = 0;  // 0: the body has no whole torus
   std::vector<TubePiece> pieces_;
   std::vector<TubeChain> chains_;
 };

@@ -18,8 +18,6 @@ constexpr double kSameDirection = 1e-4;
 constexpr double kWidestGapRadii = 4;
 // The same along one bend [rad].
 constexpr double kWidestGapAngle = 45 * std::numbers::pi / 180;
-// A torus about the whole turn is a ring, a bead or a fillet.
-constexpr double kFullTurn = 2 * std::numbers::pi - 1e-3;
 
 // A patch's part of a piece: where it begins along the piece, and how far it goes.
 struct Part {
@@ -167,6 +165,11 @@ Vector3d TubePiece::TangentAt(double along) const {
   return std::cos(along) * axis.cross(x) - std::sin(along) * x;
 }
 
+bool TubePiece::is_ring() const {
+  constexpr double kFullTurn = 2 * std::numbers::pi - 1e-3;
+  return is_arc && to - from > kFullTurn;
+}
+
 double MatchToleranceMm(double radius_mm) { return 0.01 + 0.01 * radius_mm; }
 
 std::vector<TubePiece> PiecesOf(const CadBody& body) {
@@ -185,7 +188,6 @@ std::vector<TubePiece> PiecesOf(const CadBody& body) {
   }
   std::vector<TubePiece> pieces;
   for (Group& group : groups) AddPiecesOf(group, pieces);
-  std::erase_if(pieces, [](const TubePiece& p) { return p.is_arc && p.to - p.from > kFullTurn; });
   return pieces;
 }
 

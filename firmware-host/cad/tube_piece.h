@@ -31,6 +31,7 @@ struct TubePiece {
   Eigen::Vector3d PointAt(double along) const;
   Eigen::Vector3d TangentAt(double along) const;  // unit, the way that `along` grows
   double length_mm() const { return (to - from) * (is_arc ? bend_radius_mm : 1); }
+  bool is_ring() const;  // an arc of a whole turn: a ring, a bead or a fillet, and no bend
   double around_deg() const { return 5.0 * double(around.count()); }
 };
 
@@ -39,7 +40,6 @@ struct TubePiece {
 double MatchToleranceMm(double radius_mm);
 
 // Straights and bends of all surfaces of a body, tube or not; patches are recognised already.
-// Bends are rings of less than a full turn.
 std::vector<TubePiece> PiecesOf(const CadBody& body);
 
 }  // namespace bendloop::host

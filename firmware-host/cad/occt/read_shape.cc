@@ -8,7 +8,12 @@
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <IGESControl_Reader.hxx>
+#include <Interface_InterfaceModel.hxx>
 #include <STEPCAFControl_Reader.hxx>
+#include <STEPControl_Reader.hxx>
+#include <StepShape_GeometricSet.hxx>
+#include <StepShape_ShellBasedSurfaceModel.hxx>
+#include <StepShape_SolidModel.hxx>
 #include <TColStd_Array1OfReal.hxx>
 #include <TCollection_AsciiString.hxx>
 #include <TDF_Label.hxx>
@@ -337,6 +342,23 @@ void CheckStatus(IFSelect_ReturnStatus status) {
                                : "is damaged, or no such file: its entities cannot be read");
 }
 
+// The solids, surfaces and curves of a file that leads to them by no product, as small programs
+// write it.
+bool AddWithoutProducts(STEPControl_Reader& reader, Collector& collector) {
+  const Handle(Interface_InterfaceModel) model = reader.Model();
+  reader.ClearShapes();
+  for (int i = 1; i <= model->NbEntities(); ++i) {
+    const Handle(Standard_Transient) entity = model->Value(i);
+    if (entity->IsKind(STANDARD_TYPE(StepShape_SolidModel)) ||
+        entity->IsKind(STANDARD_TYPE(StepShape_ShellBasedSurfaceModel)) ||
+        entity->IsKind(STANDARD_TYPE(StepShape_GeometricSet))) {
+      reader.TransferEntity(entity);
+    }
+  }
+  for (int i = 1; i <= reader.NbShapes(); ++i) collector.Add(reader.Shape(i), "");
+  return reader.NbShapes() > 0;
+}
+
 void ReadStep(const std::string& file, Collector& collector) {
   Handle(TDocStd_Document) document = new TDocStd_Document("BinXCAF");
   STEPCAFControl_Reader reader;
@@ -344,14 +366,15 @@ void ReadStep(const std::string& file, Collector& collector) {
   reader.SetColorMode(false);
   reader.SetLayerMode(false);
   CheckStatus(reader.ReadFile(file.c_str()));
-  if (reader.NbRootsForTransfer() == 0) {
-    throw std::runtime_error("holds no shape: no product with a representation");
-  }
-  if (!reader.Transfer(document)) throw std::runtime_error("none of its shapes can be built");
+  const bool has_products = reader.NbRootsForTransfer() > 0 && reader.Transfer(document);
   const Handle(XCAFDoc_ShapeTool) shapes = XCAFDoc_DocumentTool::ShapeTool(document->Main());
   TDF_LabelSequence roots;
   shapes->GetFreeShapes(roots);
-  for (int i = 1; i <= roots.Length(); ++i) Walk(roots(i), gp_Trsf(), "", 0, collector);
+  if (has_products && !roots.IsEmpty()) {
+    for (int i = 1; i <= roots.Length(); ++i) Walk(roots(i), gp_Trsf(), "", 0, collector);
+  } else if (!AddWithoutProducts(reader.ChangeReader(), collector)) {
+    throw std::runtime_error("holds no shape that can be built");
+  }
 }
 
 void ReadIges(const std::string& file, Collector& collector) {

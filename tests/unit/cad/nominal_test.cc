@@ -14,78 +14,19 @@
 
 #include "config/load.h"
 #include "firmware-host/cad/export_command.h"
-#include "firmware-host/cad/nominal_command.h"
 #include "made_files.h"
 #include "pipeline/tube/representations.h"
+#include "run_nominal.h"
 
 namespace bendloop::host {
 namespace {
 
 using ::testing::HasSubstr;
 using Json = nlohmann::json;
+using test::DemoTube;
+using test::ExpectRows;
+using test::Nominal;
 using test::Pipe;
-
-struct Outcome {
-  int code = -1;
-  std::string out, err;
-  Json json;
-  hal::Result<config::PartConfig> part;
-};
-
-// `bendloop nominal FILE WORDS`, with its part file and JSON.
-Outcome Nominal(const std::string& file, std::vector<std::string> words = {}) {
-  CLI::App app("test");
-  app.name("bendloop");
-  std::function<int()> run;
-  std::ostringstream out, err;
-  AddNominalCommand(app, run, out, err);
-  const std::string toml = test::TemporaryFile("part.toml"),
-                    json = test::TemporaryFile("part.json");
-  words.insert(words.begin(), {"nominal", file, "--out", toml, "--json", json});
-  std::reverse(words.begin(), words.end());  // as CLI11 takes them
-  try {
-    app.parse(words);
-  } catch (const CLI::ParseError& error) {
-    return {2, "", error.what(), {}, hal::Fail(hal::ErrorKind::kUsage, error.what())};
-  }
-  Outcome outcome;
-  outcome.code = run();
-  outcome.out = out.str();
-  outcome.err = err.str();
-  if (outcome.code == 0) {
-    outcome.part = config::LoadPart(toml);
-    std::ifstream in(json);
-    outcome.json = Json::parse(in);
-  }
-  return outcome;
-}
-
-hal::Tube DemoTube() {
-  hal::Tube tube;
-  tube.pipe_radius_mm = 5;
-  tube.program = {{{60, 0, 45, 20.0},
-                   {40, 70, 90, 20.0},
-                   {0, 180, 30, 25.0},
-                   {80, -155, 100, 20.0},
-                   {50, 0, 0, std::nullopt}}};
-  return tube;
-}
-
-void ExpectRows(const Outcome& outcome, const hal::BendProgram& expected, double tolerance = 1e-6) {
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  ASSERT_TRUE(outcome.part) << outcome.part.error().message;
-  const auto& rows = outcome.part->rows.rows;
-  ASSERT_EQ(rows.size(), expected.rows.size()) << outcome.out;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    SCOPED_TRACE(i);
-    EXPECT_NEAR(rows[i].length_mm, expected.rows[i].length_mm, tolerance);
-    EXPECT_NEAR(hal::WrapRotationDeg(rows[i].rotation_deg - expected.rows[i].rotation_deg), 0,
-                tolerance);
-    EXPECT_NEAR(rows[i].angle_deg, expected.rows[i].angle_deg, tolerance);
-    EXPECT_NEAR(rows[i].bend_radius_mm.value_or(0), expected.rows[i].bend_radius_mm.value_or(0),
-                tolerance);
-  }
-}
 
 TEST(Nominal, ReadsEverySchemaAndUnit) {
   for (const std::string schema : {"AP203", "AP214IS", "AP242DIS"}) {
@@ -169,6 +110,9 @@ TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {
   ExpectRows(done, {{{90, 0, 90, 30.0}, {80, 0, 0, std::nullopt}}});
   ASSERT_EQ(done.code, 0) << done.err;
   EXPECT_NEAR(done.json["ends"][0]["oblique_deg"].get<double>(), 20, 1e-3) << done.out;
+  EXPECT_NEAR(done.part->ends.first.obliquity_deg, 20, 1e-3);
+  EXPECT_NEAR(done.part->ends.first.around_deg, 90, 1e-2);
+  EXPECT_EQ(done.part->ends.last, hal::EndCut());
   EXPECT_NEAR(done.json["ends"][1]["plain_tube_ends_before_mm"].get<double>(), 15, 1e-3)
       << done.out;
   ASSERT_EQ(done.json["openings"].size(), 2U) << done.out;

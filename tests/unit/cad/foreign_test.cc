@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nominals from what other CAD systems make of a tube of lines and arcs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "foreign_files.h"
+#include "made_files.h"
+#include "run_nominal.h"
+
+namespace bendloop::host {
+namespace {
+
+using test::Nominal;
+using test::Outcome;
+using ::testing::HasSubstr;
+using Shapes = std::vector<std::pair<const char*, TopoDS_Shape>>;
+
+hal::BendProgram InTheMirror(hal::BendProgram program) {
+  for (hal::BendRow& row : program.rows) row.rotation_deg = hal::WrapRotationDeg(-row.rotation_deg);
+  return program;
+}
+
+void ExpectDemo(const Shapes& shapes, double tolerance, bool has_wall) {
+  for (const auto& [what, shape] : shapes) {
+    SCOPED_TRACE(what);
+    const Outcome done = Nominal(test::WriteStepFile({{"tube", shape}}));
+    test::ExpectRows(done, test::DemoTube().program, tolerance);
+    if (done.code != 0) continue;
+    EXPECT_NEAR(done.part->pipe_radius_mm, 5, tolerance);
+    EXPECT_NEAR(done.part->wall_mm.value_or(0), has_wall ? 1 : 0, tolerance) << done.out;
+  }
+}
+
+TEST(Foreign, SurfacesThatAreCylindersAndToriByAnyName) {
+  const TopoDS_Shape pipe = test::Pipe(test::DemoTube());
+  ExpectDemo({{"quarters", test::WithoutSeams(pipe, 90)}}, 1e-5, true);
+  ExpectDemo({{"extrusions", test::AsExtrusions(test::DemoTube())}}, 1e-5, false);
+  ExpectDemo({{"shell", test::AsShell(test::DemoTube())}}, 1e-5, false);
+}
+
+TEST(Foreign, BodiesOfATube) {
+  const TopoDS_Shape pipe = test::Pipe(test::DemoTube());
+  ExpectDemo({{"without ends, faces either way", test::WithoutEnds(pipe)},
+              {"a solid each piece", test::InSolids(test::DemoTube(), 1, false)},
+              {"solids with shared faces", test::InSolids(test::DemoTube(), 1, true)}},
+             1e-5, true);
+  ExpectDemo({{"a bar each piece", test::InSolids(test::DemoTube(), 0, false)}}, 1e-5, false);
+  const Outcome mirrored = Nominal(test::WriteStepFile({{"tube", test::Mirrored(pipe)}}));
+  test::ExpectRows(mirrored, InTheMirror(test::DemoTube().program));
+  const auto wire =
+      test::WriteStepFile({{"tube", test::AsNurbs(test::CentreLine(test::DemoTube()))}});
+  test::ExpectRows(Nominal(wire, {"--pipe-diameter", "10"}), test::DemoTube().program, 1e-5);
+}
+
+TEST(Foreign, RingsHaveNoEnds) {
+  for (const TopoDS_Shape& ring : {test::Ring(60, 5), test::WithoutSeams(test::Ring(60, 5), 90)}) {
+    const Outcome done = Nominal(test::WriteStepFile({{"ring", ring}}));
+    EXPECT_EQ(done.code, 3) << done.out;
+    EXPECT_THAT(done.err, HasSubstr("no ends"));
+  }
+}
+
+TEST(Foreign, TextsOfFiles) {
+  const hal::Tube tube = test::DemoTube();
+  const std::string file = test::WriteStepFile({{"tube", test::Pipe(tube)}}, "AP242DIS", "INCH");
+  test::ExpectRows(Nominal(test::Edited(file, "SHAPE_DEFINITION_REPRESENTATION(", "COLOUR_RGB(")),
+                   tube.program);
+  test::ExpectRows(Nominal(test::Edited(file, "\n", "\r\n")), tube.program);
+  for (const double part : {0.1, 0.9}) {
+    SCOPED_TRACE(part);
+    const auto size = std::filesystem::file_size(file);
+    std::filesystem::copy_file(file, test::TemporaryFile("half.step"),
+                               std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(test::TemporaryFile("half.step"),
+                                 std::uintmax_t(part * double(size)));
+    const Outcome done = Nominal(test::TemporaryFile("half.step"));
+    EXPECT_EQ(done.code, 3) << done.out << done.err;
+    EXPECT_THAT(done.err, HasSubstr("damaged")) << done.err;
+  }
+}
+
+}  // namespace
+}  // namespace bendloop::host
