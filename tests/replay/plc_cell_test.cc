@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <map>
 
@@ -95,6 +96,7 @@ class PlcCell : public LiveCell {
     const std::uint32_t before = bender().Heard().sequence;
     Trigger(tube);
     EXPECT_TRUE(Told([&](const auto& cell) { return cell.sequence != before; })) << log();
+    EXPECT_GT(Results(), scans) << "told before it is on disk";
     bender().Say(With([&](hal::PlcOrders& said) {
       said.identity = "";
       said.scan = hal::ScanOrder::kOver;
@@ -107,6 +109,15 @@ class PlcCell : public LiveCell {
   std::uint32_t scans = 0;
 
  private:
+  // Files of results, of this part number or another.
+  std::size_t Results() const {
+    std::size_t files = 0;
+    for (const auto& file : std::filesystem::directory_iterator(scratch() / "state/results")) {
+      files += file.path().extension() == ".json";
+    }
+    return files;
+  }
+
   std::map<std::uint32_t, hal::ProgramBlock> programs_;
   std::uint32_t part_ = kDemo;
 };
