@@ -19,6 +19,10 @@ exec 3>operator
 until grep -q 'listening vcan0' simbender; do usleep 50000; done
 candump -L vcan0,7E0:7FF,7E8:7FF >isotp.log &
 dump=$!
+until [ -s isotp.log ]; do # candump may not listen yet; nobody waits for this flow control frame
+  cansend vcan0 7E8#300000
+  usleep 50000
+done
 isotprecv -s 7E0 -d 7E8 vcan0 >answer &
 until [ -s answer ]; do # isotprecv may not listen yet
   # Modbus TCP, transaction 5, unit 1: read 2 holding registers from 100, the active part number.
