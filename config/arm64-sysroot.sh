@@ -15,16 +15,11 @@ wanted="$wanted libc6-dev libblas-dev liblapack-dev"
 stamp=$(echo "$folder $wanted" | cat - "$0" | sha256sum | cut -c 1-16)
 [ "$(cat "$folder/.bendloop-stamp" 2>/dev/null || true)" != "$stamp" ] || exit 0
 
-# The Debian mirror that the host uses, from one-line or deb822 sources, and how apt reaches it.
-mirror=${MIRROR:-$({
-  cat /etc/apt/sources.list /etc/apt/sources.list.d/*.list 2>/dev/null |
-    awk '$1 == "deb" { sub(/^deb +(\[[^]]*\] +)?/, ""); if ($2 ~ /^bookworm/) print $1 }'
-  cat /etc/apt/sources.list.d/*.sources 2>/dev/null |
-    awk '/^URIs:/ { uri = $2 } /^Suites:/ && / bookworm( |$)/ { print uri }'
-} | head -n 1)}
+# shellcheck source=config/host-apt.sh
+. "$here/host-apt.sh"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-apt-config dump | grep -E '^Acquire::(http|https|Retries)' >"$work/apt" || true
+host_apt_settings >"$work/apt"
 
 # dpkg's own records of what lies there, by the names that files have here: dpkg-shlibdeps (for the
 # packages' dependencies) and sbom.sh ask them.
@@ -51,7 +46,7 @@ rm -rf "$folder"
 mkdir -p "$folder"
 mmdebstrap --quiet --architectures=arm64 --variant=extract --aptopt="$work/apt" \
   --include="$(echo "$wanted" | xargs | tr ' ' ,)" --extract-hook="sh $work/records \"\$1\"" \
-  bookworm "$folder" "${mirror:-http://deb.debian.org/debian}"
+  bookworm "$folder" "$(host_mirror)"
 
 # qemu-user looks there for every file first: no device, no /etc and no /tmp but the machine's.
 find "$folder" -mindepth 1 -maxdepth 1 ! -name usr ! -name 'lib*' ! -name var -exec rm -rf --one-file-system {} +

@@ -60,23 +60,16 @@ cleanup() {
 trap cleanup EXIT
 trap 'exit 130' INT TERM
 
-# The Debian mirror that the host uses, from one-line or deb822 sources.
-host_mirror() {
-  cat /etc/apt/sources.list /etc/apt/sources.list.d/*.list 2>/dev/null |
-    awk '$1 == "deb" { sub(/^deb +(\[[^]]*\] +)?/, ""); if ($2 ~ /^bookworm/) print $1 }'
-  cat /etc/apt/sources.list.d/*.sources 2>/dev/null |
-    awk '/^URIs:/ { uri = $2 } /^Suites:/ && / bookworm( |$)/ { print uri }'
-}
-mirror=${MIRROR:-$(host_mirror | head -n 1)}
-mirror=${mirror:-http://deb.debian.org/debian}
+# shellcheck source=config/host-apt.sh
+. "$source_dir/config/host-apt.sh"
+mirror=$(host_mirror)
 
 if [ -e "$root/etc/debian_version" ]; then
   say "Going on with the root in $root"
 else
   say "Making a minimal Debian 12 root from $mirror"
-  # How the host's apt reaches its mirror (proxies, keys) holds for the new root, too.
   settings=$(mktemp)
-  apt-config dump | grep -E '^Acquire::(http|https|Retries)' >"$settings" || true
+  host_apt_settings >"$settings"
   rm "$root/$marker"  # mmdebstrap wants an empty folder
   mmdebstrap --quiet --variant=apt --include=git,ca-certificates \
     --aptopt="$settings" bookworm "$root" "$mirror"

@@ -22,16 +22,11 @@ needs=$(for package in "$@"; do dpkg-deb -f "$package" Depends Recommends; done)
 root=$cache/debian-root-$(echo "1 $needs" | sha256sum | cut -c 1-12).tar
 if [ ! -e "$root" ]; then
   rm -f "$cache"/debian-root-*
-  # The Debian mirror that the host uses, from one-line or deb822 sources, and how apt reaches it.
-  mirror=${MIRROR:-$({
-    cat /etc/apt/sources.list /etc/apt/sources.list.d/*.list 2>/dev/null |
-      awk '$1 == "deb" { sub(/^deb +(\[[^]]*\] +)?/, ""); if ($2 ~ /^bookworm/) print $1 }'
-    cat /etc/apt/sources.list.d/*.sources 2>/dev/null |
-      awk '/^URIs:/ { uri = $2 } /^Suites:/ && / bookworm( |$)/ { print uri }'
-  } | head -n 1)}
+  # shellcheck source=config/host-apt.sh
+  . "$(dirname -- "$0")/../../config/host-apt.sh"
   settings=$(mktemp)
   trap 'rm -f "$settings" "$root.new"' EXIT
-  apt-config dump | grep -E '^Acquire::(http|https|Retries)' >"$settings" || true
+  host_apt_settings >"$settings"
   say "making $(basename "$root")"
   names=
   for package in "$@"; do names="$names /root/$(basename "$package")"; done
@@ -41,7 +36,7 @@ if [ ! -e "$root" ]; then
     --customize-hook='chroot "$1" apt-get clean' \
     --customize-hook='chroot "$1" apt-get -qq -y --download-only install'"$names" \
     --customize-hook='rm "$1"/root/*.deb' \
-    bookworm "$root.new" "${mirror:-http://deb.debian.org/debian}" >&2 || skip "mmdebstrap failed"
+    bookworm "$root.new" "$(host_mirror)" >&2 || skip "mmdebstrap failed"
   mv "$root.new" "$root"
 fi
 echo "$root"
