@@ -119,7 +119,7 @@ class CellParts {
   }
   // As the state directory's files count them.
   std::uint32_t LotFileOf(const PartPlan& part) const {
-    return part.part_number == own_->part_number ? 0 : part.part_number;
+    return host::LotFileOf(part.part_number, own_->part_number);
   }
 
  private:

@@ -81,7 +81,7 @@ void PartKeeper::Note(const HistoryWork& work) {
 
 hal::Result<void> PartKeeper::TakeUp(const PartPlan& part) {
   if (lots_.count(part.part_number) > 0) return {};
-  KeptLot kept{part.config_digest, part.part_number == own_part_ ? 0 : part.part_number, {}};
+  KeptLot kept{part.config_digest, LotFileOf(part.part_number, own_part_), {}};
   auto lot = store_.Lot(kept.key, kept.file);
   if (!lot) return hal::Fail(lot.error());
   kept.state = std::move(*lot);

@@ -12,6 +12,11 @@
 
 namespace bendloop::host {
 
+// Of a part's lot in a state directory: 0 for the cell file's own part, else the part's number.
+inline std::uint32_t LotFileOf(std::uint32_t part_number, std::uint32_t own_part_number) {
+  return part_number == own_part_number ? 0 : part_number;
+}
+
 // Who opens a state directory.
 enum class StateUser : std::uint8_t {
   kCell,        // whoever measures and corrects
@@ -57,7 +62,7 @@ class StateStore {
 
   // `key` names the settings that the lot was learnt with; another key begins a new lot. A damaged
   // file is an error: deciding without what is known would be a jump in the corrections. `part`:
-  // the number of a part that is not the cell file's own; 0: that one.
+  // as LotFileOf.
   hal::Result<std::optional<pipeline::LotState>> Lot(std::string_view key,
                                                      std::uint32_t part = 0) const;
   bool HasLot(std::uint32_t part = 0) const;

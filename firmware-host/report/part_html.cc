@@ -288,16 +288,14 @@ std::string EndFormTable(const pipeline::Measurement& m) {
   std::string rows;
   for (const auto* end : {&m.first_end, &m.last_end}) {
     if (end->profile.empty()) continue;
-    const auto widest =
-        std::max_element(end->profile.begin(), end->profile.end(),
-                         [](const auto& a, const auto& b) { return a.radius_mm < b.radius_mm; });
-    const bool is_bead = end->returns_sigma_mm > 0;
+    const pipeline::RadiusAt& widest = end->Widest();
+    const bool is_bead = end->is_bead();
     rows += std::string("<tr><td>") + (end == &m.first_end ? "first" : "last") +
             (is_bead ? ", bead" : "") + "</td>" + Number(end->begins_mm, 2) +
             Number(end->begins_sigma_mm, 2) +
             (is_bead ? Number(end->returns_mm, 2) + Number(end->returns_sigma_mm, 2)
                      : "<td></td><td></td>") +
-            Number(widest->radius_mm, 2) + Number(widest->sigma_mm, 2) + "<td>" +
+            Number(widest.radius_mm, 2) + Number(widest.sigma_mm, 2) + "<td>" +
             EndProfileSvg(*end, m.tube.pipe_radius_mm) + "</td></tr>";
   }
   if (rows.empty()) return "";

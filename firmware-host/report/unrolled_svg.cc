@@ -40,9 +40,13 @@ std::string PaperText(double x, double y, const std::string& text) {
          "\" font-size=\"11\" text-anchor=\"middle\" fill=\"currentColor\">" + text + "</text>";
 }
 
+bool IsOblique(const std::optional<pipeline::EndCutFound>& end) {
+  return end && end->cut.obliquity_deg > kOblique * end->obliquity_sigma_deg;
+}
+
 std::string EndLine(const Paper& paper, const std::optional<pipeline::EndCutFound>& end,
                     bool at_start) {
-  const bool is_oblique = end && end->cut.obliquity_deg > kOblique * end->obliquity_sigma_deg;
+  const bool is_oblique = IsOblique(end);
   const double slope = is_oblique ? std::tan(end->cut.obliquity_deg * hal::kRadiansPerDegree) : 0.0;
   std::string svg = "<polyline fill=\"none\" stroke=\"currentColor\" points=\"";
   for (int around_deg = -179; around_deg <= 179; around_deg += 2) {
@@ -124,9 +128,7 @@ std::string EndProfileSvg(const pipeline::EndForm& end, double pipe_radius_mm) {
   if (end.profile.size() < 2) return "";
   constexpr double kWidth = 120, kHeight = 36;
   const double far_mm = end.profile.back().from_end_mm;
-  double widest_mm = pipe_radius_mm;
-  for (const pipeline::RadiusAt& at : end.profile) widest_mm = std::max(widest_mm, at.radius_mm);
-  const double high_mm = std::max(widest_mm - pipe_radius_mm, 1e-6);
+  const double high_mm = std::max(end.Widest().radius_mm - pipe_radius_mm, 1e-6);
   std::string svg = "<svg role=\"img\" aria-label=\"radius by place\" width=\"" + Fixed(kWidth, 0) +
                     "\" height=\"" + Fixed(kHeight, 0) + "\" viewBox=\"0 0 " + Fixed(kWidth, 0) +
                     " " + Fixed(kHeight, 0) +
@@ -140,11 +142,8 @@ std::string EndProfileSvg(const pipeline::EndForm& end, double pipe_radius_mm) {
 
 std::string UnrolledSvg(const pipeline::Measurement& m) {
   const Paper paper{hal::SpineLength(m.tube.program), m.tube.pipe_radius_mm};
-  const auto is_oblique = [](const std::optional<pipeline::EndCutFound>& end) {
-    return end && end->cut.obliquity_deg > kOblique * end->obliquity_sigma_deg;
-  };
   const bool has_any = !m.features.openings.empty() || !m.dents.empty() ||
-                       is_oblique(m.features.first_end) || is_oblique(m.features.last_end);
+                       IsOblique(m.features.first_end) || IsOblique(m.features.last_end);
   if (!has_any || !(paper.length_mm > 0) || !(paper.pipe_radius_mm > 0)) return "";
   std::string svg =
       "<svg role=\"img\" aria-label=\"the surface unrolled: length by angle\" viewBox=\"0 0 " +

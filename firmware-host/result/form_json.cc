@@ -17,7 +17,7 @@ Json EndJson(const pipeline::EndForm& end) {
   if (end.profile.empty()) return json;
   json["begins_mm"] = Number(end.begins_mm);
   json["begins_sigma_mm"] = Number(end.begins_sigma_mm);
-  if (end.returns_sigma_mm > 0) {
+  if (end.is_bead()) {
     json["returns_mm"] = Number(end.returns_mm);
     json["returns_sigma_mm"] = Number(end.returns_sigma_mm);
   }

@@ -245,15 +245,13 @@ std::string FeaturesText(const pipeline::Measurement& m) {
   }
   for (const auto* end : {&m.first_end, &m.last_end}) {
     if (end->profile.empty()) continue;
-    const auto widest =
-        std::max_element(end->profile.begin(), end->profile.end(),
-                         [](const auto& a, const auto& b) { return a.radius_mm < b.radius_mm; });
-    const bool is_bead = end->returns_sigma_mm > 0;
+    const pipeline::RadiusAt& widest = end->Widest();
+    const bool is_bead = end->is_bead();
     out += Below(std::string(end == &m.first_end ? "first" : "last") +
                  " end: " + (is_bead ? "bead" : "wider") + " from " +
                  mm(end->begins_mm, end->begins_sigma_mm) +
                  (is_bead ? " to " + mm(end->returns_mm, end->returns_sigma_mm) : "") +
-                 " before its end, radius up to " + mm(widest->radius_mm, widest->sigma_mm));
+                 " before its end, radius up to " + mm(widest.radius_mm, widest.sigma_mm));
   }
   const double length_mm = hal::SpineLength(m.tube.program);
   for (const pipeline::OpeningFound& found : m.features.openings) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -94,6 +95,14 @@ struct EndForm {
   double begins_mm = 0, begins_sigma_mm = 0;
   double returns_mm = 0, returns_sigma_mm = 0;  // of a bead: where it is the plain tube's again
   std::vector<RadiusAt> profile;                // from the end of all on, where it begins
+
+  bool is_bead() const { return returns_sigma_mm > 0; }
+  // Only where there is a profile.
+  const RadiusAt& Widest() const {
+    return *std::max_element(
+        profile.begin(), profile.end(),
+        [](const RadiusAt& a, const RadiusAt& b) { return a.radius_mm < b.radius_mm; });
+  }
 };
 
 // By how much a pass of the scan (a turn of the arm, what came after a pause) does not meet the
