@@ -16,10 +16,7 @@ namespace bendloop::host {
 namespace {
 
 using Eigen::Vector3d;
-// Of what a tube's surface has around it at least [deg]: half a bend is a bend (tube_chain.cc).
-constexpr double kLeastAroundDeg = 150;
-// Neighbours that meet at more [rad] are a kink: 0.5 degrees.
-constexpr double kKinkRad = 0.5 * std::numbers::pi / 180;
+
 // Curves of one centre line meet to this [mm], which a file in metres with 5 decimals holds.
 constexpr double kCurvesMeetMm = 0.01;
 
@@ -34,7 +31,7 @@ struct LooseEnd {
 void AddSurfaceEnds(CadBody& body, std::size_t index, std::vector<LooseEnd>& ends) {
   for (SurfacePatch& patch : body.patches) RecogniseFreeSurface(patch);
   for (const TubePiece& piece : PiecesOf(body)) {
-    if (piece.is_ring() || piece.around_deg() < kLeastAroundDeg) continue;
+    if (piece.is_ring() || piece.around_deg() < kFewestAroundDeg) continue;
     for (const double along : {piece.from, piece.to}) {
       const Vector3d t = piece.TangentAt(along);
       ends.push_back({index, false, piece.is_arc, piece.concave, piece.radius_mm,
@@ -59,7 +56,7 @@ bool Meet(const LooseEnd& a, const LooseEnd& b) {
   return (a.is_arc || b.is_arc) && a.concave == b.concave &&
          (a.point - b.point).norm() < tolerance &&
          std::abs(a.radius_mm - b.radius_mm) < tolerance / 4 && a.outward.dot(b.outward) < 0 &&
-         a.outward.cross(b.outward).norm() < std::sin(kKinkRad);
+         a.outward.cross(b.outward).norm() < std::sin(kKinkDeg * std::numbers::pi / 180);
 }
 
 // Of each body the first one that it is joined to, itself if to none before it.

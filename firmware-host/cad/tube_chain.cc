@@ -13,10 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A piece with less around it is a fillet or an edge's rounding.
-constexpr double kFewestAroundDeg = 150;
-// Neighbours that meet at more than this [deg] are a kink; less is a drawing's rounding, and told.
-constexpr double kKinkDeg = 0.5;
 // A straight with no face between two others in line may be so many diameters long.
 constexpr double kLongestMissingDiameters = 10;
 

@@ -9,6 +9,11 @@
 
 namespace bendloop::host {
 
+// A piece with less around it [deg] is a fillet or an edge's rounding; half a bend is a bend.
+inline constexpr double kFewestAroundDeg = 150;
+// Neighbours that meet at more than this [deg] are a kink; less is a drawing's rounding, and told.
+inline constexpr double kKinkDeg = 0.5;
+
 // Sectors of 5 degrees around a tube.
 using Around = std::bitset<72>;
 
