@@ -222,7 +222,7 @@ class BowedTube {
   }
 
   void Assemble(bool with_bows) {
-    matrix_.setZero(size_, size_);
+    for (Eigen::MatrixXd& known : known_) known.setZero(size_, size_);
     right_.setZero(size_);
     std::size_t next = 0;
     for (std::size_t k = 0; k < frames_.size(); ++k) {
@@ -233,7 +233,8 @@ class BowedTube {
       }
       const double worth = 1.0 / worth_[ClassOf(k)];
       const Eigen::MatrixXd& motion = motions_[k];
-      matrix_ += worth * TransposeProduct(motion, Product(InformationOf(whole), motion));
+      Eigen::MatrixXd& known = known_[ClassOf(k)];
+      known += worth * TransposeProduct(motion, Product(InformationOf(whole), motion));
       right_.noalias() -= worth * motion.transpose() * PullOf(whole);
       if (own_[k] < 0) continue;
       BowMotion with_motion = BowMotion::Zero();
@@ -247,11 +248,12 @@ class BowedTube {
         pull += field.transpose() * PullOf(places_[i].sum);
       }
       const Eigen::MatrixXd cross = worth * TransposeProduct(motion, with_motion);
-      matrix_.middleCols<kBowModes>(own_[k]) += cross;
-      matrix_.middleRows<kBowModes>(own_[k]) += cross.transpose();
-      matrix_.block<kBowModes, kBowModes>(own_[k], own_[k]) += worth * with_itself;
+      known.middleCols<kBowModes>(own_[k]) += cross;
+      known.middleRows<kBowModes>(own_[k]) += cross.transpose();
+      known.block<kBowModes, kBowModes>(own_[k], own_[k]) += worth * with_itself;
       right_.segment<kBowModes>(own_[k]) -= worth * pull;
     }
+    matrix_ = known_[0] + known_[1];
     AddPriors(with_bows);
   }
 
@@ -289,13 +291,15 @@ class BowedTube {
     std::array<double, 2> chi_square{}, freedom{};
     for (std::size_t i = 0; i < places_.size(); ++i) {
       const std::size_t k = places_[i].segment;
-      Eigen::MatrixXd motion = motions_[k];
-      if (own_[k] >= 0) motion.middleCols<kBowModes>(own_[k]) += OwnMotion(places_[i]);
-      const LocalMatrix information = InformationOf(places_[i].sum);
-      const LocalVector pull = PullOf(places_[i].sum) + information * (motion * step_);
+      LocalVector moved = motions_[k] * step_;
+      if (own_[k] >= 0) moved += OwnMotion(places_[i]) * step_.segment<kBowModes>(own_[k]);
+      const LocalVector pull = PullOf(places_[i].sum) + InformationOf(places_[i].sum) * moved;
       chi_square[ClassOf(k)] += pull.dot(inverses_[i] * pull) / noise_mm2_;
-      const LocalMatrix known = Mapped(motion, inverse_);
-      freedom[ClassOf(k)] += ranks_[i] - (information * known).trace() / worth_[ClassOf(k)];
+      freedom[ClassOf(k)] += ranks_[i];
+    }
+    // What the numbers take of it: the trace of what the places know times the covariance.
+    for (const std::size_t c : {std::size_t{0}, std::size_t{1}}) {
+      freedom[c] -= known_[c].cwiseProduct(inverse_).sum();
     }
     for (const std::size_t c : {std::size_t{0}, std::size_t{1}}) {
       worth_[c] = freedom[c] > 1 ? std::max(1.0, chi_square[c] / freedom[c]) : worth_[0];
@@ -467,6 +471,7 @@ class BowedTube {
   double noise_mm2_ = 0;
   std::array<double, 2> worth_{1.0, 1.0};
   int first_shape_ = 0;
+  std::array<Eigen::MatrixXd, 2> known_;  // information of straights, of bends
   Eigen::MatrixXd matrix_, inverse_;
   Eigen::VectorXd right_, step_;
 };
