@@ -51,6 +51,7 @@ class ModbusContext {
   ModbusHandle handle_;
   bool connected_ = false;
   int failed_connects_ = 0;
+  hal::Error connect_problem_;  // of the last one that failed
   std::chrono::nanoseconds next_connect_{0};
 };
 

@@ -33,6 +33,7 @@
 #include "firmware-host/daemon/setter_box.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/daemon/status_server.h"
+#include "firmware-host/daemon/trouble_log.h"
 #include "firmware-host/daemon/upkeep.h"
 #include "firmware-host/ledger/damaged_journal.h"
 #include "firmware-host/recorder/recorder.h"
@@ -137,7 +138,7 @@ class Daemon::Impl {
   std::unique_ptr<StatusServer> server_;
   std::chrono::milliseconds retry_ = kFirstRetry;
   std::string scanner_problem_;
-  std::string bender_problem_;
+  TroubleLog bender_trouble_;
   std::size_t bends_told_ = 0;
   bool bender_known_ = false;
   bool acknowledges_ = false;  // the PLC, and it is not done yet
@@ -426,17 +427,19 @@ void Daemon::Impl::WaitForRetry(CellLoop& loop) {
 void Daemon::Impl::BenderHeard(const BenderReading& heard) {
   if (heard.facts) OrdersHeard(heard.facts->state.orders);
   alarms_.BenderHeard(heard, parts_.number());
-  if (heard.facts && (!bender_known_ || !bender_problem_.empty())) {
-    spdlog::info("bender answers: active program {}", Describe(heard.facts->active));
+  const auto now = clock_.Now();
+  if (heard.facts) {
+    const std::string lasted = bender_trouble_.Over(now);
+    if (!bender_known_ || !lasted.empty()) {
+      spdlog::info("bender answers{}: active program {}", lasted, Describe(heard.facts->active));
+    }
+    bender_known_ = true;
+    return;
   }
-  if (!heard.facts && heard.problem != bender_problem_) {
-    spdlog::warn(
-        "{}: {}",
-        heard.is_journals ? "what the bender does cannot be kept" : "bender does not answer",
-        heard.problem);
-  }
-  bender_known_ = bender_known_ || heard.facts.has_value();
-  bender_problem_ = heard.problem;
+  const std::string trouble =
+      heard.is_journals ? "what the bender does cannot be kept: " : "bender does not answer: ";
+  const std::string line = bender_trouble_.Met(trouble + heard.problem, now);
+  if (!line.empty()) spdlog::warn("{}", line);
 }
 
 // What the PLC says now, of the next scan: its part, and what it asks for.

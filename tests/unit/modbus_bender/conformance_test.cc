@@ -74,6 +74,13 @@ TEST(ModbusRtuLine, SaysWhatIsWrongWithThePort) {
   EXPECT_EQ(missing.error().message,
             "bender /dev/no-such-port unit 1: cannot connect: No such file or directory");
 
+  // However often it is asked, and however near the next try is, it says the same.
+  for (int i = 0; i < 3; ++i) {
+    const auto again = link->ReadState();
+    ASSERT_FALSE(again);
+    EXPECT_EQ(again.error().message, missing.error().message);
+  }
+
   ModbusBenderUnderTest cell(PlainMap(), true);  // a pseudo-terminal knows no RS-485
   options.serial = drivers::SerialLine{.device = cell.bender().device(), .rs485 = true};
   link = drivers::MakeModbusBender(PlainMap(), options, clock);
