@@ -18,6 +18,7 @@
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/end_forms.h"
 #include "pipeline/fit/incidence.h"
+#include "pipeline/fit/registration.h"
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/fit/self_check.h"
 #include "pipeline/fit/surface_fit.h"

@@ -10,10 +10,10 @@
 #include "hal/clock.h"
 #include "hal/laser_profile.h"
 #include "hal/result.h"
-#include "pipeline/fit/registration.h"
 #include "pipeline/math/workers.h"
 #include "pipeline/spine/spine_method.h"
 #include "pipeline/tube/measurement.h"
+#include "pipeline/tube/pass_offsets.h"
 
 namespace bendloop::pipeline {
 

@@ -45,6 +45,8 @@ constexpr AlarmKind kTable[] = {
      "scan again from more sides"},
     {kUncertainAngle, kWarning, kNext, "held: no angle is known well enough",
      "scan again with more lines on the straights"},
+    {kTubeMoved, kWarning, kNext, "held: the tube was moved between two passes of its scan",
+     "lay it so that it stays where it is, and scan it again; if it comes again: check the arm"},
     {kOutOfTolerance, kNotice, kNext, "the last tube is out of tolerance",
      "put it aside; the correction follows by itself unless another alarm holds it"},
     {kUndecided, kNotice, kNext, "whether the last tube is in tolerance cannot be told",

@@ -28,6 +28,7 @@ enum class AlarmCode : std::uint16_t {
   kUncertainLength = 2009,
   kUncertainRotation = 2010,
   kUncertainAngle = 2011,
+  kTubeMoved = 2012,
   kOutOfTolerance = 2020,
   kUndecided = 2021,
   kMeasurementDoubts = 2022,

@@ -147,6 +147,8 @@ AlarmCode AlarmOf(InterlockKind kind) {
       return AlarmCode::kGap;
     case InterlockKind::kFit:
       return AlarmCode::kFit;
+    case InterlockKind::kPasses:
+      return AlarmCode::kTubeMoved;
     case InterlockKind::kPipeRadius:
       return AlarmCode::kPipeRadius;
     case InterlockKind::kLostProfiles:

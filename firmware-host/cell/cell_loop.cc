@@ -451,6 +451,7 @@ void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
     last.notices = correction->notices;
     if (!correction->forecast.rows.empty()) last.forecast = correction->forecast.part;
   }
+  last.furthest_pass = outcome.furthest_pass;
   Watched([&] {
     life_.Expect(kDiskBound);
     ports_.part_done(outcome);

@@ -168,6 +168,10 @@ Json StatusJson(const CellSnapshot& s) {
                          {"reason", s.last->reason},
                          {"notices", s.last->notices},
                          {"forecast", s.last->forecast ? Number(*s.last->forecast, 4) : Json()}};
+    if (const auto& pass = s.last->furthest_pass) {
+      json["last_part"]["passes_apart_mm"] = Number(pass->moved_mm, 3);
+      json["last_part"]["passes_apart_deg"] = Number(pass->turned_deg, 3);
+    }
   }
   return json;
 }
@@ -267,6 +271,11 @@ std::string MetricsText(const CellSnapshot& s) {
          number(s.removed_sessions));
   metric("disk_used_bytes", "gauge", "Taken by sessions.", number(s.disk_used_mb << 20));
   metric("disk_free_bytes", "gauge", "Free where sessions go.", number(s.disk_free_mb << 20));
+  const pipeline::PassBeside pass =
+      s.last ? s.last->furthest_pass.value_or(pipeline::PassBeside{}) : pipeline::PassBeside{};
+  metric("passes_apart_mm", "gauge", "How far a pass of the last scan lay beside the others.",
+         pass.moved_mm);
+  metric("passes_apart_degrees", "gauge", "How far it was turned against them.", pass.turned_deg);
   metric("scan_covered_mm", "gauge", "Spine that the running scan has seen.",
          s.session.empty() ? 0 : s.live.covered_mm);
   return text;

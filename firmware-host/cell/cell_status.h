@@ -36,6 +36,7 @@ struct LastPart {
   std::string reason;                     // the first one, or ""
   std::vector<std::string> notices = {};  // of the correction
   std::optional<double> forecast = {};    // that the next tube is in tolerance, 0..1
+  std::optional<pipeline::PassBeside> furthest_pass = {};  // of its scan; empty: they met
 };
 
 // What the correction goes by, in short.

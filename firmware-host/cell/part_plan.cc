@@ -150,6 +150,7 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.interlocks.most_rms_mm = locks.max_fit_rms_mm;
   plan.interlocks.most_sigma = AxesOf(locks.max_sigma);
   plan.interlocks.oldest_session_s = locks.max_session_age_s;
+  plan.interlocks.pass_drift = plan.reconstruction.pass_drift;
 
   plan.commit.reply_timeout = cell.bender.commit_timeout;
   plan.commit.allow_non_atomic = cell.bender.allow_non_atomic;

@@ -47,6 +47,7 @@ pipeline::InterlockInput InterlockFacts(const PartPlan& plan, const ScanFacts& s
   input.coverage = result.measurement.coverage;
   input.longest_gap_mm = result.measurement.longest_gap_mm;
   input.fit = result.measurement.fit;
+  input.passes = result.measurement.passes;
   input.pipe_radius_mm = result.measurement.tube.pipe_radius_mm;
   input.nominal_pipe_radius_mm = plan.pipe_radius_mm;
   input.profiles = scan.profiles;
@@ -176,6 +177,8 @@ class Decision {
     result_.time = part_.identity.start;
     result_.software = kSoftware;
     result_.measurement = part_.measurement;
+    outcome_.furthest_pass =
+        pipeline::FurthestPass(part_.measurement.passes, plan_.reconstruction.pass_drift);
     result_.nominal = plan_.nominal;
     result_.inspection = pipeline::Inspect(result_.measurement, plan_.nominal, plan_.pipe_radius_mm,
                                            plan_.inspection);

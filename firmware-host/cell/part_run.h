@@ -67,6 +67,7 @@ struct PartOutcome {
   std::optional<pipeline::LotState> next;  // to be kept when the part counts
   RunContext context;                      // what the decision went by
   PartLatency latency;                     // 0 for a replay
+  std::optional<pipeline::PassBeside> furthest_pass;  // of the scan; empty: its passes met
 
   bool out_of_tolerance() const;  // for certain
   // Of a command that ran this one part.

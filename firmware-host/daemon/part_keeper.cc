@@ -16,6 +16,7 @@
 #include "firmware-host/result/result_json.h"
 #include "firmware-host/retention/retention.h"
 #include "firmware-host/text/result_text.h"
+#include "pipeline/math/text.h"
 
 namespace bendloop::host {
 namespace {
@@ -26,6 +27,30 @@ constexpr std::size_t kReportParts = 20;
 constexpr std::uintmax_t kMostLogBytes = 1u << 20;
 // Of each damaged database: who looks into them looks at the latest.
 constexpr std::size_t kMostMovedAside = 5;
+
+// `passes part=part-0007 count=2 furthest=2 apart_mm=0.061 apart_deg=0.004 limit_mm=0.424
+// limit_deg=0.170 moved_mm=0.031,0.030 turned_deg=0.002,0.002`: by what each pass of the scan was
+// moved to meet the others, for who looks after the arm. "": they met.
+std::string PassesLine(const PartOutcome& outcome) {
+  const auto& furthest = outcome.furthest_pass;
+  if (!furthest) return "";
+  const auto& passes = outcome.result.measurement.passes;
+  const auto of_each = [&passes](Eigen::Vector3d pipeline::PassOffset::*offset) {
+    std::string text;
+    for (const pipeline::PassOffset& pass : passes) {
+      text += (text.empty() ? "" : ",") + pipeline::Fixed((pass.*offset).norm(), 3);
+    }
+    return text;
+  };
+  return "passes part=" + outcome.result.session + " count=" + std::to_string(passes.size()) +
+         " furthest=" + std::to_string(furthest->number) +
+         " apart_mm=" + pipeline::Fixed(furthest->moved_mm, 3) +
+         " apart_deg=" + pipeline::Fixed(furthest->turned_deg, 3) +
+         " limit_mm=" + pipeline::Fixed(furthest->limit_mm, 3) +
+         " limit_deg=" + pipeline::Fixed(furthest->limit_deg, 3) +
+         " moved_mm=" + of_each(&pipeline::PassOffset::move_mm) +
+         " turned_deg=" + of_each(&pipeline::PassOffset::turn_deg);
+}
 
 }  // namespace
 
@@ -177,6 +202,9 @@ void PartKeeper::Keep(PartOutcome outcome) {
   std::string verdict = VerdictLine(result, false);
   while (!verdict.empty() && verdict.back() == '\n') verdict.pop_back();
   spdlog::info("{}: {}", result.session, verdict);
+  if (const std::string passes = PassesLine(outcome); !passes.empty()) {
+    spdlog::info("{}", passes);
+  }
   for (const std::string& reason : outcome.reasons) {
     spdlog::warn("{}: {}", result.session, reason);
   }

@@ -24,6 +24,7 @@ bool SpoilsVerdict(InterlockKind kind) {
     case InterlockKind::kCoverage:
     case InterlockKind::kGap:
     case InterlockKind::kFit:
+    case InterlockKind::kPasses:
     case InterlockKind::kPipeRadius:
     case InterlockKind::kLostProfiles:
     case InterlockKind::kTubeIdentity:

@@ -107,6 +107,7 @@ struct Words<pipeline::InterlockKind> {
       {E::kCoverage, "coverage"},
       {E::kGap, "gap"},
       {E::kFit, "fit"},
+      {E::kPasses, "passes"},
       {E::kPipeRadius, "pipe_radius"},
       {E::kLostProfiles, "lost_profiles"},
       {E::kUncertaintyLength, "uncertainty_length"},

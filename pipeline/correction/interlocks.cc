@@ -70,6 +70,12 @@ void CheckScan(const InterlockInput& in, const InterlockOptions& options, Checks
              std::to_string(in.fit.samples) + " samples lie " + Fixed(in.fit.rms_distance_mm, 3) +
                  " mm rms off the fitted tube, limit " + Fixed(options.most_rms_mm, 3) + " mm",
              "the tube moved, is dented or bowed, or the scanner needs calibration");
+  if (const auto pass = FurthestPass(in.passes, options.pass_drift)) {
+    checks.Add(InterlockKind::kPasses, !pass->is_moved(), pass->moved_mm, pass->limit_mm,
+               pass->Text() + ", limit " + Fixed(pass->limit_mm, 3) + " mm and " +
+                   Fixed(pass->limit_deg, 3) + " degrees",
+               kMovedTube);
+  }
   if (in.nominal_pipe_radius_mm) {
     const double nominal_mm = *in.nominal_pipe_radius_mm;
     const double limit_mm = options.most_pipe_radius_deviation * nominal_mm;
@@ -283,6 +289,8 @@ std::string_view Name(InterlockKind kind) {
       return "gap";
     case InterlockKind::kFit:
       return "fit";
+    case InterlockKind::kPasses:
+      return "passes";
     case InterlockKind::kPipeRadius:
       return "pipe radius";
     case InterlockKind::kLostProfiles:

@@ -13,6 +13,7 @@
 #include "pipeline/correction/correction.h"
 #include "pipeline/inspection/direction.h"
 #include "pipeline/tube/measurement.h"
+#include "pipeline/tube/pass_offsets.h"
 
 namespace bendloop::pipeline {
 
@@ -25,6 +26,7 @@ struct InterlockOptions {
   PerAxis most_sigma{0.3, 0.3, 0.2};        // 1 sigma: worse rows are held by themselves
   double least_angle_deg = 2.0;             // rotations beside smaller bends are not checked
   double oldest_session_s = 600.0;          // since the end of the scan
+  PassDrift pass_drift = {};                // passes further apart are those of a moved tube
 };
 
 // What the bender said last.
@@ -39,6 +41,7 @@ enum class InterlockKind : std::uint8_t {
   kCoverage,
   kGap,
   kFit,
+  kPasses,  // where passes of the scan did not meet: by no more than an arm drifts
   kPipeRadius,
   kLostProfiles,
   kUncertaintyLength,
@@ -76,6 +79,7 @@ struct InterlockInput {
   double coverage = 0;  // 0..1
   double longest_gap_mm = 0;
   FitQuality fit;
+  std::vector<PassOffset> passes = {};  // as in Measurement
   double pipe_radius_mm = 0;
   std::optional<double> nominal_pipe_radius_mm;
   std::uint64_t profiles = 0;       // received

@@ -6,15 +6,9 @@
 
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/tube/measurement.h"
+#include "pipeline/tube/pass_offsets.h"
 
 namespace bendloop::pipeline {
-
-// By how much a pass of the scan may lie beside the others: 1 sigma of each axis. Arms with
-// scanners drift by 0.02 to 0.1 mm between passes.
-struct PassDrift {
-  double move_mm = 0.05;
-  double turn_deg = 0.02;
-};
 
 // The passes of a scan brought together on the tube that they show.
 struct Registration {

@@ -25,8 +25,6 @@ struct Doubts {
   double halves_differ = 5.0;
   // [of r_P] 1 sigma of the pipe radius; tubes, noisy wires included, stay below 0.005.
   double vague_radius = 0.02;
-  // [times their prior's sigma] Offsets of a pass beyond which it is no drift.
-  double moved = 6.0;
   // [of r_P] 1 sigma of the distances; beyond it only noisy wires are tubes.
   double rough = 0.04;
   // [of r_P] and [times that of independent points] 1 sigma of the distances, and the variance of
@@ -256,18 +254,9 @@ void ReportForm(const SurfaceForm& form, Measurement& measurement) {
 void ReportPasses(const Registration& registration, const PassDrift& drift,
                   Measurement& measurement) {
   measurement.passes = registration.passes;
-  for (std::size_t i = 0; i < measurement.passes.size(); ++i) {
-    const PassOffset& pass = measurement.passes[i];
-    const double moved_mm = pass.move_mm.norm(), turned_deg = pass.turn_deg.norm();
-    if (moved_mm < kDoubts.moved * drift.move_mm && turned_deg < kDoubts.moved * drift.turn_deg) {
-      continue;
-    }
-    measurement.warnings.push_back(
-        "pass " + std::to_string(i + 1) + " of the scan lies " + Mm(moved_mm) + " and " +
-        Fixed(turned_deg, 3) +
-        " degrees beside the others: the tube was moved while it was scanned, or the arm lost its "
-        "place; scan the tube again");
-  }
+  const auto furthest = FurthestPass(measurement.passes, drift);
+  if (!furthest || !furthest->is_moved()) return;
+  measurement.warnings.push_back(furthest->Text() + ": " + kMovedTube);
 }
 
 }  // namespace bendloop::pipeline

@@ -61,6 +61,30 @@ class WordlessSource final : public hal::ProfileSource {
   std::size_t next_ = 0;
 };
 
+// A scan whose tube is moved when half of it is scanned: between two passes, where there are two.
+class MovedTubeSource final : public hal::ProfileSource {
+ public:
+  MovedTubeSource(const std::shared_ptr<const drivers::VirtualScan>& scan,
+                  const Eigen::Vector3d& move_mm)
+      : source_(scan), still_(scan->profile_count() / 2), move_mm_(move_mm) {}
+  hal::Result<hal::SourceInfo> Open() override { return source_.Open(); }
+  hal::Result<void> Start() override { return source_.Start(); }
+  hal::Result<hal::ReadStatus> Read(hal::LaserProfile& profile, hal::ScanEvent& event,
+                                    std::chrono::nanoseconds timeout) override {
+    const auto status = source_.Read(profile, event, timeout);
+    if (status && *status == hal::ReadStatus::kProfile && ++profiles_ > still_) {
+      profile.X_WS.position_mm += move_mm_;  // as if the tube stayed and the sensor did not
+    }
+    return status;
+  }
+  void Stop() override { source_.Stop(); }
+
+ private:
+  drivers::VirtualScanSource source_;
+  std::size_t still_, profiles_ = 0;
+  Eigen::Vector3d move_mm_;
+};
+
 // A cell of the real daemon between a simulated bender (Modbus TCP) and a simulated scanner (its
 // wire protocol, TCP), all over loopback.
 class LiveCell {
@@ -150,6 +174,10 @@ class LiveCell {
   }
 
   std::shared_ptr<const drivers::VirtualScan> ScanOf(const hal::BendProgram& tube) {
+    return ScanOf(tube, plan_.pipe_radius_mm);
+  }
+  std::shared_ptr<const drivers::VirtualScan> ScanOf(const hal::BendProgram& tube,
+                                                     double pipe_radius_mm) {
     drivers::VirtualScanOptions options;
     options.seed = ++scans_;
     options.path.profile_spacing_mm = profile_spacing_mm;
@@ -158,12 +186,23 @@ class LiveCell {
     options.profiles_per_second = 4000;
     options.start_t_ns = static_cast<std::int64_t>(scans_) * 100'000'000'000;
     return std::make_shared<const drivers::VirtualScan>(
-        drivers::LayOnTable({plan_.pipe_radius_mm, tube, {}}, options.seed), options);
+        drivers::LayOnTable({pipe_radius_mm, tube, {}}, options.seed), options);
   }
   void Trigger(const hal::BendProgram& tube, drivers::ScanPace pace = drivers::ScanPace::kMax) {
     auto scan = ScanOf(tube);
     const std::lock_guard lock(mutex_);
     scanner_->Trigger(std::move(scan), pace);
+  }
+  void Trigger(std::shared_ptr<const drivers::VirtualScan> scan) {
+    const std::lock_guard lock(mutex_);
+    scanner_->Trigger(std::move(scan), drivers::ScanPace::kMax);
+  }
+  // A scan of two passes between which the tube is moved.
+  void TriggerMoved(const hal::BendProgram& tube, const Eigen::Vector3d& move_mm) {
+    auto source = std::make_unique<MovedTubeSource>(ScanOf(tube), move_mm);
+    EXPECT_TRUE(source->Open());
+    const std::lock_guard lock(mutex_);
+    scanner_->device().Trigger(std::move(source), drivers::ScanPace::kMax);
   }
   // Sweeps without a beginning and an end, e.g. half of one; of how many profiles.
   std::size_t Sweep(const hal::BendProgram& tube, double times) {

@@ -97,6 +97,18 @@ const Fault kFaults[] = {
     {"Fit", InterlockKind::kFit, [](InterlockInput& in) { in.fit.rms_distance_mm = 0.5; },
      "0.500 mm rms off the fitted tube, limit 0.300"},
     {"NoSamples", InterlockKind::kFit, [](InterlockInput& in) { in.fit.samples = 0; }, "0 samples"},
+    {"Moved", InterlockKind::kPasses,
+     [](InterlockInput& in) {
+       in.passes = {{500, {0.5, 0, 0}, {0, 0, 0}}, {700, {-0.5, 0, 0}, {0, 0, 0.01}}};
+     },
+     "1.000 mm and 0.010 degrees beside the others, limit 0.424 mm and 0.170 degrees: the tube was "
+     "moved while it was scanned"},
+    {"Turned", InterlockKind::kPasses,
+     [](InterlockInput& in) {
+       in.passes = {
+           {500, {0, 0, 0}, {0, 0, 0}}, {0, {9, 9, 9}, {0, 0, 0}}, {700, {0, 0, 0}, {0.2, 0, 0}}};
+     },
+     "0.200 degrees beside the others"},
     {"PipeRadius", InterlockKind::kPipeRadius, [](InterlockInput& in) { in.pipe_radius_mm = 16; },
      "diameter entered as radius"},
     {"Units", InterlockKind::kPipeRadius, [](InterlockInput& in) { in.pipe_radius_mm = 8000; },
@@ -143,6 +155,14 @@ const Fault kFaults[] = {
 };
 INSTANTIATE_TEST_SUITE_P(Faults, EachInterlock, ::testing::ValuesIn(kFaults),
                          [](const auto& fault) { return std::string(fault.param.name); });
+
+TEST(Interlocks, PassesThatDriftAreToldAndHoldNothing) {
+  InterlockInput input = Good();
+  input.passes = {{500, {0.1, 0.1, 0}, {0, 0, 0}}, {700, {-0.1, 0, 0}, {0, 0, 0}}};
+  const InterlockReport report = CheckInterlocks(input, {});
+  EXPECT_TRUE(report.passed());
+  EXPECT_EQ(report.checks.size(), 16u);
+}
 
 TEST(Interlocks, ReportEveryFailureNotJustTheFirst) {
   InterlockInput input = Good();
