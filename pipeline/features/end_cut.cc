@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <vector>
 
 #include "hal/angles.h"
+#include "pipeline/features/end_columns.h"
 #include "pipeline/features/posterior.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/math/dense_solve.h"
@@ -21,33 +23,20 @@ struct EndCutSettings {
   // [of r_P] From the border into the tube: where the gaps between samples are looked at; and how
   // far beyond the end that was found the long side of a cut may lie. By trial.
   double window = 3.0, beyond = 2.0;
-  // Samples of a column in its window: fewer tell nothing of its gaps, more make it wide.
-  double in_column = 12.0;
-  std::size_t least_columns = 12, most_columns = 96;
-  std::size_t least_in_column = 5;
-  // Of the turn: a plane is not told by less.
+  // Of the turn: a plane is not told by lines that cross less.
   double least_seen = 0.3;
-  // Of a column's mean gap: a point with a longer one behind it is a flier (fit/tube_ends.cc).
-  double lone_gap = 4.0;
+  std::size_t sectors = 24, least_brackets = 6;
   // Of the mean gap: a border that rises by less across a column is level in it.
   double level = 0.25;
   // Columns that stand against a plane by more count no further [-log likelihood]: something lies
   // on the tube there, or hides it.
   double saturated = 12.0;
-  // Of the mean gap: how much deeper than the longest gap the plane may lie, 1 sigma.
-  double beyond_longest = 0.1;
-  // Slopes before the scan: ends are cut square to a degree or two, or mitred by any angle; so this
-  // is the half width of a Cauchy distribution, a degree.
-  double usual_slope = 0.0175;
-  // Neighbouring columns have their points as far apart as this, in mean gaps: in 0.5 if one does
-  // not know of the other, in next to nothing if laser lines cross both.
-  double one_line = 0.25;
-  // Of the length-weighted mean gap: samples nearer to each other are of one laser line.
-  double one_crossing = 0.25;
-  // Of their length: how much runs of gaps that are those of laser lines differ; those of scattered
-  // samples differ by the root of their number, 0.4 of six. By trial.
-  double even = 0.12;
-  std::size_t most_passes = 6;
+  // Of the rays that meet the wall: so many return nothing.
+  double lost = 0.05;
+  // Slopes before the scan, 1 sigma: any that a saw makes. Samples that leave more than a tenth of
+  // it open tell nothing of the cut; its pull on others is below a hundredth of their sigma's
+  // reach.
+  double usual_slope = 0.5;
   // Of all columns: so many may a laser line cross, which sees one side of the tube.
   double crossed = 0.5;
   // [sigma] From a square cut; closer ones are taken for it.
@@ -56,30 +45,25 @@ struct EndCutSettings {
   // sigma on.
   int walk = 1500, short_walk = 500;
   double may_be_oblique = 2.5;
-  // Samples of an end: so many tell as much of it as all.
-  std::size_t enough_samples = 12'000;
+  // [of the mean gap] The walk's first steps.
+  double first_step = 0.1;
+  // Samples of an end: so many tell as much of it as all; laser lines should have theirs whole.
+  std::size_t enough_samples = 12'000, enough_of_lines = 40'000;
+  // [of the mean gap] Lines are blurred by so much, one after the other, before they are taken as
+  // they are: what they leave free may be a needle, which a walk finds only by and by.
+  std::array<double, 4> blurs = {0.3, 0.1, 0.03, 0.01};
+  int blurred_walk = 250;
+  double far = 6.0;  // [sigma]
 };
 constexpr EndCutSettings kCut;
 
-// A narrow part of the turn.
-struct Column {
-  double cosine = 1, sine = 0;  // of its middle
-  double last_mm = 0;           // where its samples stop
-  double mean_gap_mm = 0;
-  // Of laser lines, which follow each other in the same order again and again: where the next would
-  // have been, and 1 sigma of that.
-  std::optional<double> next_mm;
-  double last_sigma_mm = 0, next_sigma_mm = 0;
-};
-
-// The logarithm of the normal distribution, no less than -kCut.saturated, from a table.
+// The logarithm of the normal distribution and of a part that is always there, from a table.
 class LogNormalCdf {
  public:
-  LogNormalCdf() {
+  explicit LogNormalCdf(double floor) {
     for (std::size_t i = 0; i < kSize; ++i) {
       const double z = kFrom + kStep * static_cast<double>(i);
-      table_[i] =
-          std::max(std::log(0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0)), -kCut.saturated);
+      table_[i] = std::log(floor + (1.0 - floor) * 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0));
     }
   }
   double operator()(double z) const {
@@ -110,237 +94,6 @@ double GreatestError(double columns) {
   return low;
 }
 
-// How samples along a column follow each other if they are those of laser lines in so many passes:
-// after as many lines all comes again.
-struct LinePattern {
-  double last_mm = 0, next_mm = 0;
-  double sigma_mm = 0;  // of the next, by how unlike the rounds are
-  double samples_of_last = 1;
-};
-// `at`: sorted.
-std::optional<LinePattern> FindPattern(std::span<const double> at) {
-  double sum = 0, sum2 = 0;
-  for (std::size_t i = 1; i < at.size(); ++i) {
-    const double gap = at[i] - at[i - 1];
-    sum += gap;
-    sum2 += gap * gap;
-  }
-  // Samples of one line, each line by its middle.
-  const double apart_mm = kCut.one_crossing * sum2 / std::max(sum, 1e-12);
-  std::vector<double> lines;
-  double samples_of_last = 1;
-  for (std::size_t i = 0; i < at.size();) {
-    double middle = 0;
-    std::size_t end = i;
-    for (; end < at.size() && (end == i || at[end] - at[end - 1] < apart_mm); ++end)
-      middle += at[end];
-    samples_of_last = static_cast<double>(end - i);
-    lines.push_back(middle / samples_of_last);
-    i = end;
-  }
-  const std::size_t n = lines.size();
-  for (std::size_t period = 1; period <= kCut.most_passes && n >= 2 * period + 4; ++period) {
-    const auto count = static_cast<double>(n - period);
-    double mean = 0, square = 0;
-    for (std::size_t i = 0; i + period < n; ++i) {
-      const double length = lines[i + period] - lines[i];
-      mean += length / count;
-      square += length * length / count;
-    }
-    const double scatter = std::sqrt(std::max(0.0, square - mean * mean));
-    if (scatter > kCut.even * mean) continue;
-    const double gap_mm = lines[n - period] - lines[n - period - 1];
-    return LinePattern{lines.back(), lines.back() + gap_mm, scatter, samples_of_last};
-  }
-  return std::nullopt;
-}
-
-// What a column says of a plane by how far, in mean gaps, it lies beyond the column's last sample:
-// the logarithm of the likelihood, from a table.
-class Stops {
- public:
-  // `gaps`: between samples. `smear`: 1 sigma by which noise displaces a sample. Both in mean gaps.
-  // Columns that the same laser lines cross have the same gaps and tell of their length once,
-  // together; of the longest each.
-  Stops(std::vector<double> gaps, double smear, double columns_of_line) {
-    std::sort(gaps.begin(), gaps.end());
-    const double longest = gaps.back();
-    const auto n = static_cast<double>(gaps.size());
-    step_ = 0.25 * smear;
-    from_ = -8.0 * smear;
-    std::size_t shorter = 0;
-    for (double at = from_; table_.size() < kMost; at += step_) {
-      const double z = at / smear;
-      const double passes = 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
-      // Samples are missing up to the plane, where noise moves some of them beyond it.
-      const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
-      const double missing = smear * (z * passes + density);
-      while (shorter < gaps.size() && gaps[shorter] < missing) ++shorter;
-      const double within =
-          std::log((n - static_cast<double>(shorter) + 0.5) / (n + 0.5)) / columns_of_line;
-      const double beyond = std::max(0.0, missing - longest) / kCut.beyond_longest;
-      const double log = std::log(std::max(passes, 1e-30)) + within - beyond;
-      table_.push_back(std::max(log, -kCut.saturated));
-      if (z > 0 && log < -kCut.saturated) break;
-    }
-  }
-  double operator()(double beyond) const {
-    const double place = (beyond - from_) / step_;
-    if (!(place > 0)) return table_.front();
-    const auto at = static_cast<std::size_t>(place);
-    if (at + 1 >= table_.size()) return table_.back();
-    const double part = place - static_cast<double>(at);
-    return table_[at] + part * (table_[at + 1] - table_[at]);
-  }
-
- private:
-  static constexpr std::size_t kMost = 20'000;
-  double from_ = 0, step_ = 1;
-  std::vector<double> table_;
-};
-
-// Mean distance between a point of one column and the nearest of the next, in mean gaps.
-double ApartInGaps(const std::vector<double>& here, const std::vector<double>& next,
-                   double mean_gap_mm) {
-  double sum = 0;
-  for (const double at : here) {
-    const auto above = std::lower_bound(next.begin(), next.end(), at);
-    double nearest = 1e300;
-    if (above != next.end()) nearest = *above - at;
-    if (above != next.begin()) nearest = std::min(nearest, at - *(above - 1));
-    sum += std::min(nearest, mean_gap_mm);
-  }
-  return sum / (static_cast<double>(here.size()) * mean_gap_mm);
-}
-
-// The columns with what they tell together.
-class Columns {
- public:
-  Columns(std::span<const EndSample> samples, double window_mm, double smear_mm) {
-    const double wanted = static_cast<double>(samples.size()) / kCut.in_column;
-    count_ = std::min(kCut.most_columns, static_cast<std::size_t>(wanted));
-    if (count_ < kCut.least_columns) {
-      count_ = 0;
-      return;
-    }
-    std::vector<std::vector<double>> at(count_);
-    for (const EndSample& sample : samples) {
-      const double turn = sample.around_rad / (2.0 * std::numbers::pi);
-      const double part = (turn - std::floor(turn)) * static_cast<double>(count_);
-      at[std::min(count_ - 1, static_cast<std::size_t>(part))].push_back(sample.beyond_mm);
-    }
-    std::vector<double> apart;
-    for (std::size_t k = 0; k < count_; ++k) Take(k, window_mm, smear_mm, at[k]);
-    Smooth();
-    for (std::size_t k = 0; k < count_; ++k) {
-      const auto& next = at[(k + 1) % count_];
-      if (at[k].empty() || next.empty()) continue;
-      const double mean_gap_mm = (at[k].back() - at[k].front()) / static_cast<double>(at[k].size());
-      if (mean_gap_mm > 0) apart.push_back(ApartInGaps(at[k], next, mean_gap_mm));
-    }
-    if (Median(apart) < kCut.one_line) columns_of_line_ = static_cast<double>(seen_.size());
-  }
-
-  const std::vector<Column>& seen() const { return seen_; }
-  double width_rad() const { return 2.0 * std::numbers::pi / static_cast<double>(count_); }
-  bool AreEnough() const {
-    return seen_.size() >= 6 &&
-           static_cast<double>(seen_.size()) >= kCut.least_seen * static_cast<double>(count_);
-  }
-  double MeanGapMm() const {
-    std::vector<double> gaps_mm;
-    for (const Column& column : seen_) gaps_mm.push_back(column.mean_gap_mm);
-    return Median(std::move(gaps_mm));
-  }
-  // What the columns say, each by how far a plane lies beyond its last sample.
-  Stops MakeStops(double smear_mm) const {
-    return {gaps_, smear_mm / MeanGapMm(), columns_of_line_};
-  }
-
- private:
-  // `at`: becomes sorted, and what lies beyond where the column stops or before its window goes.
-  void Take(std::size_t k, double window_mm, double smear_mm, std::vector<double>& at) {
-    std::sort(at.begin(), at.end());
-    const auto mean_gap = [&] {
-      const double from = std::max(at.front(), at.back() - window_mm);
-      const auto first = std::lower_bound(at.begin(), at.end(), from);
-      return (at.back() - *first) /
-             static_cast<double>(std::max<std::ptrdiff_t>(1, at.end() - first - 1));
-    };
-    while (at.size() >= kCut.least_in_column &&
-           at.back() - at[at.size() - 2] > kCut.lone_gap * mean_gap()) {
-      at.pop_back();
-    }
-    if (at.size() >= kCut.least_in_column) {
-      at.erase(at.begin(), std::lower_bound(at.begin(), at.end(), at.back() - window_mm));
-    }
-    const double mean_gap_mm = at.empty() ? 0.0 : mean_gap();
-    if (at.size() < kCut.least_in_column || !(mean_gap_mm > 0)) {
-      at.clear();
-      return;
-    }
-    for (std::size_t i = 1; i < at.size(); ++i) gaps_.push_back((at[i] - at[i - 1]) / mean_gap_mm);
-    const double turn =
-        (static_cast<double>(k) + 0.5) * 2.0 * std::numbers::pi / static_cast<double>(count_);
-    Column& column = seen_.emplace_back();
-    column.cosine = std::cos(turn);
-    column.sine = std::sin(turn);
-    column.last_mm = at.back();
-    column.mean_gap_mm = mean_gap_mm;
-    if (const auto pattern = FindPattern(at)) {
-      column.last_mm = pattern->last_mm;
-      column.next_mm = pattern->next_mm;
-      column.last_sigma_mm = smear_mm / std::sqrt(pattern->samples_of_last);
-      column.next_sigma_mm = std::hypot(column.last_sigma_mm, pattern->sigma_mm);
-    }
-  }
-
-  // A column's few gaps tell their mean roughly; those beside it see about as many samples.
-  void Smooth() {
-    std::vector<double> mean_mm(seen_.size());
-    const std::size_t n = seen_.size();
-    for (std::size_t k = 0; k < n; ++k) {
-      for (std::size_t i = n - 2; i <= n + 2; ++i)
-        mean_mm[k] += seen_[(k + i) % n].mean_gap_mm / 5.0;
-    }
-    for (std::size_t k = 0; k < n; ++k) seen_[k].mean_gap_mm = mean_mm[k];
-  }
-
-  std::size_t count_ = 0;
-  std::vector<Column> seen_;
-  std::vector<double> gaps_;  // in mean gaps
-  double columns_of_line_ = 1;
-};
-
-// Where the plane roughly is: least squares that leave out what lies far off.
-Eigen::Vector3d RoughPlane(const Columns& columns, double r_mm) {
-  std::vector<double> ends;
-  for (const Column& column : columns.seen()) ends.push_back(column.last_mm);
-  Eigen::Vector3d plane(Median(ends), 0.0, 0.0);
-  double reach_mm = 0.5 * r_mm;
-  for (int i = 0; i < 10; ++i) {
-    Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity();
-    matrix(0, 0) = 1e-9;
-    matrix *= 1e-3;
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    std::vector<double> off;
-    for (const Column& column : columns.seen()) {
-      const Eigen::Vector3d row(1.0, r_mm * column.cosine, r_mm * column.sine);
-      const double target = column.next_mm ? 0.5 * (column.last_mm + *column.next_mm)
-                                           : column.last_mm + 0.5 * column.mean_gap_mm;
-      const double residual = (target - row.dot(plane)) / reach_mm;
-      off.push_back(std::abs(target - row.dot(plane)));
-      if (std::abs(residual) >= 1) continue;
-      const double weight = std::pow(1.0 - residual * residual, 2);
-      matrix += weight * row * row.transpose();
-      right += weight * target * row;
-    }
-    plane = SolveSymmetric(matrix, right);
-    reach_mm = std::max(6.0 * Median(off), 0.02 * r_mm);
-  }
-  return plane;
-}
-
 // The samples without what a slope puts them further out.
 std::vector<EndSample> Levelled(std::span<const EndSample> samples,
                                 const Eigen::Vector2d& slope_mm) {
@@ -351,6 +104,170 @@ std::vector<EndSample> Levelled(std::span<const EndSample> samples,
         slope_mm[0] * std::cos(sample.around_rad) + slope_mm[1] * std::sin(sample.around_rad);
   }
   return level;
+}
+
+// A place around the end that says whether the plane lies beyond, or before it.
+struct Side {
+  double cosine = 1, sine = 0, at_mm = 0;
+  double sigma_mm = 0;
+  bool is_beyond = true;  // the plane lies beyond
+
+  // How far the plane is on the right side [mm].
+  double Clear(const Eigen::Vector3d& x) const {
+    const double off = x[0] + cosine * x[1] + sine * x[2] - at_mm;
+    return is_beyond ? off : -off;
+  }
+};
+
+// A column of scattered samples.
+struct Stop {
+  double cosine = 1, sine = 0, last_mm = 0, mean_gap_mm = 1;
+};
+
+// What is known of an end, for all planes x: at the axis, and by how much it rises towards cosine
+// and sine, all in mm.
+struct Evidence {
+  std::vector<Side> sides;    // of laser lines
+  double lines_greatest = 0;  // GreatestError
+  std::vector<Stop> columns;  // of scattered samples
+  std::optional<EndStops> stops;
+  double gap_mm = 0;  // mean gap between samples
+  LogNormalCdf hit{std::exp(-kCut.saturated)}, missed{kCut.lost};
+
+  void AddLines(const LineBracket& lines) {
+    for (const bool is_beyond : {true, false}) {
+      const double around = is_beyond ? lines.last_rad : lines.next_rad;
+      sides.push_back({std::cos(around), std::sin(around),
+                       is_beyond ? lines.last_mm : lines.next_mm,
+                       is_beyond ? lines.last_sigma_mm : lines.next_sigma_mm, is_beyond});
+    }
+  }
+  // `blur_mm`: laser lines are as uncertain as this, at least.
+  double Log(const Eigen::VectorXd& x, double blur_mm) const {
+    double log = 0;
+    for (const Side& side : sides) {
+      const double clear = side.Clear(x) / std::max(side.sigma_mm, blur_mm) + lines_greatest;
+      log += side.is_beyond ? hit(clear) : missed(clear);
+    }
+    for (const Stop& stop : columns) {
+      const double at_mm = x[0] + stop.cosine * x[1] + stop.sine * x[2];
+      log += (*stops)((at_mm - stop.last_mm) / stop.mean_gap_mm);
+    }
+    return log;
+  }
+};
+
+// Without the sides that every plane of a density is far on the right side of: they say no more.
+void Forget(const Posterior& planes, double blur_mm, Evidence& evidence) {
+  std::erase_if(evidence.sides, [&](const Side& side) {
+    const Eigen::Vector3d row(1.0, side.cosine, side.sine);
+    const double spread_mm = std::sqrt(std::max(0.0, row.dot(planes.covariance * row)));
+    return side.Clear(planes.mean) > kCut.far * (spread_mm + std::max(side.sigma_mm, blur_mm));
+  });
+}
+
+// Where the plane roughly is: least squares that leave out what lies far off.
+Eigen::Vector3d RoughPlane(const Evidence& evidence, double r_mm) {
+  struct Target {
+    Eigen::Vector3d row;
+    double at_mm;
+  };
+  std::vector<Target> targets;
+  std::vector<double> ends;
+  for (std::size_t i = 0; i + 1 < evidence.sides.size(); i += 2) {
+    const Side &last = evidence.sides[i], &next = evidence.sides[i + 1];
+    targets.push_back({{1.0, last.cosine, last.sine}, 0.5 * (last.at_mm + next.at_mm)});
+  }
+  for (const Stop& stop : evidence.columns) {
+    targets.push_back({{1.0, stop.cosine, stop.sine}, stop.last_mm + 0.5 * stop.mean_gap_mm});
+  }
+  for (const Target& target : targets) ends.push_back(target.at_mm);
+  Eigen::Vector3d plane(Median(ends), 0.0, 0.0);
+  double reach_mm = 0.5 * r_mm;
+  for (int i = 0; i < 10; ++i) {
+    Eigen::Matrix3d matrix = 1e-3 * Eigen::Vector3d(1e-9, 1.0, 1.0).asDiagonal();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    std::vector<double> off;
+    for (const Target& target : targets) {
+      const double residual = target.at_mm - target.row.dot(plane);
+      off.push_back(std::abs(residual));
+      if (off.back() >= reach_mm) continue;
+      const double weight = std::pow(1.0 - std::pow(residual / reach_mm, 2), 2);
+      matrix += weight * target.row * target.row.transpose();
+      right += weight * target.at_mm * target.row;
+    }
+    plane = SolveSymmetric(matrix, right);
+    reach_mm = std::max(6.0 * Median(off), 0.02 * r_mm);
+  }
+  return plane;
+}
+
+// The laser lines of all passes, where they cross enough of the turn.
+std::optional<Evidence> LookAtLines(std::span<const EndSample> samples, double r_mm,
+                                    double window_mm, double smear_mm, double sigma_mm) {
+  std::map<unsigned, std::vector<EndSample>> passes;
+  for (const EndSample& sample : samples) passes[sample.pass].push_back(sample);
+  Evidence evidence;
+  std::vector<bool> seen(kCut.sectors);
+  std::vector<double> gaps_mm;
+  std::size_t most = 0;
+  for (auto& [pass, own] : passes) {
+    const auto brackets = FindLineBrackets(own, window_mm, smear_mm);
+    most = std::max(most, brackets.size());
+    for (const LineBracket& lines : brackets) {
+      evidence.AddLines(lines);
+      gaps_mm.push_back(lines.next_mm - lines.last_mm);
+      const double turn = lines.last_rad / (2.0 * std::numbers::pi);
+      const double sector = (turn - std::floor(turn)) * static_cast<double>(kCut.sectors);
+      seen[std::min(kCut.sectors - 1, static_cast<std::size_t>(sector))] = true;
+    }
+  }
+  const auto sectors = std::count(seen.begin(), seen.end(), true);
+  if (gaps_mm.size() < kCut.least_brackets ||
+      static_cast<double>(sectors) < kCut.least_seen * static_cast<double>(kCut.sectors)) {
+    return std::nullopt;
+  }
+  evidence.gap_mm = Median(std::move(gaps_mm));
+  evidence.lines_greatest = GreatestError(static_cast<double>(most));
+  // Noise moves samples around the tube, too, where an oblique border goes along it.
+  const Eigen::Vector3d rough = RoughPlane(evidence, r_mm);
+  const double around_mm = sigma_mm * rough.tail<2>().norm() / r_mm;
+  for (Side& side : evidence.sides) {
+    side.sigma_mm = std::max(std::hypot(side.sigma_mm, around_mm), kSampling.least * r_mm);
+  }
+  return evidence;
+}
+
+// All samples in columns, about a rough plane so that the border is level within each; the plane's
+// slope goes to `slope_mm`.
+std::optional<Evidence> LookAtColumns(std::span<const EndSample> samples, double r_mm,
+                                      double window_mm, double smear_mm,
+                                      Eigen::Vector2d& slope_mm) {
+  const std::size_t stride = StrideTo(samples.size(), kCut.enough_samples);
+  std::vector<EndSample> enough;
+  for (std::size_t i = 0; i < samples.size(); i += stride) enough.push_back(samples[i]);
+  std::optional<Evidence> evidence;
+  for (int pass = 0; pass < 3; ++pass) {
+    const EndColumns columns(Levelled(enough, slope_mm), window_mm, smear_mm);
+    if (!columns.AreEnough()) return std::nullopt;
+    evidence.emplace();
+    for (const EndColumn& column : columns.seen()) {
+      if (column.lines) {
+        evidence->AddLines(*column.lines);
+        continue;
+      }
+      evidence->columns.push_back({std::cos(column.around_rad), std::sin(column.around_rad),
+                                   column.last_mm, column.mean_gap_mm});
+    }
+    evidence->gap_mm = columns.MeanGapMm();
+    evidence->stops = columns.MakeStops(smear_mm);
+    evidence->lines_greatest =
+        GreatestError(kCut.crossed * static_cast<double>(columns.seen().size()));
+    const Eigen::Vector2d rise_mm = RoughPlane(*evidence, r_mm).tail<2>();
+    if (pass == 2 || rise_mm.norm() * columns.width_rad() < kCut.level * evidence->gap_mm) break;
+    slope_mm += rise_mm;
+  }
+  return evidence;
 }
 
 // Samples of the tube near one of its ends.
@@ -370,16 +287,18 @@ std::vector<EndSample> SamplesNear(const hal::Tube& tube, bool at_start, double 
   for (const PointBlock& block : blocks) {
     const double near_mm = around_mm + block.half_diagonal_mm;
     if ((block.center_mm - end).squaredNorm() > near_mm * near_mm) continue;
-    for (const Eigen::Vector3d& point : block.points) {
-      const Eigen::Vector3d from = point - end;
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
+      const Eigen::Vector3d from = block.points[i] - end;
       const double at_mm = from.dot(outward);
       if (at_mm < -window_mm - r_mm || at_mm > beyond_mm || at_mm < -straight.length_mm) continue;
       const double x = from.dot(zero), y = from.dot(quarter);
       if (std::abs(std::hypot(x, y) - r_mm) > reach_mm) continue;
-      samples.push_back({std::atan2(y, x), at_mm});
+      const bool known = i < block.to_sensor.size() && block.to_sensor[i].known();
+      samples.push_back(
+          {std::atan2(y, x), at_mm, known ? PassOf(block.to_sensor[i]) : kMostPasses});
     }
   }
-  const std::size_t stride = StrideTo(samples.size(), kCut.enough_samples);
+  const std::size_t stride = StrideTo(samples.size(), kCut.enough_of_lines);
   for (std::size_t i = 0; i * stride < samples.size(); ++i) samples[i] = samples[i * stride];
   samples.resize((samples.size() + stride - 1) / stride);
   return samples;
@@ -414,44 +333,35 @@ EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm, do
 std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
                                     double window_mm, double sigma_mm) {
   const double smear_mm = kSampling.SmearMm(sigma_mm, pipe_radius_mm);
-  // About a rough plane, so that the border is level within each column.
   Eigen::Vector2d slope_mm = Eigen::Vector2d::Zero();
-  std::optional<Columns> columns;
-  Eigen::Vector3d rough;
-  for (int pass = 0; pass < 3; ++pass) {
-    columns.emplace(Levelled(samples, slope_mm), window_mm, smear_mm);
-    if (!columns->AreEnough()) return std::nullopt;
-    rough = RoughPlane(*columns, pipe_radius_mm);
-    const Eigen::Vector2d rise_mm = pipe_radius_mm * rough.tail<2>();
-    if (pass == 2 || rise_mm.norm() * columns->width_rad() < kCut.level * columns->MeanGapMm())
-      break;
-    slope_mm += rise_mm;
+  auto evidence = LookAtLines(samples, pipe_radius_mm, window_mm, smear_mm, sigma_mm);
+  const bool of_lines = evidence.has_value();
+  if (!evidence) {
+    evidence = LookAtColumns(samples, pipe_radius_mm, window_mm, smear_mm, slope_mm);
   }
-  const Stops stops = columns->MakeStops(smear_mm);
-  const LogNormalCdf log_cdf;
-  const double greatest = GreatestError(kCut.crossed * static_cast<double>(columns->seen().size()));
+  if (!evidence) return std::nullopt;
   const double prior_mm = kCut.usual_slope * pipe_radius_mm;
-  const auto log_density = [&](const Eigen::VectorXd& x) {
-    // The slopes in the walk are lengths, so that all three numbers are alike.
-    double log = -1.5 * std::log1p((x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm));
-    for (const Column& column : columns->seen()) {
-      const double at_mm = x[0] + column.cosine * x[1] + column.sine * x[2];
-      if (!column.next_mm) {
-        log += stops((at_mm - column.last_mm) / column.mean_gap_mm);
-        continue;
-      }
-      log += log_cdf((at_mm - column.last_mm) / column.last_sigma_mm + greatest);
-      log += log_cdf((*column.next_mm - at_mm) / column.next_sigma_mm + greatest);
-    }
-    return log;
+  const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
+    return SamplePosterior(from, walk, [&](const Eigen::VectorXd& x) {
+      const double steep = (x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm);
+      return evidence->Log(x, blur_mm) - 0.5 * steep;
+    });
   };
-  rough.tail<2>() *= pipe_radius_mm;
-  const Eigen::Vector3d scale = Eigen::Vector3d::Constant(0.1 * columns->MeanGapMm());
+  const double first_mm = kCut.first_step * evidence->gap_mm;
+  Posterior posterior{RoughPlane(*evidence, pipe_radius_mm),
+                      first_mm * first_mm * Eigen::Matrix3d::Identity()};
+  if (!evidence->sides.empty()) {
+    for (const double blur : kCut.blurs) {
+      posterior = sample(posterior, kCut.blurred_walk, blur * evidence->gap_mm);
+      Forget(posterior, blur * evidence->gap_mm, *evidence);
+    }
+  }
   EndPlane plane;
   for (const int walk : {kCut.short_walk, kCut.walk}) {
-    plane = PlaneOf(SamplePosterior(rough, scale, walk, log_density), slope_mm, pipe_radius_mm);
+    plane = PlaneOf(sample(posterior, walk, 0.0), slope_mm, pipe_radius_mm);
     if (plane.slope_sigmas < kCut.may_be_oblique) break;
   }
+  plane.of_lines = of_lines;
   return plane;
 }
 
@@ -469,7 +379,11 @@ EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnd
                                    window_mm, sigma_mm);
     if (!plane) continue;
     (at_start ? cuts.first : cuts.last) = Found(*plane);
-    if (plane->slope_sigmas < kCut.oblique) continue;
+    // Laser lines tell of an end's place at its axis whether it is square or not.
+    const double sigma_of_square_mm = at_start ? ends.first_sigma_mm : ends.last_sigma_mm;
+    const bool is_surer = plane->of_lines && (plane->slope_sigmas >= kCut.may_be_oblique ||
+                                              plane->at_sigma_mm < sigma_of_square_mm);
+    if (plane->slope_sigmas < kCut.oblique && !is_surer) continue;
     if (at_start) {
       ends.tube.X_WT.position_mm -=
           plane->at_mm * (ends.tube.X_WT.orientation * Eigen::Vector3d::UnitX());

@@ -61,11 +61,17 @@ struct Sums {
 
 Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& scale, int walk,
                           const std::function<double(const Eigen::VectorXd&)>& log_density) {
+  return SamplePosterior({start, scale.array().square().matrix().asDiagonal()}, walk, log_density);
+}
+
+Posterior SamplePosterior(const Posterior& rough, int walk,
+                          const std::function<double(const Eigen::VectorXd&)>& log_density) {
+  const Eigen::VectorXd& start = rough.mean;
   const Eigen::Index n = start.size();
   Dice dice;
   Eigen::VectorXd at = start, to = start, step(n);
   double here = log_density(at);
-  Eigen::MatrixXd shape = scale.array().square().matrix().asDiagonal();
+  Eigen::MatrixXd shape = rough.covariance;
   double length = kBestStep / std::sqrt(static_cast<double>(n));
   const auto round = [&](int steps) {
     const Eigen::MatrixXd factor = length * DefiniteSolver(shape).Lower();

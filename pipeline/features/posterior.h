@@ -25,4 +25,8 @@ struct Posterior {
 Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& scale, int walk,
                           const std::function<double(const Eigen::VectorXd&)>& log_density);
 
+// The same from what is roughly known: another density's mean and covariance.
+Posterior SamplePosterior(const Posterior& rough, int walk,
+                          const std::function<double(const Eigen::VectorXd&)>& log_density);
+
 }  // namespace bendloop::pipeline

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/end_columns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct ColumnSettings {
+  // Samples of a column in its window: fewer tell nothing of its gaps, more make it wide.
+  double in_column = 12.0;
+  std::size_t least_columns = 12, most_columns = 96;
+  std::size_t least_in_column = 5;
+  // Of the turn: a plane is not told by less.
+  double least_seen = 0.3;
+  // Of a column's mean gap: a point with a longer one behind it is a flier (fit/tube_ends.cc).
+  double lone_gap = 4.0;
+  // Columns that stand against a plane by more count no further [-log likelihood]: something lies
+  // on the tube there, or hides it.
+  double saturated = 12.0;
+  // Of the mean gap: how much deeper than the longest gap the plane may lie, 1 sigma.
+  double beyond_longest = 0.1;
+  // Neighbouring columns have their points as far apart as this, in mean gaps: in 0.5 if one does
+  // not know of the other, in next to nothing if laser lines cross both.
+  double one_line = 0.25;
+  std::size_t most_steps = 20'000;  // of a table
+};
+constexpr ColumnSettings kColumns;
+
+// Mean distance between a point of one column and the nearest of the next, in mean gaps.
+double ApartInGaps(const std::vector<double>& here, const std::vector<double>& next,
+                   double mean_gap_mm) {
+  double sum = 0;
+  for (const double at : here) {
+    const auto above = std::lower_bound(next.begin(), next.end(), at);
+    double nearest = 1e300;
+    if (above != next.end()) nearest = *above - at;
+    if (above != next.begin()) nearest = std::min(nearest, at - *(above - 1));
+    sum += std::min(nearest, mean_gap_mm);
+  }
+  return sum / (static_cast<double>(here.size()) * mean_gap_mm);
+}
+
+}  // namespace
+
+EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_line) {
+  std::sort(gaps.begin(), gaps.end());
+  const double longest = gaps.back();
+  const auto n = static_cast<double>(gaps.size());
+  step_ = 0.25 * smear;
+  from_ = -8.0 * smear;
+  std::size_t shorter = 0;
+  for (double at = from_; table_.size() < kColumns.most_steps; at += step_) {
+    const double z = at / smear;
+    const double passes = 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
+    // Samples are missing up to the plane, where noise moves some of them beyond it.
+    const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+    const double missing = smear * (z * passes + density);
+    while (shorter < gaps.size() && gaps[shorter] < missing) ++shorter;
+    const double within =
+        std::log((n - static_cast<double>(shorter) + 0.5) / (n + 0.5)) / columns_of_line;
+    const double beyond = std::max(0.0, missing - longest) / kColumns.beyond_longest;
+    const double log = std::log(std::max(passes, 1e-30)) + within - beyond;
+    table_.push_back(std::max(log, -kColumns.saturated));
+    if (z > 0 && log < -kColumns.saturated) break;
+  }
+}
+
+EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, double smear_mm) {
+  const double wanted = static_cast<double>(samples.size()) / kColumns.in_column;
+  count_ = std::min(kColumns.most_columns, static_cast<std::size_t>(wanted));
+  if (count_ < kColumns.least_columns) {
+    count_ = 0;
+    return;
+  }
+  std::vector<std::vector<double>> at(count_);
+  for (const EndSample& sample : samples) {
+    const double turn = sample.around_rad / (2.0 * std::numbers::pi);
+    const double part = (turn - std::floor(turn)) * static_cast<double>(count_);
+    at[std::min(count_ - 1, static_cast<std::size_t>(part))].push_back(sample.beyond_mm);
+  }
+  std::vector<double> apart;
+  for (std::size_t k = 0; k < count_; ++k) Take(k, window_mm, smear_mm, at[k]);
+  Smooth();
+  for (std::size_t k = 0; k < count_; ++k) {
+    const auto& next = at[(k + 1) % count_];
+    if (at[k].empty() || next.empty()) continue;
+    const double mean_gap_mm = (at[k].back() - at[k].front()) / static_cast<double>(at[k].size());
+    if (mean_gap_mm > 0) apart.push_back(ApartInGaps(at[k], next, mean_gap_mm));
+  }
+  if (Median(apart) < kColumns.one_line) columns_of_line_ = static_cast<double>(seen_.size());
+}
+
+double EndColumns::width_rad() const {
+  return 2.0 * std::numbers::pi / static_cast<double>(count_);
+}
+
+bool EndColumns::AreEnough() const {
+  return seen_.size() >= 6 &&
+         static_cast<double>(seen_.size()) >= kColumns.least_seen * static_cast<double>(count_);
+}
+
+double EndColumns::MeanGapMm() const {
+  std::vector<double> gaps_mm;
+  for (const EndColumn& column : seen_) gaps_mm.push_back(column.mean_gap_mm);
+  return Median(std::move(gaps_mm));
+}
+
+// `at`: becomes sorted, and what lies beyond where the column stops or before its window goes.
+void EndColumns::Take(std::size_t k, double window_mm, double smear_mm, std::vector<double>& at) {
+  std::sort(at.begin(), at.end());
+  const auto mean_gap = [&] {
+    const double from = std::max(at.front(), at.back() - window_mm);
+    const auto first = std::lower_bound(at.begin(), at.end(), from);
+    return (at.back() - *first) /
+           static_cast<double>(std::max<std::ptrdiff_t>(1, at.end() - first - 1));
+  };
+  while (at.size() >= kColumns.least_in_column &&
+         at.back() - at[at.size() - 2] > kColumns.lone_gap * mean_gap()) {
+    at.pop_back();
+  }
+  if (at.size() >= kColumns.least_in_column) {
+    at.erase(at.begin(), std::lower_bound(at.begin(), at.end(), at.back() - window_mm));
+  }
+  const double mean_gap_mm = at.empty() ? 0.0 : mean_gap();
+  if (at.size() < kColumns.least_in_column || !(mean_gap_mm > 0)) {
+    at.clear();
+    return;
+  }
+  for (std::size_t i = 1; i < at.size(); ++i) gaps_.push_back((at[i] - at[i - 1]) / mean_gap_mm);
+  const double turn = (static_cast<double>(k) + 0.5) * width_rad();
+  EndColumn& column = seen_.emplace_back();
+  column.around_rad = turn;
+  column.last_mm = at.back();
+  column.mean_gap_mm = mean_gap_mm;
+  if (const auto pattern = FindLinePattern(at)) {
+    const double last_sigma_mm =
+        smear_mm / std::sqrt(static_cast<double>(pattern->samples_of_last));
+    column.last_mm = pattern->last_mm;
+    column.lines = {turn, pattern->last_mm, last_sigma_mm,
+                    turn, pattern->next_mm, std::hypot(last_sigma_mm, pattern->scatter_mm)};
+  }
+}
+
+// A column's few gaps tell their mean roughly; those beside it see about as many samples.
+void EndColumns::Smooth() {
+  std::vector<double> mean_mm(seen_.size());
+  const std::size_t n = seen_.size();
+  for (std::size_t k = 0; k < n; ++k) {
+    for (std::size_t i = n - 2; i <= n + 2; ++i) mean_mm[k] += seen_[(k + i) % n].mean_gap_mm / 5.0;
+  }
+  for (std::size_t k = 0; k < n; ++k) seen_[k].mean_gap_mm = mean_mm[k];
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "pipeline/features/end_lines.h"
+
+namespace bendloop::pipeline {
+
+// A narrow part of the turn about an end.
+struct EndColumn {
+  double around_rad = 0;  // of its middle
+  double last_mm = 0;     // where its samples stop
+  double mean_gap_mm = 0;
+  std::optional<LineBracket> lines;  // of laser lines
+};
+
+// What a column says of a border by how far, in mean gaps, it lies beyond the column's last sample:
+// the logarithm of the likelihood, from a table.
+class EndStops {
+ public:
+  // `gaps`: between samples. `smear`: 1 sigma by which noise displaces a sample. Both in mean gaps.
+  // Columns that the same laser lines cross have the same gaps and tell of their length once,
+  // together; of the longest each.
+  EndStops(std::vector<double> gaps, double smear, double columns_of_line);
+  double operator()(double beyond) const {
+    const double place = (beyond - from_) / step_;
+    if (!(place > 0)) return table_.front();
+    const auto at = static_cast<std::size_t>(place);
+    if (at + 1 >= table_.size()) return table_.back();
+    const double part = place - static_cast<double>(at);
+    return table_[at] + part * (table_[at + 1] - table_[at]);
+  }
+
+ private:
+  double from_ = 0, step_ = 1;
+  std::vector<double> table_;
+};
+
+// All samples about an end in columns, whatever pass they came in.
+class EndColumns {
+ public:
+  EndColumns(std::span<const EndSample> samples, double window_mm, double smear_mm);
+
+  const std::vector<EndColumn>& seen() const { return seen_; }
+  double width_rad() const;
+  bool AreEnough() const;
+  double MeanGapMm() const;
+  EndStops MakeStops(double smear_mm) const {
+    return {gaps_, smear_mm / MeanGapMm(), columns_of_line_};
+  }
+
+ private:
+  void Take(std::size_t k, double window_mm, double smear_mm, std::vector<double>& at);
+  void Smooth();
+
+  std::size_t count_ = 0;
+  std::vector<EndColumn> seen_;
+  std::vector<double> gaps_;  // in mean gaps
+  double columns_of_line_ = 1;
+};
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/end_lines.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct LineSettings {
+  // Of the length-weighted mean gap: samples nearer to each other are of one laser line.
+  double one_crossing = 0.25;
+  // Of their length: how much rounds of lines differ; those of scattered samples differ by the root
+  // of their number, 0.4 of six. By trial.
+  double even = 0.12;
+  std::size_t most_period = 6;
+  // Of the usual gap: how much those of one sweep differ. By trial.
+  double even_gap = 0.2;
+  // Lines of a strip that tell of the next: the hand's pace changes.
+  std::size_t most_lines = 14;
+  // Strips of a pass, tried from the most on: as narrow as its rays lie apart, they are crossed by
+  // every line.
+  std::array<std::size_t, 8> strips = {96, 64, 48, 32, 24, 16, 12, 8};
+  // Of the strips with samples: so many are crossed evenly, or the strips are too narrow.
+  double least_even = 0.85;
+  std::size_t least_lines = 5;
+  // A pass whose directions from the axis have a shorter mean went round the tube; seen from one
+  // side it is pi / 4.
+  double one_sided = 0.3;
+  // [of r_P] From the middle of a pass: further aside, rays come in along the wall.
+  double limb = 0.97;
+};
+constexpr LineSettings kLines;
+
+// A line in a strip: mean place of its samples.
+struct Crossing {
+  double at_mm = 0, around_rad = 0;
+  std::size_t samples = 0;
+};
+
+double OneLineMm(std::span<const double> at) {
+  double sum = 0, sum2 = 0;
+  for (std::size_t i = 1; i < at.size(); ++i) {
+    const double gap = at[i] - at[i - 1];
+    sum += gap;
+    sum2 += gap * gap;
+  }
+  return kLines.one_crossing * sum2 / std::max(sum, 1e-12);
+}
+
+// Of lines in their order: the shortest period after which all comes again.
+std::optional<LinePattern> PatternOf(std::span<const double> lines) {
+  const std::size_t n = lines.size();
+  for (std::size_t period = 1; period <= kLines.most_period && n >= 2 * period + 4; ++period) {
+    const auto count = static_cast<double>(n - period);
+    double mean = 0, square = 0;
+    for (std::size_t i = 0; i + period < n; ++i) {
+      const double length = lines[i + period] - lines[i];
+      mean += length / count;
+      square += length * length / count;
+    }
+    const double scatter = std::sqrt(std::max(0.0, square - mean * mean));
+    if (scatter > kLines.even * mean) continue;
+    return LinePattern{lines.back(), lines[n - period] + mean, mean, scatter, 1};
+  }
+  return std::nullopt;
+}
+
+// The strip of a pass in which samples lie, as a part of all.
+class Strips {
+ public:
+  explicit Strips(std::span<const EndSample> samples) {
+    double cosine = 0, sine = 0;
+    for (const EndSample& sample : samples) {
+      cosine += std::cos(sample.around_rad);
+      sine += std::sin(sample.around_rad);
+    }
+    const double size = std::hypot(cosine, sine);
+    from_one_side_ = size > kLines.one_sided * static_cast<double>(samples.size());
+    view_rad_ = std::atan2(sine, cosine);
+  }
+  // [0, 1): rays lie evenly there. Less than 0: at the limb.
+  double PlaceOf(double around_rad) const {
+    if (!from_one_side_) {
+      const double turn = around_rad * 0.5 / std::numbers::pi;
+      return turn - std::floor(turn);
+    }
+    const double off = around_rad - view_rad_;
+    const double aside = std::sin(off) / kLines.limb;
+    return std::cos(off) > 0 && std::abs(aside) < 1 ? 0.5 + 0.5 * aside : -1.0;
+  }
+
+ private:
+  bool from_one_side_ = true;
+  double view_rad_ = 0;
+};
+
+// Lines of a strip, the last ones only. `strip`: by place along the tube.
+std::vector<Crossing> CrossingsOf(std::span<const EndSample> strip) {
+  std::vector<double> at;
+  at.reserve(strip.size());
+  for (const EndSample& sample : strip) at.push_back(sample.beyond_mm);
+  const double one_line_mm = OneLineMm(at);
+  std::vector<Crossing> crossings;
+  for (std::size_t i = strip.size(); i > 0 && crossings.size() < kLines.most_lines;) {
+    Crossing crossing;
+    // Around from its first sample, so that no turn ends within.
+    const double zero_rad = strip[i - 1].around_rad;
+    std::size_t k = i;
+    for (; k > 0 && (k == i || at[k] - at[k - 1] < one_line_mm); --k) {
+      crossing.at_mm += at[k - 1];
+      crossing.around_rad +=
+          std::remainder(strip[k - 1].around_rad - zero_rad, 2.0 * std::numbers::pi);
+    }
+    crossing.samples = i - k;
+    crossing.at_mm /= static_cast<double>(crossing.samples);
+    crossing.around_rad = zero_rad + crossing.around_rad / static_cast<double>(crossing.samples);
+    crossings.push_back(crossing);
+    i = k;
+  }
+  std::reverse(crossings.begin(), crossings.end());
+  return crossings;
+}
+
+// Lines of one sweep: a gap after the other, but for one longer gap at most (a hole, a lost ray).
+struct Sweep {
+  double gap_mm = 0;
+  double scatter_mm = 0;  // 1 sigma of a gap
+};
+std::optional<Sweep> SweepOf(std::span<const Crossing> crossings) {
+  if (crossings.size() < kLines.least_lines) return std::nullopt;
+  std::vector<double> gaps_mm;
+  for (std::size_t i = 1; i < crossings.size(); ++i) {
+    gaps_mm.push_back(crossings[i].at_mm - crossings[i - 1].at_mm);
+  }
+  const double usual_mm = Median(gaps_mm);
+  double count = 0, sum = 0, square = 0;
+  for (const double gap_mm : gaps_mm) {
+    const double off_mm = gap_mm - usual_mm;
+    if (std::abs(off_mm) > kLines.even_gap * usual_mm) continue;
+    count += 1;
+    sum += off_mm;
+    square += off_mm * off_mm;
+  }
+  if (count + 1 < static_cast<double>(gaps_mm.size())) return std::nullopt;
+  const double mean = sum / count;
+  return Sweep{usual_mm + mean, std::sqrt(std::max(0.0, square / count - mean * mean))};
+}
+
+std::optional<LineBracket> BracketOf(std::span<const EndSample> strip, double smear_mm) {
+  const std::vector<Crossing> crossings = CrossingsOf(strip);
+  const auto sweep = SweepOf(crossings);
+  if (!sweep) return std::nullopt;
+  const Crossing& last = crossings.back();
+  LineBracket bracket;
+  bracket.last_rad = last.around_rad;
+  bracket.last_mm = last.at_mm;
+  // Even lines say that noise does not move them as far as it might.
+  bracket.last_sigma_mm = std::min(smear_mm / std::sqrt(static_cast<double>(last.samples)),
+                                   sweep->scatter_mm / std::numbers::sqrt2);
+  double around = 0;
+  for (const Crossing& crossing : crossings) {
+    around += std::remainder(crossing.around_rad - bracket.last_rad, 2.0 * std::numbers::pi);
+  }
+  bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());
+  bracket.next_mm = last.at_mm + sweep->gap_mm;
+  bracket.next_sigma_mm = std::hypot(bracket.last_sigma_mm, sweep->scatter_mm);
+  return bracket;
+}
+
+// Without those whose last line the strips beside it do not miss: a ray was lost there.
+std::vector<LineBracket> WithoutLost(std::span<const LineBracket> brackets) {
+  std::vector<LineBracket> kept;
+  for (std::size_t k = 0; k < brackets.size(); ++k) {
+    const LineBracket& own = brackets[k];
+    const double later_mm = own.last_mm + 0.5 * (own.next_mm - own.last_mm);
+    const bool before = k == 0 || brackets[k - 1].last_mm > later_mm;
+    const bool after = k + 1 == brackets.size() || brackets[k + 1].last_mm > later_mm;
+    if (!before || !after) kept.push_back(own);
+  }
+  return kept;
+}
+
+}  // namespace
+
+std::optional<LinePattern> FindLinePattern(std::span<const double> at) {
+  const double one_line_mm = OneLineMm(at);
+  std::vector<double> lines;
+  std::size_t samples_of_last = 1;
+  for (std::size_t i = 0; i < at.size();) {
+    double middle = 0;
+    std::size_t end = i;
+    for (; end < at.size() && (end == i || at[end] - at[end - 1] < one_line_mm); ++end)
+      middle += at[end];
+    samples_of_last = end - i;
+    lines.push_back(middle / static_cast<double>(samples_of_last));
+    i = end;
+  }
+  auto pattern = PatternOf(lines);
+  if (pattern) pattern->samples_of_last = samples_of_last;
+  return pattern;
+}
+
+std::vector<LineBracket> FindLineBrackets(std::span<EndSample> samples, double window_mm,
+                                          double smear_mm) {
+  const Strips strips(samples);
+  std::sort(samples.begin(), samples.end(),
+            [](const EndSample& a, const EndSample& b) { return a.beyond_mm < b.beyond_mm; });
+  for (const std::size_t count : kLines.strips) {
+    std::vector<std::vector<EndSample>> strip(count);
+    for (const EndSample& sample : samples) {
+      const double place = strips.PlaceOf(sample.around_rad);
+      if (place < 0) continue;
+      const auto k = static_cast<std::size_t>(place * static_cast<double>(count));
+      strip[std::min(k, count - 1)].push_back(sample);
+    }
+    std::vector<LineBracket> brackets;
+    std::size_t with_samples = 0;
+    for (std::vector<EndSample>& own : strip) {
+      if (own.empty()) continue;
+      const double from_mm = own.back().beyond_mm - window_mm;
+      own.erase(own.begin(), std::find_if(own.begin(), own.end(), [&](const EndSample& sample) {
+                  return sample.beyond_mm >= from_mm;
+                }));
+      if (own.size() < kLines.least_lines) continue;
+      ++with_samples;
+      if (const auto bracket = BracketOf(own, smear_mm)) brackets.push_back(*bracket);
+    }
+    if (static_cast<double>(brackets.size()) >=
+        kLines.least_even * static_cast<double>(with_samples)) {
+      return WithoutLost(brackets);
+    }
+  }
+  return {};
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace bendloop::pipeline {
+
+// A sample near an end: around the feed direction from AroundZero() [radians], and beyond the end
+// along it [mm], negative on the tube. `pass`: of the scan; samples of scans that do not know their
+// passes have all the same.
+struct EndSample {
+  double around_rad = 0;
+  double beyond_mm = 0;
+  unsigned pass = 0;
+};
+
+// Laser lines at one place around the end: the last that met the wall, and where the next would
+// have met it.
+struct LineBracket {
+  double last_rad = 0, last_mm = 0, last_sigma_mm = 0;
+  double next_rad = 0, next_mm = 0, next_sigma_mm = 0;
+};
+
+// How samples along a narrow strip follow each other if they are those of laser lines that come
+// again and again: after `period` lines (of one or more sweeps to and fro) all is as before.
+struct LinePattern {
+  double last_mm = 0, next_mm = 0;
+  double round_mm = 0;              // of a period's lines
+  double scatter_mm = 0;            // 1 sigma of a round
+  std::size_t samples_of_last = 1;  // at the end of the samples
+};
+// `at`: sorted. None: they come as scattered samples do.
+std::optional<LinePattern> FindLinePattern(std::span<const double> at);
+
+// Of one pass of the scan, in as many strips as its rays tell apart. None: these samples are not
+// those of laser lines. `samples`: changes their order. `window_mm`: from the border; `smear_mm`: 1
+// sigma by which noise displaces a sample.
+std::vector<LineBracket> FindLineBrackets(std::span<EndSample> samples, double window_mm,
+                                          double smear_mm);
+
+}  // namespace bendloop::pipeline
