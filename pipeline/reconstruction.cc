@@ -7,12 +7,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "pipeline/features/dents.h"
 #include "pipeline/features/end_cut.h"
 #include "pipeline/features/end_profile.h"
 #include "pipeline/features/openings.h"
-#include "pipeline/fit/bowed_fit.h"
+#include "pipeline/fit/bends_with_bows.h"
 #include "pipeline/fit/correlations.h"
 #include "pipeline/fit/coverage.h"
 #include "pipeline/fit/easing_fit.h"
@@ -70,11 +71,26 @@ struct FinalFit {
   SurfaceFitOptions options;
   IncidenceWeights weights;  // the tube's blocks look at them
   SurfaceFit fit;
+  BowedTubeState bowed;
   double noise_mm = 0;  // 1 sigma of the points
 };
 
+// What is left beside the tube: of straights beside their best-fit lines, all else beside the bows.
+SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
+                   std::span<const PointBlock> blocks) {
+  const double reach_mm = final.options.reach_mm;
+  SurfaceForm form = FindForm(final.fit, tube, final.noise_mm, blocks, reach_mm);
+  const auto& bows = final.bowed.bows;
+  if (std::all_of(bows.begin(), bows.end(), [](const Bow& bow) { return bow.is_none(); })) {
+    return form;
+  }
+  SurfaceForm beside_bows = FindForm(final.bowed, final.noise_mm, blocks, reach_mm);
+  beside_bows.straights = std::move(form.straights);
+  return beside_bows;
+}
+
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& drift,
-                      Workers* workers) {
+                      std::optional<std::size_t> nominal_bends, Workers* workers) {
   const SurfaceFit& structure = tube.structure;
   FinalFit final;
   tube.registration = RegisterPasses(
@@ -87,8 +103,11 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   final.weights = WeighByIncidence(structure.tube, structure.flattening, structure.sigma_mm,
                                    final.options.reach_mm, tube.blocks, workers);
   final.options.easing = FindEasing(structure, tube.blocks, final.options);
-  final.fit = FitSurface(structure.tube, tube.blocks, final.options);
-  FitBows(tube.blocks, final.options, final.fit);
+  BowedSolution solution = SolveWithBows(structure.tube, tube.blocks, final.options);
+  tube.structure.margin =
+      std::min(structure.margin, ReviseBends(tube.blocks, final.options, nominal_bends, solution));
+  final.fit = std::move(solution.fit);
+  final.bowed = std::move(solution.bows.state);
   if (!tube.registration.passes.empty()) {
     Widen(tube.registration.covariance, final.options.free_pipe_radius, final.fit);
   }
@@ -146,7 +165,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   if (const auto done = Approximate(*tube); !done) return hal::Fail(done.error());
   SayLeftOut(tube->left_out_mm, measurement.warnings);
   timer.Done("structure");
-  const FinalFit final = FitAllPoints(*tube, intake_.passes(), options_.pass_drift, workers);
+  const FinalFit final =
+      FitAllPoints(*tube, intake_.passes(), options_.pass_drift, NominalBends(), workers);
   ReportPasses(tube->registration, options_.pass_drift, measurement);
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");
@@ -159,8 +179,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
-  ReportForm(FindForm(fit, measurement.tube, final.noise_mm, tube->blocks, final.options.reach_mm),
-             measurement);
+  ReportForm(FormOf(final, measurement.tube, tube->blocks), measurement);
   MeasureDents(measurement.tube, ends, final.noise_mm, tube->blocks, measurement.dents);
   LookBeyondEnds(ends, final.noise_mm, measurement);
   measurement.features = {true, cuts.first, cuts.last,

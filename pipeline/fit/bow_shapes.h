@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 
@@ -24,10 +25,38 @@ inline std::array<BowShape, 2> BowShapesAt(double x) {
   return {BowShape{1.5 * x * x - 0.5, 3.0 * x},
           BowShape{(2.5 * x * x - 1.5) * x, 7.5 * x * x - 1.5}};
 }
-// The best-fit lines of both over the middle, from -c to c.
-inline std::array<BowShape, 2> BowLinesOf(double c) {
-  return {BowShape{0.5 * (c * c - 1.0), 0.0}, BowShape{0.0, 1.5 * (c * c - 1.0)}};
+// The part of a straight that its best-fit line is of, by its length from -1 to 1.
+struct StraightMiddle {
+  double from = -1, to = 1;
+  double center() const { return 0.5 * (from + to); }
+};
+// The best-fit lines of both shapes over it, at its center.
+inline std::array<BowShape, 2> BowLinesOf(const StraightMiddle& middle) {
+  const double m2 = middle.center() * middle.center();
+  const double c2 = 0.25 * (middle.to - middle.from) * (middle.to - middle.from);
+  return {BowShape{1.5 * m2 + 0.5 * c2 - 0.5, 3.0 * middle.center()},
+          BowShape{(2.5 * (m2 + c2) - 1.5) * middle.center(), 7.5 * m2 + 1.5 * c2 - 1.5}};
 }
+
+// A straight that bows: the heights of its modes [mm] about the best-fit line of its middle.
+struct Bow {
+  Eigen::Vector4d modes_mm = Eigen::Vector4d::Zero();
+  StraightMiddle middle;
+
+  bool is_none() const { return modes_mm.isZero(0.0); }
+  // How far its spine lies beside that line, in y and z; beyond its ends it goes straight on.
+  Eigen::Vector2d Beside(double x) const {
+    const double inside = std::clamp(x, -1.0, 1.0);
+    const auto shapes = BowShapesAt(inside), lines = BowLinesOf(middle);
+    Eigen::Vector2d off_mm = Eigen::Vector2d::Zero();
+    for (std::size_t s = 0; s < 2; ++s) {
+      const double off = shapes[s].off + shapes[s].slope * (x - inside) - lines[s].off -
+                         lines[s].slope * (x - middle.center());
+      off_mm += off * modes_mm.segment<2>(2 * static_cast<Eigen::Index>(s));
+    }
+    return off_mm;
+  }
+};
 
 // The motion of a line's frame (at its start) that puts its place `along_mm` off by `off` and turns
 // it by `slope`, for modes in y and z of each shape. What the shapes do at the straight's start is

@@ -1,22 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/fit/bowed_fit.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "pipeline/fit/bow_shapes.h"
+#include "pipeline/fit/bowed_spine.h"
 #include "pipeline/fit/fit_priors.h"
+#include "pipeline/fit/normal_equations.h"
 #include "pipeline/fit/place_sums.h"
+#include "pipeline/fit/trade_rows.h"
 #include "pipeline/fit/tube_parameters.h"
 #include "pipeline/math/cross_matrix.h"
 #include "pipeline/math/dense_product.h"
 #include "pipeline/math/dense_solve.h"
+#include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -32,21 +35,25 @@ struct BowedSettings {
   // [of a straight's length] 1 sigma of a bow's height, and of one that changes sides: L / 300 is
   // the worst that is sold as straight.
   double bow = 0.002, s_bow = 0.001;
-  // [of the highest bow] Beside the noise, for the weights: what bows leave is no outlier.
+  // [of a straight's length] Beyond it a solution has gone astray.
+  double most_bow = 0.02;
+  // [of the highest bow] Beside the noise, for the first weights: what bows leave is no outlier.
   double wide = 0.3;
+  // [of a bend's radius] 1 sigma of one that the samples know.
+  double known_radius = 0.1;
   // 1 sigma of the kernel's reach, bend by bend about the tube's.
   double shape = 0.15;
   // [sigma] From which on samples insist.
   double insist = 6.0;
-  // [of a straight] Its ends, which belong to the bends, are in no best-fit line.
-  double beside_bend = 0.125;
   // Of a place's information that is taken away with it: 1 is a jackknife, which overdoes where a
   // place alone tells of a number; and [standard deviations] of what noise pulls, which is not
-  // counted.
-  double leverage = 0.5, noise_sigmas = 2.0;
+  // counted, and from which on something pressed or lies there.
+  double leverage = 0.5, noise_sigmas = 2.0, no_noise_sigmas = 6.0;
   // The tube's straights lie as near to the best-fit lines: [times the highest bow], [of r_P].
   double near_bows = 6.0, near = 0.1;
-  int rounds = 2, steps = 3;
+  // Times that points are laid on the bowed tube anew, the last time so many of them as are enough;
+  // and that what places disagree by is learnt from a solution.
+  int rounds = 3, steps = 3;
   // [degrees] Bends that have a corner.
   double least_deg = 0.3, most_deg = 160;
 };
@@ -59,27 +66,33 @@ LocalMatrix InformationOf(const CondensedSum& sum) {
 }
 LocalVector PullOf(const CondensedSum& sum) { return sum.col(kLocalState).head<kLocalState>(); }
 
-struct Line {
-  Eigen::Vector3d point, direction;
-};
-
 // The tube's parameters and, straight by straight, four numbers of its bow.
 class BowedTube {
  public:
-  BowedTube(const SurfaceFit& fit, const SurfaceFitOptions& options)
+  // `fit`: without bows; `state`: where it has come to. `usual_radius_mm`: of bends.
+  BowedTube(const SurfaceFit& fit, BowedTubeState state, std::optional<double> usual_radius_mm,
+            const SurfaceFitOptions& options)
       : fit_(fit),
+        state_(std::move(state)),
+        usual_radius_mm_(usual_radius_mm),
         options_(options),
-        parameters_(fit.tube, options.free_pipe_radius, fit.flattening, fit.easing),
-        r_mm_(fit.tube.pipe_radius_mm),
-        spine_(SpineOf(fit.tube.program, fit.tube.X_WT, fit.easing)),
-        frames_(SegmentFrames(spine_, kBeyond * r_mm_, fit.flattening)),
+        parameters_(state_.tube, options.free_pipe_radius, state_.flattening, state_.easing),
+        r_mm_(state_.tube.pipe_radius_mm),
+        spine_(SpineOf(state_.tube.program, state_.tube.X_WT, state_.easing)),
         own_(spine_.segments.size(), -1) {
+    state_.bows.resize(own_.size());
     int next = parameters_.size();
     for (std::size_t k = 0; k < own_.size(); ++k) {
-      if (!spine_.is_line(k) || spine_.segments[k].length_mm < kBowed.shortest * r_mm_) continue;
+      if (!spine_.is_line(k) || spine_.segments[k].length_mm < kBowed.shortest * r_mm_) {
+        state_.bows[k] = {};
+        continue;
+      }
+      state_.bows[k].middle = MiddleOf(state_, spine_, k);
       own_[k] = next;
       next += kBowModes;
     }
+    spine_ = SpineOf(state_);
+    frames_ = SegmentFrames(spine_, kBeyond * r_mm_, state_.flattening);
     first_shape_ = next;
     if (parameters_.eased()) next += static_cast<int>(parameters_.bends());
     size_ = next;
@@ -87,11 +100,10 @@ class BowedTube {
     SetShapes();
   }
 
-  // `wide_mm`: distances that bows make, for the weights.
-  void Take(std::span<const PointBlock> blocks, double wide_mm) {
-    const double sigma_mm = std::hypot(fit_.sigma_mm, wide_mm);
+  // `sigma_mm`: of the distances, for the weights.
+  void Take(std::span<const PointBlock> blocks, double sigma_mm) {
     places_ = SumPlaces(spine_, frames_, r_mm_, kBowed.place * r_mm_, blocks, options_.reach_mm,
-                        sigma_mm);
+                        sigma_mm, state_.bows);
     SetNoise();
     worth_ = {1.0, 1.0};
   }
@@ -119,11 +131,21 @@ class BowedTube {
   // How far straights lie off their lines, at most [mm].
   double HighestBow() const {
     double most_mm = 0;
-    for (const int own : own_) {
-      if (own >= 0)
-        most_mm = std::max(most_mm, step_.segment<kBowModes>(own).cwiseAbs().maxCoeff());
+    for (std::size_t k = 0; k < own_.size(); ++k) {
+      if (own_[k] >= 0) most_mm = std::max(most_mm, BowAt(k, step_).cwiseAbs().maxCoeff());
     }
     return most_mm;
+  }
+  double noise_mm() const { return std::sqrt(noise_mm2_); }
+  double worth() const { return std::max(worth_[0], worth_[1]); }
+  // Of a tube: no straight bows by more than could still be called one.
+  bool IsSolved() const {
+    for (std::size_t k = 0; k < own_.size(); ++k) {
+      if (own_[k] < 0) continue;
+      const double height_mm = BowAt(k, step_).cwiseAbs().maxCoeff();
+      if (!(height_mm < kBowed.most_bow * spine_.segments[k].length_mm)) return false;
+    }
+    return step_.allFinite() && inverse_.allFinite();
   }
   std::size_t bows() const {
     return static_cast<std::size_t>(
@@ -131,22 +153,59 @@ class BowedTube {
   }
   // What the step explains [variances].
   double Gain() const { return step_.dot(right_) / noise_mm2_; }
-  // How much less samples are worth than independent ones: of straights and bends.
-  const std::array<double, 2>& worth() const { return worth_; }
 
-  // From the step: parameters of the tube whose straights are best-fit lines. False: there is none
-  // near them, as where a slight bend has no corner.
+  // Of the bends whose radius the samples know; none of them does: none.
+  std::optional<double> UsualRadius() const {
+    std::vector<double> known_mm;
+    for (std::size_t i = 0; i < parameters_.bends(); ++i) {
+      const int at = parameters_.bend_radius(i);
+      const double radius_mm = parameters_.Initial()[at] + step_[at];
+      const double variance_mm2 = noise_mm2_ * std::max(0.0, inverse_(at, at));
+      if (std::sqrt(variance_mm2) < kBowed.known_radius * radius_mm) known_mm.push_back(radius_mm);
+    }
+    if (known_mm.empty()) return std::nullopt;
+    return Median(std::move(known_mm));
+  }
+
+  // Where the step leads.
+  BowedTubeState Next() const {
+    const Eigen::VectorXd to = Within(step_);
+    BowedTubeState next{parameters_.TubeAt(to), parameters_.FlatteningAt(to),
+                        parameters_.EasingAt(to), state_.bows};
+    for (std::size_t k = 0; k < own_.size(); ++k) {
+      if (own_[k] >= 0) next.bows[k].modes_mm = BowAt(k, step_);
+    }
+    return next;
+  }
+
+  bool IsPulledAside() const {
+    for (std::size_t i = 0; i < places_.size(); ++i) {
+      if (PulledAside(i) > ranks_[i] + kBowed.no_noise_sigmas * std::sqrt(2.0 * ranks_[i])) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  // From the step: the tube whose straights are best-fit lines. False: there is none near them, as
+  // where a slight bend has no corner.
   bool MoveTo(SurfaceFit& fit) const {
     const Eigen::MatrixXd map = TradeMap();
-    const Eigen::VectorXd to = TradeAt(step_);
+    Eigen::VectorXd step = step_;
+    step.head(parameters_.size()) = Within(step_) - parameters_.Initial();
+    const Eigen::VectorXd to = TradeAt(step);
+    if (!to.allFinite() || !map.allFinite()) return false;
     SurfaceFit moved = fit;
-    moved.tube = parameters_.TubeAt(to);
-    if (FarthestEndMm(moved.tube) > kBowed.near_bows * HighestBow() + kBowed.near * r_mm_) {
+    moved.tube = TradeTube(parameters_, state_.tube, to);
+    if (FarthestEndMm(moved.tube, LinesAt(step_)) >
+        kBowed.near_bows * HighestBow() + kBowed.near * r_mm_) {
       return false;
     }
     moved.flattening = parameters_.FlatteningAt(to);
     moved.easing = parameters_.EasingAt(to);
-    moved.last_start = derivatives_.back().row(0);
+    const TubeParameters at(moved.tube, options_.free_pipe_radius, moved.flattening, moved.easing);
+    const EasedSpine spine = SpineOf(moved.tube.program, moved.tube.X_WT, moved.easing);
+    moved.last_start = at.FrameDerivatives(spine).back().row(0);
     SetCovariance(Mapped(map, noise_mm2_ * inverse_ + Disagreement()), options_.free_pipe_radius,
                   moved);
     fit = std::move(moved);
@@ -196,6 +255,18 @@ class BowedTube {
       motions_[k].col(first_shape_ + static_cast<int>(spine_.row(k))) =
           derivatives_[k].col(parameters_.easing_reach());
     }
+  }
+
+  // The parameters after a step, which leads to a tube.
+  Eigen::VectorXd Within(const Eigen::VectorXd& step) const {
+    const FitBounds bounds(parameters_, r_mm_, options_.max_length_mm);
+    return bounds.Inside(parameters_.Initial() + step.head(parameters_.size()));
+  }
+  BowMotion LineMotion(std::size_t k) const {
+    return ToBestFitLine(state_.bows[k], spine_.segments[k].length_mm);
+  }
+  Eigen::Vector4d BowAt(std::size_t k, const Eigen::VectorXd& numbers) const {
+    return state_.bows[k].modes_mm + numbers.segment<kBowModes>(own_[k]);
   }
 
   BowMotion OwnMotion(const PlaceSum& place) const {
@@ -270,9 +341,18 @@ class BowedTube {
       for (int mode = 0; mode < kBowModes; ++mode) {
         // The bow's shape goes from -0.5 to 1; so does the other, nearly.
         const double range_mm = (mode < 2 ? kBowed.bow : kBowed.s_bow) * length_mm / 1.5;
-        matrix_(own_[k] + mode, own_[k] + mode) +=
-            noise_mm2_ / (with_bows ? range_mm * range_mm : kHeld * kHeld);
+        const double certainty = noise_mm2_ / (with_bows ? range_mm * range_mm : kHeld * kHeld);
+        matrix_(own_[k] + mode, own_[k] + mode) += certainty;
+        right_[own_[k] + mode] -= certainty * state_.bows[k].modes_mm[mode];
       }
+    }
+    // A bow beside a slight bend is as good as another radius of that: what the samples do not know
+    // is as usual, within ExpectedRange().
+    const Eigen::VectorXd range = Ranges();
+    for (std::size_t i = 0; usual_radius_mm_ && i < parameters_.bends(); ++i) {
+      const int at = parameters_.bend_radius(i);
+      right_[at] +=
+          noise_mm2_ / (range[at] * range[at]) * (*usual_radius_mm_ - parameters_.Initial()[at]);
     }
     for (int i = first_shape_; i < size_; ++i) {
       matrix_(i, i) += noise_mm2_ / std::pow(with_bows ? kBowed.shape : kHeld, 2);
@@ -286,14 +366,31 @@ class BowedTube {
     return range;
   }
 
+  Eigen::MatrixXd MotionOf(const PlaceSum& place) const {
+    const std::size_t k = place.segment;
+    Eigen::MatrixXd motion = motions_[k];
+    if (own_[k] >= 0) motion.middleCols<kBowModes>(own_[k]) += OwnMotion(place);
+    return motion;
+  }
+  // What still pulls a place after the step.
+  LocalVector LeftPull(const PlaceSum& place) const {
+    const std::size_t k = place.segment;
+    LocalVector moved = motions_[k] * step_;
+    if (own_[k] >= 0) moved += OwnMotion(place) * step_.segment<kBowModes>(own_[k]);
+    return PullOf(place.sum) + InformationOf(place.sum) * moved;
+  }
+  // The same in variances of what samples are worth.
+  double PulledAside(std::size_t i) const {
+    const LocalVector pull = LeftPull(places_[i]);
+    return pull.dot(inverses_[i] * pull) / (worth_[ClassOf(places_[i].segment)] * noise_mm2_);
+  }
+
   // How far places still disagree, over what noise does. Those of straights, those of bends.
   void SetWorth() {
     std::array<double, 2> chi_square{}, freedom{};
     for (std::size_t i = 0; i < places_.size(); ++i) {
       const std::size_t k = places_[i].segment;
-      LocalVector moved = motions_[k] * step_;
-      if (own_[k] >= 0) moved += OwnMotion(places_[i]) * step_.segment<kBowModes>(own_[k]);
-      const LocalVector pull = PullOf(places_[i].sum) + InformationOf(places_[i].sum) * moved;
+      const LocalVector pull = LeftPull(places_[i]);
       chi_square[ClassOf(k)] += pull.dot(inverses_[i] * pull) / noise_mm2_;
       freedom[ClassOf(k)] += ranks_[i];
     }
@@ -312,12 +409,10 @@ class BowedTube {
   Eigen::MatrixXd Disagreement() const {
     Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size_, size_);
     for (std::size_t i = 0; i < places_.size(); ++i) {
-      const std::size_t k = places_[i].segment;
-      Eigen::MatrixXd motion = motions_[k];
-      if (own_[k] >= 0) motion.middleCols<kBowModes>(own_[k]) += OwnMotion(places_[i]);
-      const double worth = worth_[ClassOf(k)];
+      const double worth = worth_[ClassOf(places_[i].segment)];
+      const Eigen::MatrixXd motion = MotionOf(places_[i]);
       const LocalMatrix information = InformationOf(places_[i].sum);
-      const LocalVector pull = PullOf(places_[i].sum) + information * (motion * step_);
+      const LocalVector pull = LeftPull(places_[i]);
       const double chi_square = pull.dot(inverses_[i] * pull) / (worth * noise_mm2_);
       const double of_noise = ranks_[i] + kBowed.noise_sigmas * std::sqrt(2.0 * ranks_[i]);
       if (!(chi_square > of_noise)) continue;
@@ -332,17 +427,14 @@ class BowedTube {
   }
 
   // The straights' best-fit lines where `numbers` are so much more.
-  std::vector<Line> LinesAt(const Eigen::VectorXd& numbers) const {
-    std::vector<Line> lines;
+  std::vector<SpineLine> LinesAt(const Eigen::VectorXd& numbers) const {
+    std::vector<SpineLine> lines;
     for (std::size_t k = 0; k < frames_.size(); ++k) {
       if (!spine_.is_line(k)) continue;
       const hal::SpineSegment& straight = spine_.segments[k];
       LocalVector motion = motions_[k] * numbers;
       if (own_[k] >= 0) {
-        const double length_mm = straight.length_mm;
-        motion +=
-            BowMotionOf(BowLinesOf(1.0 - 2.0 * kBowed.beside_bend), 0.5 * length_mm, length_mm) *
-            numbers.segment<kBowModes>(own_[k]);
+        motion += LineMotion(k) * numbers.segment<kBowModes>(own_[k]);
       }
       const Eigen::Matrix3d axes = straight.axes();
       const Eigen::Vector3d turn = axes * motion.segment<3>(3);
@@ -352,94 +444,9 @@ class BowedTube {
     return lines;
   }
 
-  // Lengths, rotations and angles of these lines, as parameters; the others as `numbers` have them.
-  // Of lines that pass each other the corner is halfway.
-  Eigen::VectorXd RowsAt(const Eigen::VectorXd& numbers) const {
-    const std::vector<Line> lines = LinesAt(numbers);
-    Eigen::VectorXd to = parameters_.Initial() + numbers.head(parameters_.size());
-    // Where a line has its corners, along it from its point; the first from the tube's start.
-    std::vector<double> before_mm(lines.size(), 0.0), after_mm(lines.size(), 0.0);
-    before_mm[0] = (fit_.tube.X_WT.position_mm - lines[0].point).dot(lines[0].direction);
-    Eigen::Vector3d last_normal = Eigen::Vector3d::Zero();
-    std::vector<double> tangent_mm(lines.size() + 1, 0.0);
-    for (std::size_t i = 0; i + 1 < lines.size(); ++i) {
-      const Line &a = lines[i], &b = lines[i + 1];
-      Eigen::Vector3d normal = a.direction.cross(b.direction);
-      const Eigen::Vector3d between = b.point - a.point;
-      after_mm[i] = between.cross(b.direction).dot(normal) / normal.squaredNorm();
-      before_mm[i + 1] = between.cross(a.direction).dot(normal) / normal.squaredNorm();
-      normal.normalize();
-      const double angle =
-          std::atan2(a.direction.cross(b.direction).norm(), a.direction.dot(b.direction));
-      to[parameters_.angle(i)] = angle;
-      tangent_mm[i + 1] = to[parameters_.bend_radius(i)] * std::tan(0.5 * angle);
-      if (i > 0) {
-        const double rotation =
-            std::atan2(last_normal.cross(normal).dot(a.direction), last_normal.dot(normal));
-        double& at = to[parameters_.rotation(i)];
-        at += std::remainder(rotation - at, 2.0 * std::numbers::pi);
-      }
-      last_normal = normal;
-    }
-    for (std::size_t i = 0; i + 1 < lines.size(); ++i) {
-      to[parameters_.length(i)] = after_mm[i] - before_mm[i] - tangent_mm[i] - tangent_mm[i + 1];
-    }
-    return to;
-  }
-
-  // Where the tube of these lines lies: its lines as near to them as can be.
-  Eigen::VectorXd WithPose(const Eigen::VectorXd& numbers, Eigen::VectorXd to) const {
-    const int pose =
-        parameters_.pipe_radius() >= 0 ? parameters_.pipe_radius() : parameters_.length(0);
-    Eigen::VectorXd rows = to - parameters_.Initial();
-    rows.head(pose).setZero();
-    Eigen::MatrixXd left = Eigen::MatrixXd::Zero(pose, pose);
-    Eigen::VectorXd right = Eigen::VectorXd::Zero(pose);
-    const std::vector<Line> lines = LinesAt(numbers);
-    std::size_t line = 0;
-    for (std::size_t k = 0; k < frames_.size(); ++k) {
-      if (!spine_.is_line(k)) continue;
-      const hal::SpineSegment& straight = spine_.segments[k];
-      const double half_mm = 0.5 * straight.length_mm;
-      const Eigen::Matrix3d axes = straight.axes();
-      Eigen::Matrix<double, 4, kLocalState> look = Eigen::Matrix<double, 4, kLocalState>::Zero();
-      Eigen::Vector4d off = Eigen::Vector4d::Zero();
-      for (const int end : {0, 1}) {
-        const double along_mm = end * 2.0 * half_mm;
-        look(2 * end, 1) = look(2 * end + 1, 2) = 1.0;
-        look(2 * end, 5) = along_mm;
-        look(2 * end + 1, 4) = -along_mm;
-        const Eigen::Vector3d there = lines[line].point + along_mm * lines[line].direction -
-                                      straight.start_mm - along_mm * straight.tangent;
-        off[2 * end] = axes.col(1).dot(there);
-        off[2 * end + 1] = axes.col(2).dot(there);
-      }
-      const Eigen::MatrixXd of_tube = Product(look, derivatives_[k]);
-      left += TransposeProduct(of_tube, of_tube).topLeftCorner(pose, pose);
-      right += of_tube.leftCols(pose).transpose() * (off - of_tube * rows);
-      ++line;
-    }
-    to.head(pose) = parameters_.Initial().head(pose) + SolveSymmetric(left, right);
-    return to;
-  }
-
-  // How far the ends of the tube's straights lie beside the best-fit lines, at most.
-  double FarthestEndMm(const hal::Tube& tube) const {
-    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-    const std::vector<Line> lines = LinesAt(step_);
-    double most_mm = 0;
-    for (std::size_t line = 0; line < lines.size(); ++line) {
-      const hal::SpineSegment& straight = segments[2 * line];
-      for (const double along_mm : {0.0, straight.length_mm}) {
-        const Eigen::Vector3d off = straight.PointAt(along_mm) - lines[line].point;
-        most_mm = std::max(most_mm, off.cross(lines[line].direction).norm());
-      }
-    }
-    return most_mm;
-  }
-
   Eigen::VectorXd TradeAt(const Eigen::VectorXd& numbers) const {
-    return WithPose(numbers, RowsAt(numbers));
+    return TradeNumbers(parameters_, state_.tube, LinesAt(numbers),
+                        parameters_.Initial() + numbers.head(parameters_.size()));
   }
 
   // Its derivative, where it is linear enough for differences of a thousandth of a sigma.
@@ -457,6 +464,8 @@ class BowedTube {
   }
 
   const SurfaceFit& fit_;
+  BowedTubeState state_;
+  std::optional<double> usual_radius_mm_;
   const SurfaceFitOptions& options_;
   TubeParameters parameters_;
   double r_mm_;
@@ -478,34 +487,49 @@ class BowedTube {
 
 }  // namespace
 
-void FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
-             SurfaceFit& fit) {
+BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+                 SurfaceFit& fit) {
+  const BowedTubeState no_bows{fit.tube, fit.flattening, fit.easing, {}};
   const auto& rows = fit.tube.program.rows;
   const bool has_corners = std::all_of(rows.begin(), rows.end() - 1, [](const hal::BendRow& row) {
     return row.angle_deg > kBowed.least_deg && row.angle_deg < kBowed.most_deg;
   });
-  if (!has_corners || rows.size() < 2) return;
+  if (!has_corners || rows.size() < 2) return {no_bows, fit.sigma_mm, fit.design_effect, true};
   const std::size_t points = CountPoints(blocks);
   const OwnedBlocks few = Thinned(blocks, StrideTo(points, kBowed.few_points));
-  OwnedBlocks enough(0);
-  double wide_mm = 0;
-  for (int round = 0; round < kBowed.rounds; ++round) {
-    const SurfaceFit before = fit;
-    BowedTube tube(before, options);
-    tube.Take(round == 0 ? few : enough, wide_mm);
-    tube.Solve(true);
-    const double with_bows = tube.Gain();
-    tube.Solve(false);
-    const double freedom = static_cast<double>(kBowModes * tube.bows());
-    const double more = with_bows - tube.Gain();
-    if (round == 0 && more < freedom + kBowed.insist * std::sqrt(2.0 * freedom)) {
-      return tube.Doubt(false, fit);
-    }
-    tube.Solve(true);
-    if (!tube.MoveTo(fit)) return tube.Doubt(true, fit);
-    if (round == 0) enough = Thinned(blocks, StrideTo(points, kBowed.enough_points));
-    wide_mm = kBowed.wide * tube.HighestBow();
+  const SurfaceFit before = fit;
+  BowedTube straight(before, no_bows, std::nullopt, options);
+  straight.Take(few, fit.sigma_mm);
+  straight.Solve(true);
+  const double with_bows = straight.Gain();
+  straight.Solve(false);
+  const double freedom = static_cast<double>(kBowModes * straight.bows());
+  const double more = with_bows - straight.Gain();
+  if (!(more > freedom + kBowed.insist * std::sqrt(2.0 * freedom))) {
+    straight.Doubt(false, fit);
+    return {no_bows, straight.noise_mm(), straight.worth(), straight.IsPulledAside()};
   }
+  straight.Solve(true);
+  const OwnedBlocks enough = Thinned(blocks, StrideTo(points, kBowed.enough_points));
+  BowedFit bows{straight.Next(),
+                std::hypot(straight.noise_mm(), kBowed.wide * straight.HighestBow()),
+                straight.worth(), true};
+  std::optional<double> usual_radius_mm = straight.UsualRadius();
+  for (int round = 1; round <= kBowed.rounds; ++round) {
+    EndWithPoints(few, options.reach_mm, bows.state);
+    BowedTube bowed(before, std::move(bows.state), usual_radius_mm, options);
+    const bool is_last = round == kBowed.rounds;
+    bowed.Take(is_last ? enough : few, bows.noise_mm);
+    bowed.Solve(true);
+    if (!bowed.IsSolved() || (is_last && !bowed.MoveTo(fit))) {
+      straight.Doubt(true, fit);
+      return {no_bows, straight.noise_mm(), straight.worth(), true};
+    }
+    bows = {bowed.Next(), std::max(options.min_sigma_mm, bowed.noise_mm()), bowed.worth(),
+            bowed.IsPulledAside()};
+    usual_radius_mm = bowed.UsualRadius();
+  }
+  return bows;
 }
 
 }  // namespace bendloop::pipeline

@@ -3,16 +3,25 @@
 
 #include <span>
 
+#include "pipeline/fit/bowed_spine.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_points.h"
 
 namespace bendloop::pipeline {
+
+struct BowedFit {
+  BowedTubeState state;  // straights that do not bow: that of the fit
+  double noise_mm = 0;   // 1 sigma of a point
+  double worth = 1;      // times that samples of a place are worth less than independent ones
+  bool is_pulled_aside = false;  // some places so far that it is no noise, as by dents
+};
 
 // Straights that bow, together with the lines and arcs of a fit: a bowed straight hands on another
 // place and direction to the bend behind it, so that lines and arcs alone meet neither. Where the
 // samples insist on bows, or places of the tube disagree by more than the fit believes, `fit`
 // becomes the tube whose straights are the best-fit lines of the bowed ones, with the covariance
 // that this leaves. `options`: of the final fit.
-void FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options, SurfaceFit& fit);
+BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+                 SurfaceFit& fit);
 
 }  // namespace bendloop::pipeline

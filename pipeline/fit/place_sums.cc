@@ -31,6 +31,17 @@ double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegm
   return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
 }
 
+void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, SegmentPoints& points) {
+  if (bow.is_none()) return;
+  for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
+    const Eigen::Vector2d off_mm = bow.Beside(2.0 * points.x[i] / length_mm - 1.0);
+    points.y[i] -= off_mm[0];
+    points.z[i] -= off_mm[1];
+    const double certainty = points.weighted ? std::sqrt(points.weight[i]) : 1.0;
+    points.distance[i] = certainty * (std::hypot(points.y[i], points.z[i]) - pipe_radius_mm);
+  }
+}
+
 PlaceInverse InverseOf(const CondensedSum& sum) {
   const LocalMatrix information = sum.topLeftCorner<kLocalState, kLocalState>();
   const LocalVector scale =
@@ -53,7 +64,7 @@ PlaceInverse InverseOf(const CondensedSum& sum) {
 std::vector<PlaceSum> SumPlaces(const EasedSpine& spine, std::span<const SegmentFrame> frames,
                                 double pipe_radius_mm, double place_mm,
                                 std::span<const PointBlock> blocks, double reach_mm,
-                                double sigma_mm) {
+                                double sigma_mm, std::span<const Bow> bows) {
   std::vector<PlaceSum> places;
   std::vector<PlaceRange> ranges;
   for (std::size_t k = 0; k < frames.size(); ++k) {
@@ -71,8 +82,11 @@ std::vector<PlaceSum> SumPlaces(const EasedSpine& spine, std::span<const Segment
     AssignPoints(frames, pipe_radius_mm, blocks.subspan(round.begin, round.end - round.begin),
                  reach_mm, points);
     for (std::size_t k = 0; k < frames.size(); ++k) {
-      const SegmentPoints& of_segment = points.segments[k];
+      SegmentPoints& of_segment = points.segments[k];
       const PlaceRange& range = ranges[k];
+      if (k < bows.size()) {
+        Straighten(bows[k], spine.segments[k].length_mm, pipe_radius_mm, of_segment);
+      }
       parts.resize(std::max(parts.size(), range.count));
       for (std::size_t i = 0; i < range.count; ++i) parts[i].Clear(of_segment.weighted);
       const auto last = static_cast<double>(range.count - 1);

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/fit/bow_shapes.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/tube/easing.h"
@@ -15,6 +16,9 @@ namespace bendloop::pipeline {
 // [mm] from the segment's start: where point `i`, which stands in the segment's frame, lies along
 // it.
 double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment);
+
+// Moves the points of a straight `length_mm` long, which stand in its frame, as if it did not bow.
+void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, SegmentPoints& points);
 
 // A short piece of a segment, all round, and what its points say of the segment's frame.
 struct PlaceSum {
@@ -34,10 +38,11 @@ struct PlaceInverse {
 PlaceInverse InverseOf(const CondensedSum& sum);
 
 // Of all points near the surface, place after place along the spine, each about `place_mm` long.
-// `frames`: of the spine's segments. `sigma_mm` gives the weights.
+// `frames`: of the spine's segments. `sigma_mm` gives the weights. `bows`: of every segment, which
+// the points' distances are from; none: straights are straight.
 std::vector<PlaceSum> SumPlaces(const EasedSpine& spine, std::span<const SegmentFrame> frames,
                                 double pipe_radius_mm, double place_mm,
                                 std::span<const PointBlock> blocks, double reach_mm,
-                                double sigma_mm);
+                                double sigma_mm, std::span<const Bow> bows = {});
 
 }  // namespace bendloop::pipeline

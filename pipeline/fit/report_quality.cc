@@ -27,6 +27,9 @@ struct Doubts {
   double vague_radius = 0.02;
   // [of r_P] 1 sigma of the distances; beyond it only noisy wires are tubes.
   double rough = 0.04;
+  // [of a straight's length] and [sigma] Bows of more: EN 10305-1 lets precision tube have 0.0015,
+  // and benders leave L / 300, with one that changes sides on it.
+  double bow = 1.0 / 220.0, bow_sigmas = 6.0;
   // [of r_P] and [times that of independent points] 1 sigma of the distances, and the variance of
   // what places have in common: a noisy wire is as rough, but place by place on its surface.
   double off_together = 0.05, together = 10.0;
@@ -245,6 +248,18 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
 
 void ReportForm(const SurfaceForm& form, Measurement& measurement) {
   measurement.straights = form.straights;
+  for (std::size_t i = 0; i < form.straights.size(); ++i) {
+    const StraightForm& straight = form.straights[i];
+    if (straight.height_mm < kDoubts.bow_sigmas * straight.sigma_mm ||
+        straight.height_mm < kDoubts.bow * straight.length_mm || !(straight.length_mm > 0)) {
+      continue;
+    }
+    measurement.warnings.push_back(
+        "straight " + std::to_string(i + 1) + " bows by " + Mm(straight.height_mm) + " (L/" +
+        std::to_string(std::lround(straight.length_mm / straight.height_mm)) +
+        "), more than benders leave: it may hide a slight bend; compare the number of bends with "
+        "the drawing");
+  }
   WidenByEasing(measurement);
   measurement.dents = form.dents;
   measurement.pipe_radius_sigma_mm =

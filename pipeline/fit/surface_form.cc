@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "hal/tube_features.h"
+#include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/circle_sectors.h"
 #include "pipeline/math/dense_solve.h"
@@ -390,11 +391,19 @@ std::optional<double> SidesOf(const SegmentPoints& points, const Extent& extent,
 
 SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
                      std::span<const PointBlock> blocks, double reach_mm) {
-  const double r_mm = tube.pipe_radius_mm;
-  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, fit.easing);
+  return FindForm({tube, fit.flattening, fit.easing, {}}, noise_mm, blocks, reach_mm);
+}
+
+SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
+                     std::span<const PointBlock> blocks, double reach_mm) {
+  const double r_mm = state.tube.pipe_radius_mm;
+  const EasedSpine spine = SpineOf(state);
   const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kForm.enough_points));
   SurfaceAssignment points;
-  AssignPoints(SegmentFrames(spine, 0.0, fit.flattening), r_mm, few, reach_mm, points);
+  AssignPoints(SegmentFrames(spine, 0.0, state.flattening), r_mm, few, reach_mm, points);
+  for (std::size_t k = 0; k < state.bows.size(); ++k) {
+    Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, points.segments[k]);
+  }
   SurfaceForm form;
   std::vector<SegmentForm> segments;
   segments.reserve(spine.segments.size());

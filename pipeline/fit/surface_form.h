@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/fit/bowed_spine.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/tube/measurement.h"
@@ -20,6 +21,9 @@ struct SurfaceForm {
 };
 
 // `tube`: of the fit, with its ends. `noise_mm`: 1 sigma of a point.
+// Straights of a bowed tube are looked at as if they did not bow.
+SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
+                     std::span<const PointBlock> blocks, double reach_mm);
 SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
                      std::span<const PointBlock> blocks, double reach_mm);
 

@@ -199,7 +199,12 @@ RealResult Measure(std::uint64_t seed, const RealRun& run) {
       std::cout << "found " << Describe(measured->tube.program) << "\nsigma "
                 << Describe(measured->sigma) << "\npipe radius " << measured->tube.pipe_radius_mm
                 << " +- " << measured->pipe_radius_sigma_mm << ", noise " << measured->noise_mm
-                << ", margin " << measured->structure_margin << '\n';
+                << ", margin " << measured->structure_margin << ", dents " << measured->dents.size()
+                << "\neased over";
+      for (const auto& easing : measured->bend_easings) std::cout << ' ' << easing.length_mm;
+      std::cout << ", bowed by";
+      for (const auto& straight : measured->straights) std::cout << ' ' << straight.height_mm;
+      std::cout << '\n';
       for (const std::string& warning : measured->warnings) std::cout << "- " << warning << '\n';
     }
   }

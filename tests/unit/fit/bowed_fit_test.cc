@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
@@ -11,6 +12,32 @@
 
 namespace bendloop::pipeline {
 namespace {
+
+// A bow of L/300 is ten times the noise here: it must move neither the pipe radius nor the end of a
+// straight, which the samples' spine had not reached.
+TEST(BowedFit, DistancesAreFromTheBowedTube) {
+  std::mt19937_64 random(11);
+  hal::Tube tube = ThreeBends();
+  tube.program.rows[1].length_mm = 150;
+  const auto cloud =
+      tests::ScanRealTube(tube, {.bow = 1.0 / 300}, {.points = 30'000, .noise_mm = 0.02}, random);
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+  hal::Tube seen = tube;
+  seen.program.rows.back().length_mm -= 8;
+  const SurfaceFitOptions options{.reach_mm = 1};
+  SurfaceFit fit = FitSurface(seen, blocks, options);
+  const BowedFit bows = FitBows(blocks, options, fit);
+  EXPECT_NEAR(bows.noise_mm, 0.02, 0.001);
+  EXPECT_NEAR(fit.tube.pipe_radius_mm, 5, 4 * fit.pipe_radius_sigma_mm);
+  EXPECT_LT(fit.pipe_radius_sigma_mm, 0.001);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto &is = fit.tube.program.rows[i], &was = cloud.truth.program.rows[i];
+    EXPECT_NEAR(is.angle_deg, was.angle_deg, 4 * fit.sigma.rows[i].angle_deg);
+    if (i == 0) continue;
+    EXPECT_NEAR(is.rotation_deg, was.rotation_deg, 4 * fit.sigma.rows[i].rotation_deg);
+    EXPECT_NEAR(is.length_mm, was.length_mm, 4 * fit.sigma.rows[i].length_mm);
+  }
+}
 
 // As ends are seen by where points stop, they are left out.
 TEST(BowedFit, RowsOfBowedTubesAreThoseOfTheBestFitLines) {

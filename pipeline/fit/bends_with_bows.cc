@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/bends_with_bows.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "pipeline/fit/easing_fit.h"
+#include "pipeline/fit/place_sums.h"
+#include "pipeline/fit/surface_pass.h"
+#include "pipeline/fit/surface_sums.h"
+#include "pipeline/fit/without_dents.h"
+#include "pipeline/tube/representations.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// By trial where nothing else is said.
+struct ReviseSettings {
+  // [degrees] A machine makes no slighter bend (StructureOptions).
+  double least_deg = 0.5;
+  // Two bends may be one: [of r_P] the straight between them, [degrees] and [sigma] the rotation.
+  double between = 4.0, turned_deg = 3.0, turned_sigmas = 2.0;
+  // [of a straight's length] Bows from which on it may be a slight bend: sold as straight is
+  // L / 300, and one that changes sides on it.
+  double bow = 1.0 / 220.0;
+  // A bend more must explain so many times the logarithm of the points' number, as in the search.
+  double price = 4.0;
+  // So many points tell which is better.
+  std::size_t points = 20'000;
+  int most_changes = 4;
+};
+constexpr ReviseSettings kRevise;
+constexpr double kFar = std::numeric_limits<double>::infinity();
+
+using Corners = std::optional<ControlPolygon>;
+
+// Where the lines from `a` to `b` and from `c` to `d` are nearest to each other.
+Eigen::Vector3d Between(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                        const Eigen::Vector3d& c, const Eigen::Vector3d& d) {
+  const Eigen::Vector3d u = b - a, v = d - c, normal = u.cross(v);
+  const double n2 = std::max(1e-30, normal.squaredNorm());
+  const double s = (c - a).cross(v).dot(normal) / n2, t = (c - a).cross(u).dot(normal) / n2;
+  return 0.5 * (a + s * u + c + t * v);
+}
+
+// `corner`, from 1 on, and the one after it become one.
+Corners Merged(ControlPolygon polygon, std::size_t corner) {
+  auto& points = polygon.points_mm;
+  auto& radii = polygon.bend_radii_mm;
+  points[corner] =
+      Between(points[corner - 1], points[corner], points[corner + 1], points[corner + 2]);
+  points.erase(points.begin() + static_cast<std::ptrdiff_t>(corner) + 1);
+  radii[corner - 1] = std::max(radii[corner - 1].value_or(0.0), radii[corner].value_or(0.0));
+  radii.erase(radii.begin() + static_cast<std::ptrdiff_t>(corner));
+  return polygon;
+}
+
+Corners Without(ControlPolygon polygon, std::size_t corner) {
+  polygon.points_mm.erase(polygon.points_mm.begin() + static_cast<std::ptrdiff_t>(corner));
+  polygon.bend_radii_mm.erase(polygon.bend_radii_mm.begin() + static_cast<std::ptrdiff_t>(corner) -
+                              1);
+  return polygon;
+}
+
+// A straight gets a corner in the middle of its bow.
+Corners Bent(ControlPolygon polygon, std::size_t straight, const hal::SpineSegment& line,
+             const Bow& bow, double radius_mm) {
+  const Eigen::Vector2d off_mm = bow.Beside(0.0) - 0.5 * (bow.Beside(-1.0) + bow.Beside(1.0));
+  const Eigen::Matrix3d axes = line.axes();
+  polygon.points_mm.insert(polygon.points_mm.begin() + static_cast<std::ptrdiff_t>(straight) + 1,
+                           line.PointAt(0.5 * line.length_mm) +
+                               1.3 * (off_mm[0] * axes.col(1) + off_mm[1] * axes.col(2)));
+  polygon.bend_radii_mm.insert(
+      polygon.bend_radii_mm.begin() + static_cast<std::ptrdiff_t>(straight), radius_mm);
+  return polygon;
+}
+
+bool MayBeOne(const SurfaceFit& fit, std::size_t bend) {
+  const hal::BendRow &row = fit.tube.program.rows[bend], &sigma = fit.sigma.rows[bend];
+  return row.length_mm < kRevise.between * fit.tube.pipe_radius_mm &&
+         std::abs(row.rotation_deg) <
+             kRevise.turned_deg + kRevise.turned_sigmas * sigma.rotation_deg;
+}
+
+struct Change {
+  ControlPolygon corners;
+  bool is_certain = false;  // whatever the points say
+};
+
+// What might be there instead, of fewer bends or of more.
+std::vector<Change> Changes(const BowedSolution& now, bool fewer, bool more) {
+  std::vector<Change> changes;
+  const auto polygon = PolygonFromTube(now.fit.tube);
+  if (!polygon) return changes;
+  const auto add = [&changes](Corners corners, bool is_certain) {
+    if (corners) changes.push_back({std::move(*corners), is_certain});
+  };
+  const auto& rows = now.fit.tube.program.rows;
+  for (std::size_t i = 0; fewer && i + 1 < rows.size(); ++i) {
+    if (rows[i].angle_deg < kRevise.least_deg) add(Without(*polygon, i + 1), true);
+    if (i > 0 && MayBeOne(now.fit, i)) add(Merged(*polygon, i), false);
+  }
+  const EasedSpine spine = SpineOf(now.bows.state);
+  double radius_mm = kFar;
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    radius_mm = std::min(radius_mm, rows[i].bend_radius_mm.value_or(kFar));
+  }
+  for (std::size_t k = 0; more && k < now.bows.state.bows.size(); ++k) {
+    const Bow& bow = now.bows.state.bows[k];
+    const double height_mm = 1.5 * bow.modes_mm.head<2>().norm();
+    if (bow.is_none() || height_mm < kRevise.bow * spine.segments[k].length_mm) continue;
+    add(Bent(*polygon, spine.row(k), spine.segments[k], bow, radius_mm), false);
+  }
+  return changes;
+}
+
+double CostOf(const BowedTubeState& state, std::span<const PointBlock> blocks, double reach_mm,
+              double sigma_mm) {
+  const double r_mm = state.tube.pipe_radius_mm;
+  const EasedSpine spine = SpineOf(state);
+  SurfaceAssignment points;
+  AssignPoints(SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm, blocks, reach_mm,
+               points);
+  double cost = static_cast<double>(points.total - points.distances_mm.size()) *
+                RobustSum(reach_mm, sigma_mm);
+  for (std::size_t k = 0; k < points.segments.size(); ++k) {
+    SegmentPoints& of = points.segments[k];
+    if (k < state.bows.size()) Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, of);
+    cost += RobustSum(std::span(of.distance.data(), of.size), sigma_mm);
+  }
+  return cost;
+}
+
+BowedSolution Solved(const ControlPolygon& corners, std::span<const PointBlock> blocks,
+                     SurfaceFitOptions options, double pipe_radius_mm) {
+  auto tube = TubeFromPolygon(corners);
+  if (!tube) return {};
+  tube->pipe_radius_mm = pipe_radius_mm;
+  SurfaceFit start;
+  start.tube = *tube;
+  options.easing = FindEasing(start, blocks, options);
+  return SolveWithBows(*tube, blocks, options);
+}
+
+// How much better the points, and the number of bends, speak for `a` [twice the logarithm of the
+// odds].
+double Advantage(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
+                 double reach_mm) {
+  const OwnedBlocks points =
+      Thinned(a.undented ? *a.undented : blocks,
+              StrideTo(CountPoints(a.undented ? *a.undented : blocks), kRevise.points));
+  const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
+  const double gain = CostOf(b.bows.state, points, reach_mm, sigma_mm) -
+                      CostOf(a.bows.state, points, reach_mm, sigma_mm);
+  const double more = static_cast<double>(a.fit.tube.program.bend_count()) -
+                      static_cast<double>(b.fit.tube.program.bend_count());
+  const double worth = std::max(1.0, std::max(a.bows.worth, b.bows.worth));
+  return gain / worth - more * kRevise.price * std::log(static_cast<double>(points.point_count()));
+}
+
+}  // namespace
+
+BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
+                            const SurfaceFitOptions& options) {
+  BowedSolution solution{FitSurface(start, blocks, options), {}, std::nullopt};
+  solution.bows = FitBows(blocks, options, solution.fit);
+  if (!solution.bows.is_pulled_aside) return solution;
+  solution.undented =
+      WithoutDents(solution.bows.state, solution.bows.noise_mm, blocks, options.reach_mm);
+  if (!solution.undented) return solution;
+  SurfaceFitOptions from_there = options;
+  from_there.easing = solution.fit.easing;
+  solution.fit = FitSurface(start, *solution.undented, from_there);
+  solution.bows = FitBows(*solution.undented, from_there, solution.fit);
+  return solution;
+}
+
+double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+                   std::optional<std::size_t> nominal_bends, BowedSolution& solution) {
+  double margin = kFar;
+  for (int i = 0; i < kRevise.most_changes; ++i) {
+    const std::size_t bends = solution.fit.tube.program.bend_count();
+    bool is_changed = false;
+    for (const Change& change : Changes(solution, !nominal_bends || bends > *nominal_bends,
+                                        !nominal_bends || bends < *nominal_bends)) {
+      BowedSolution other =
+          Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
+      if (other.fit.points == 0) continue;
+      const double advantage = Advantage(other, solution, blocks, options.reach_mm);
+      if (!std::isfinite(advantage)) continue;
+      margin = std::min(margin, std::abs(advantage));
+      if (advantage < 0 && !change.is_certain) continue;
+      solution = std::move(other);
+      is_changed = true;
+      break;
+    }
+    if (!is_changed) break;
+  }
+  return margin;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+
+#include "pipeline/fit/bowed_fit.h"
+#include "pipeline/fit/surface_fit.h"
+#include "pipeline/fit/surface_points.h"
+
+namespace bendloop::pipeline {
+
+// A tube with its bows, fitted to all points but those of dents.
+struct BowedSolution {
+  SurfaceFit fit;
+  BowedFit bows;
+  std::optional<OwnedBlocks> undented;  // none: there are no dents
+};
+BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
+                            const SurfaceFitOptions& options);
+
+// Bends are found as if straights were straight, and dents no dents: now and then one stands in for
+// those, or a bow of what no bender leaves stands in for a slight bend. Once both are fitted that
+// shows: two bends with nothing between them become one, one that no machine makes none, such a bow
+// a bend, where the points are explained as well. `nominal_bends`: more or fewer are tried only
+// towards it. By how much the next best was worse [twice the logarithm of the odds]; none was
+// tried: infinite.
+double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+                   std::optional<std::size_t> nominal_bends, BowedSolution& solution);
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/without_dents.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <vector>
+
+#include "pipeline/fit/surface_form.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct DentSettings {
+  // [of the noise] So deep the surface may still be where points begin to count again: a hundred of
+  // them together do not feel it.
+  double rim = 0.15;
+  // [of r_P] Of the circle that is left out: half the turn at most, and more than the cells that
+  // dents are found in (surface_form.cc) blur.
+  double least = 1.2, most = 3.0;
+  // [of the points] With more left out too little of the tube would be left.
+  double most_points = 0.25;
+  // [of r_P] So far from the surface a point may belong to a dent.
+  double deep = 0.5;
+};
+constexpr DentSettings kDents;
+
+constexpr double kHalfWidth = 1.1774;  // [standard deviations] where a Gaussian is half as high
+
+// Where a point lies on the tube.
+struct SurfacePlace {
+  double along_mm = 0;  // of the spine
+  Eigen::Vector3d tangent, outward;
+  double distance_mm = 0;  // from the spine
+};
+
+// A circle on the surface, unrolled about its middle.
+struct DentCircle {
+  Eigen::Vector3d middle_mm;
+  SurfacePlace middle;
+  double radius_mm;
+
+  bool Has(const SurfacePlace& place, double pipe_radius_mm) const {
+    if (std::abs(place.distance_mm - pipe_radius_mm) > kDents.deep * pipe_radius_mm) return false;
+    const auto back = Eigen::Quaterniond::FromTwoVectors(place.tangent, middle.tangent);
+    const Eigen::Vector3d out = back * place.outward;
+    const double around = std::atan2(out.cross(middle.outward).norm(), out.dot(middle.outward));
+    return std::hypot(place.along_mm - middle.along_mm, pipe_radius_mm * around) < radius_mm;
+  }
+};
+
+class Spine {
+ public:
+  explicit Spine(const BowedTubeState& state)
+      : spine_(SpineOf(state)),
+        frames_(SegmentFrames(spine_, kBeyond * state.tube.pipe_radius_mm, state.flattening)),
+        all_(frames_.size()) {
+    std::iota(all_.begin(), all_.end(), 0);
+  }
+  std::optional<SurfacePlace> PlaceOf(const Eigen::Vector3d& point) const {
+    const SpineFoot foot = NearestFoot(point, spine_.segments, frames_, all_);
+    if (foot.segment < 0) return std::nullopt;
+    const hal::SpineSegment& segment = spine_.segments[static_cast<std::size_t>(foot.segment)];
+    const Eigen::Vector3d out = point - segment.PointAt(foot.along_mm);
+    return SurfacePlace{segment.from_start_mm + foot.along_mm, segment.TangentAt(foot.along_mm),
+                        out.normalized(), foot.distance_mm};
+  }
+
+ private:
+  EasedSpine spine_;
+  std::vector<SegmentFrame> frames_;
+  std::vector<std::int32_t> all_;
+};
+
+std::vector<DentCircle> CirclesOf(const std::vector<DentFound>& dents, const Spine& spine,
+                                  double noise_mm, double pipe_radius_mm) {
+  std::vector<DentCircle> circles;
+  for (const DentFound& dent : dents) {
+    const auto place = spine.PlaceOf(dent.position_mm);
+    if (!place) continue;
+    const double width_mm = 0.5 * dent.size_mm / kHalfWidth;
+    const double rim = std::max(1.0, dent.depth_mm / (kDents.rim * noise_mm));
+    circles.push_back({dent.position_mm, *place,
+                       std::clamp(width_mm * std::sqrt(2.0 * std::log(rim)),
+                                  kDents.least * pipe_radius_mm, kDents.most * pipe_radius_mm)});
+  }
+  return circles;
+}
+
+}  // namespace
+
+std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double noise_mm,
+                                        std::span<const PointBlock> blocks, double reach_mm) {
+  const SurfaceForm form = FindForm(state, noise_mm, blocks, reach_mm);
+  if (form.dents.empty()) return std::nullopt;
+  const double r_mm = state.tube.pipe_radius_mm;
+  const Spine spine(state);
+  const std::vector<DentCircle> circles = CirclesOf(form.dents, spine, noise_mm, r_mm);
+  const auto is_dented = [&](const Eigen::Vector3d& point) {
+    std::optional<SurfacePlace> place;
+    for (const DentCircle& circle : circles) {
+      const double near_mm = circle.radius_mm + r_mm;
+      if ((point - circle.middle_mm).squaredNorm() > near_mm * near_mm) continue;
+      if (!place) place = spine.PlaceOf(point);
+      if (place && circle.Has(*place, r_mm)) return true;
+    }
+    return false;
+  };
+  const std::size_t points = CountPoints(blocks);
+  OwnedBlocks left(points, AreWeighted(blocks));
+  for (const PointBlock& block : blocks) {
+    left.Begin(block.center_mm, block.half_diagonal_mm);
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
+      if (!is_dented(block.points[i])) left.Add(block, i);
+    }
+  }
+  const auto out = static_cast<double>(points - left.point_count());
+  if (out > kDents.most_points * static_cast<double>(points)) return std::nullopt;
+  return left;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/without_dents.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "pipeline/fit/bowed_fit.h"
+#include "tests/support/real_tube.h"
+#include "tests/unit/fit/three_bends.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr double kReachMm = 1.0;
+
+TEST(WithoutDents, SlopesOfDentsPullNothing) {
+  for (const double along : {0.2, 0.33, 0.5}) {
+    SCOPED_TRACE(along);
+    std::mt19937_64 random(5);
+    const tests::Form form{.dents = {{.along = along, .around_rad = 1.0, .depth_r = 0.15}}};
+    const auto cloud = tests::ScanRealTube(ThreeBends(), form, {.noise_mm = 0.02}, random);
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+    SurfaceFitOptions options{.reach_mm = kReachMm};
+    SurfaceFit dented = FitSurface(ThreeBends(), blocks, options);
+    const BowedFit bows = FitBows(blocks, options, dented);
+    EXPECT_TRUE(bows.is_pulled_aside);
+    const auto left = WithoutDents(bows.state, bows.noise_mm, blocks, kReachMm);
+    ASSERT_TRUE(left);
+    EXPECT_GT(left->point_count(), cloud.points_W.size() * 85 / 100);
+    SurfaceFit fit = FitSurface(ThreeBends(), *left, options);
+    FitBows(*left, options, fit);
+    EXPECT_NEAR(fit.tube.pipe_radius_mm, 5, 4 * fit.pipe_radius_sigma_mm);
+    EXPECT_LT(fit.pipe_radius_sigma_mm, 0.002);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto &is = fit.tube.program.rows[i], &was = cloud.truth.program.rows[i];
+      EXPECT_NEAR(is.angle_deg, was.angle_deg, 4 * fit.sigma.rows[i].angle_deg);
+      EXPECT_LT(fit.sigma.rows[i].angle_deg, 0.03);
+    }
+  }
+}
+
+TEST(WithoutDents, ATubeWithoutThemKeepsItsPoints) {
+  std::mt19937_64 random(7);
+  const auto cloud = tests::ScanRealTube(ThreeBends(), {}, {}, random);
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+  const SurfaceFitOptions options{.reach_mm = kReachMm};
+  SurfaceFit fit = FitSurface(ThreeBends(), blocks, options);
+  const BowedFit bows = FitBows(blocks, options, fit);
+  EXPECT_FALSE(bows.is_pulled_aside);
+  EXPECT_FALSE(WithoutDents(bows.state, bows.noise_mm, blocks, kReachMm));
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
