@@ -96,7 +96,7 @@ class LoadCell {
         cell_(cell),
         plan_(std::move(plan)),
         store_(std::move(store)),
-        keeper_(store_, cell.record.directory, plan_, alarms_) {
+        keeper_(store_, cell_, plan_, alarms_) {
     for (const double off_deg : {kBentOffDeg, -kBentOffDeg}) {
       hal::Tube tube{plan_.pipe_radius_mm, plan_.nominal, {}};
       for (auto& row : tube.program.rows) {
