@@ -66,10 +66,10 @@ Result<void> UsbCarrier::Open() {
   if (!opened) return Fail(opened.error());
   serial_ = std::move(*opened);
   Filled old;
-  while (filled_.try_dequeue(old)) {
+  while (filled_.TryTake(old)) {
   }
   std::uint32_t index = 0;
-  while (returned_.try_dequeue(index)) {
+  while (returned_.TryTake(index)) {
   }
   while (request_ended_.try_acquire()) {
   }
@@ -120,16 +120,12 @@ Result<void> UsbCarrier::Send(std::span<const std::uint8_t> bytes, nanoseconds t
 
 Result<bool> UsbCarrier::Receive(WireDecoder& decoder, nanoseconds timeout) {
   if (reading_) {
-    returned_.try_enqueue(*reading_);  // never full: there is room for all
+    returned_.TryPut(*reading_);  // never full: there is room for all
     reading_.reset();
     port_->Wake();
   }
   Filled filled;
-  const auto wait = std::chrono::duration_cast<std::chrono::microseconds>(timeout);
-  if (!filled_.try_dequeue(filled) &&
-      (wait.count() <= 0 || !filled_.wait_dequeue_timed(filled, wait))) {
-    return false;
-  }
+  if (!filled_.TakeWithin(filled, timeout)) return false;
   if (filled.fault != Fault::kNone) return Fail(Failure(filled.fault));
   reading_ = filled.transfer;
   decoder.Feed(port_->Buffer(filled.transfer).first(filled.bytes));
@@ -148,7 +144,7 @@ void UsbCarrier::Pump() {
         Ended(*completion);
       }
     }
-    for (std::uint32_t index = 0; returned_.try_dequeue(index);) Submit(index);
+    for (std::uint32_t index = 0; returned_.TryTake(index);) Submit(index);
     if (halted_ && in_flight_ == 0 && clock.Now() >= recover_at_) Recover();
     if (request_state_ == Request::kPosted) {
       request_state_ = Request::kSending;
@@ -172,8 +168,8 @@ void UsbCarrier::Submit(std::uint32_t transfer) {
 
 void UsbCarrier::Deliver(const UsbCompletion& completion) {
   transfers_.fetch_add(1, std::memory_order_relaxed);
-  filled_.try_enqueue({static_cast<std::uint32_t>(completion.transfer),
-                       static_cast<std::uint32_t>(completion.bytes), Fault::kNone});
+  filled_.TryPut({static_cast<std::uint32_t>(completion.transfer),
+                  static_cast<std::uint32_t>(completion.bytes), Fault::kNone});
 }
 
 // All that is in flight may end so; it is one failure, mended when nothing is in flight any more.
@@ -223,7 +219,7 @@ void UsbCarrier::Break(Fault fault) {
   if (broken_) return;
   broken_ = true;
   port_->CancelIn();
-  filled_.try_enqueue({0, 0, fault});
+  filled_.TryPut({0, 0, fault});
 }
 
 }  // namespace bendloop::drivers

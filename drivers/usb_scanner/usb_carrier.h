@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <readerwriterqueue/readerwritercircularbuffer.h>
-
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -17,6 +15,7 @@
 #include "drivers/scanner_wire/byte_carrier.h"
 #include "drivers/usb_scanner/usb_port.h"
 #include "drivers/usb_scanner/usb_scanner.h"
+#include "hal/bounded_queue.h"
 
 namespace bendloop::drivers {
 
@@ -47,7 +46,7 @@ class UsbCarrier final : public ByteCarrier {
     Fault fault = Fault::kNone;
   };
   template <class T>
-  using Queue = moodycamel::BlockingReaderWriterCircularBuffer<T>;
+  using Queue = hal::BoundedQueue<T>;
 
   static constexpr std::size_t kMostRequestBytes = 256;
 

@@ -17,7 +17,7 @@ ProfileRing::ProfileRing(std::size_t slots, std::size_t max_points)
     slots_.back().profile.intensity.resize(max_points);
     slots_.back().profile.points.clear();
     slots_.back().profile.intensity.clear();
-    if (i > 0) free_.try_enqueue(static_cast<std::uint32_t>(i));
+    if (i > 0) free_.TryPut(static_cast<std::uint32_t>(i));
   }
 }
 
@@ -25,30 +25,30 @@ bool ProfileRing::TryPublish() {
   const bool is_profile = Writing().kind == SlotKind::kProfile;
   if (is_profile && free_.size_approx() <= kEventReserve) return false;
   std::uint32_t next = 0;
-  if (!free_.try_dequeue(next)) return false;
-  filled_.try_enqueue(writing_);  // never full: it has room for every slot but the writer's
+  if (!free_.TryTake(next)) return false;
+  filled_.TryPut(writing_);  // never full: it has room for every slot but the writer's
   writing_ = next;
   return true;
 }
 
 bool ProfileRing::PublishWithin(std::chrono::microseconds timeout) {
   std::uint32_t next = 0;
-  if (!free_.wait_dequeue_timed(next, timeout)) return false;
-  filled_.try_enqueue(writing_);
+  if (!free_.TakeWithin(next, timeout)) return false;
+  filled_.TryPut(writing_);
   writing_ = next;
   return true;
 }
 
 Slot* ProfileRing::TakeWithin(std::chrono::microseconds timeout) {
   std::uint32_t index = 0;
-  if (!filled_.wait_dequeue_timed(index, timeout)) return nullptr;
+  if (!filled_.TakeWithin(index, timeout)) return nullptr;
   reading_ = index;
   return &slots_[index];
 }
 
 void ProfileRing::Release() {
   if (reading_ == kNone) return;
-  free_.try_enqueue(reading_);
+  free_.TryPut(reading_);
   reading_ = kNone;
 }
 

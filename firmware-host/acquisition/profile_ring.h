@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <readerwriterqueue/readerwritercircularbuffer.h>
-
 #include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
+#include "hal/bounded_queue.h"
 #include "hal/laser_profile.h"
 #include "hal/scan_event.h"
 
@@ -57,7 +56,7 @@ class ProfileRing {
   std::size_t capacity() const { return slots_.size() - 1; }
 
  private:
-  using Indices = moodycamel::BlockingReaderWriterCircularBuffer<std::uint32_t>;
+  using Indices = hal::BoundedQueue<std::uint32_t>;
   static constexpr std::uint32_t kNone = ~0u;
 
   std::vector<Slot> slots_;

@@ -3,6 +3,7 @@
 
 #include <dlfcn.h>
 #include <pthread.h>
+#include <semaphore.h>
 
 #include <cstdlib>
 
@@ -19,6 +20,7 @@ namespace {
 thread_local bool g_watching = false;
 thread_local std::uint64_t g_allocations = 0;
 thread_local std::uint64_t g_locks = 0;
+thread_local std::uint64_t g_wall_clock_waits = 0;
 
 }  // namespace
 
@@ -57,6 +59,12 @@ int pthread_rwlock_wrlock(pthread_rwlock_t* lock) noexcept {
   if (g_watching) ++g_locks;
   return real(lock);
 }
+int sem_timedwait(sem_t* semaphore, const timespec* until) {
+  using Function = int (*)(sem_t*, const timespec*);
+  static const auto real = reinterpret_cast<Function>(dlsym(RTLD_NEXT, "sem_timedwait"));
+  if (g_watching) ++g_wall_clock_waits;
+  return real(semaphore, until);
+}
 }
 #endif
 
@@ -65,12 +73,14 @@ namespace bendloop::test {
 CallGuard::CallGuard() {
   g_allocations = 0;
   g_locks = 0;
+  g_wall_clock_waits = 0;
   g_watching = true;
 }
 CallGuard::~CallGuard() { g_watching = false; }
 
 std::uint64_t CallGuard::allocations() { return g_allocations; }
 std::uint64_t CallGuard::locks() { return g_locks; }
+std::uint64_t CallGuard::wall_clock_waits() { return g_wall_clock_waits; }
 
 bool CallGuard::works() {
 #ifdef BENDLOOP_SANITIZED

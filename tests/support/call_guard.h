@@ -12,8 +12,9 @@ class CallGuard {
   CallGuard();
   ~CallGuard();
 
-  static std::uint64_t allocations();  // malloc, calloc, realloc, aligned_alloc, operator new
-  static std::uint64_t locks();        // pthread_mutex_lock, rwlocks
+  static std::uint64_t allocations();       // malloc, calloc, realloc, aligned_alloc, operator new
+  static std::uint64_t locks();             // pthread_mutex_lock, rwlocks
+  static std::uint64_t wall_clock_waits();  // sem_timedwait
   // False in builds whose sanitizer owns malloc.
   static bool works();
 };

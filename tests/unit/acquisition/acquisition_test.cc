@@ -227,6 +227,18 @@ TEST(AcquisitionLoop, TheGuardSeesAllocationsAndLocks) {
   EXPECT_EQ(CallGuard::locks(), 1u);
 }
 
+// One that goes by the wall clock hangs for a year when somebody sets it back by a year.
+TEST(ProfileRing, WaitsByAClockThatNobodySets) {
+  if (!CallGuard::works()) GTEST_SKIP() << "the sanitizer stands before the C library";
+  ProfileRing ring(2, 1);
+  const CallGuard guard;
+  EXPECT_EQ(ring.TakeWithin(1ms), nullptr);
+  while (ring.PublishWithin(1ms)) {
+  }
+  EXPECT_NE(ring.TakeWithin(1ms), nullptr);
+  EXPECT_EQ(CallGuard::wall_clock_waits(), 0u);
+}
+
 TEST(Realtime, IsAskedForOnlyWhenConfigured) {
   const auto note = ApplyRealtime({});
   ASSERT_TRUE(note);
