@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-#include "firmware-host/cad/free_surface.h"
+#include "firmware-host/cad/near_surface.h"
 #include "firmware-host/cad/tube_piece.h"
 
 namespace bendloop::host {
@@ -29,7 +29,7 @@ struct LooseEnd {
 };
 
 void AddSurfaceEnds(CadBody& body, std::size_t index, std::vector<LooseEnd>& ends) {
-  for (SurfacePatch& patch : body.patches) RecogniseFreeSurface(patch);
+  RecogniseFreeSurfaces(body);
   for (const TubePiece& piece : PiecesOf(body)) {
     if (piece.is_ring() || piece.around_deg() < kFewestAroundDeg) continue;
     for (const double along : {piece.from, piece.to}) {
@@ -98,6 +98,7 @@ void Append(CadBody& to, CadBody&& from) {
     to.edges.push_back(std::move(edge));
   }
   to.faces += from.faces;
+  to.recognised = to.recognised && from.recognised;
   std::move(from.curves.begin(), from.curves.end(), std::back_inserter(to.curves));
   if (to.kind != from.kind) to.kind = BodyKind::kSurface;
 }

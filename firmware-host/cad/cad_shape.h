@@ -30,6 +30,9 @@ struct SurfacePatch {
   double u0 = 0, u1 = 0, v0 = 0, v1 = 0;
   bool concave = false;                // the material is outside of the cylinder or torus
   std::vector<OrientedPoint> samples;  // of a free one
+  // Of a free one: which of its face's pieces it is, counted along the surface's two parameters.
+  int cell_u = 0, cell_v = 0;
+  double off_mm = 0;  // of a free one that was taken for a cylinder or torus: its farthest sample
 };
 
 // An edge of a face; a seam, where a face meets itself, is none.
@@ -45,7 +48,8 @@ struct CadBody {
   std::string name;
   BodyKind kind = BodyKind::kSolid;
   int faces = 0;
-  int joined = 1;  // of so many bodies of the file (body_join.h)
+  int joined = 1;           // of so many bodies of the file (body_join.h)
+  bool recognised = false;  // its free surfaces have been looked at (near_surface.h)
   std::vector<SurfacePatch> patches;
   std::vector<FaceEdge> edges;
   std::vector<std::vector<Eigen::Vector3d>> curves;  // of a wire, each smooth
@@ -53,6 +57,7 @@ struct CadBody {
 
 struct CadShape {
   std::string format;
+  bool names_unit = true;  // of length; OpenCASCADE takes mm where a file names none
   std::vector<CadBody> bodies;
 };
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware-host/cad/one_tube.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -78,6 +80,7 @@ std::vector<CadTube> TubesOf(CadShape& shape) {
   const auto is_ring = [](const CadTube& tube) { return tube.is_ring; };
   // Beside a tube they are seals and beads.
   if (!std::all_of(tubes.begin(), tubes.end(), is_ring)) std::erase_if(tubes, is_ring);
+  TakeInnerBodies(tubes);
   return tubes;
 }
 

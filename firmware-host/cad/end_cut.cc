@@ -14,8 +14,8 @@ namespace {
 using Eigen::Vector3d;
 // Of the sectors around an axis that an end's edge covers.
 constexpr std::size_t kAllAround = 64;
-// Below this an end counts as square [deg]: what rounded coordinates make of a square one.
-constexpr double kSquareDeg = 0.005;
+// Below this an end counts as square [deg]: what coordinates of 5 digits make of a square one.
+constexpr double kSquareDeg = 0.02;
 
 struct Frame {
   Vector3d origin, along, x, y;

@@ -66,7 +66,10 @@ double ShareConcave(const SurfacePatch& patch, const auto& inside_of) {
   return concave / double(patch.samples.size());
 }
 
-bool BecomeCylinder(SurfacePatch& patch, const Vector3d& axis, const Vector3d& mean) {
+}  // namespace
+
+bool BecomeCylinder(SurfacePatch& patch, const Vector3d& axis, const Vector3d& mean,
+                    SurfaceLimit limit) {
   const Vector3d x = AnyAcross(axis), y = axis.cross(x);
   std::vector<Eigen::Vector2d> flat;
   for (const OrientedPoint& s : patch.samples) {
@@ -75,16 +78,18 @@ bool BecomeCylinder(SurfacePatch& patch, const Vector3d& axis, const Vector3d& m
   const auto circle = FitCircle(flat);
   if (!circle) return false;
   std::vector<double> angles;
-  double low = INFINITY, high = -INFINITY;
+  double low = INFINITY, high = -INFINITY, off = 0;
   for (std::size_t i = 0; i < flat.size(); ++i) {
     const Eigen::Vector2d d = flat[i] - circle->centre;
-    if (std::abs(d.norm() - circle->radius) > kExactSurfaceMm) return false;
+    off = std::max(off, std::abs(d.norm() - circle->radius));
+    if (off > limit(circle->radius)) return false;
     angles.push_back(std::atan2(d.y(), d.x()));
     const double along = (patch.samples[i].point - mean).dot(axis);
     low = std::min(low, along);
     high = std::max(high, along);
   }
   patch.kind = PatchKind::kCylinder;
+  patch.off_mm = off;
   patch.origin = mean + circle->centre.x() * x + circle->centre.y() * y;
   patch.axis = axis;
   patch.x = x;
@@ -99,8 +104,8 @@ bool BecomeCylinder(SurfacePatch& patch, const Vector3d& axis, const Vector3d& m
   return true;
 }
 
-// `at` on the axis of revolution.
-bool BecomeTorus(SurfacePatch& patch, const Vector3d& axis, const Vector3d& at) {
+bool BecomeTorus(SurfacePatch& patch, const Vector3d& axis, const Vector3d& at,
+                 SurfaceLimit limit) {
   std::vector<Eigen::Vector2d> profile;  // distance from the axis, height along it
   for (const OrientedPoint& s : patch.samples) {
     const Vector3d d = s.point - at;
@@ -112,14 +117,17 @@ bool BecomeTorus(SurfacePatch& patch, const Vector3d& axis, const Vector3d& at) 
   const Vector3d centre = at + circle->centre.y() * axis;
   const Vector3d x = AnyAcross(axis), y = axis.cross(x);
   std::vector<double> sweep, around;
+  double off = 0;
   for (std::size_t i = 0; i < profile.size(); ++i) {
     const Eigen::Vector2d d = profile[i] - circle->centre;
-    if (std::abs(d.norm() - circle->radius) > kExactSurfaceMm) return false;
+    off = std::max(off, std::abs(d.norm() - circle->radius));
+    if (off > limit(circle->radius)) return false;
     const Vector3d p = patch.samples[i].point - centre;
     sweep.push_back(std::atan2(p.dot(y), p.dot(x)));
     around.push_back(std::atan2(d.y(), d.x()));
   }
   patch.kind = PatchKind::kTorus;
+  patch.off_mm = off;
   patch.origin = centre;
   patch.axis = axis;
   patch.x = x;
@@ -135,39 +143,54 @@ bool BecomeTorus(SurfacePatch& patch, const Vector3d& axis, const Vector3d& at) 
   return true;
 }
 
-}  // namespace
-
-void RecogniseFreeSurface(SurfacePatch& patch) {
-  if (patch.kind != PatchKind::kFree || patch.samples.size() < kFewestSamples) return;
-  Vector3d mean = Vector3d::Zero();
+SurfaceGuess GuessSurface(const SurfacePatch& patch) {
+  SurfaceGuess guess;
+  guess.mean = Vector3d::Zero();
   Eigen::Matrix3d normals = Eigen::Matrix3d::Zero();
   for (const OrientedPoint& s : patch.samples) {
-    mean += s.point;
+    guess.mean += s.point;
     normals += s.normal * s.normal.transpose();
   }
   const double count = double(patch.samples.size());
-  mean /= count;
+  guess.mean /= count;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spread(normals / count);
-  if (spread.eigenvalues()(1) < kFlatNormals) return;  // a plane
-  if (spread.eigenvalues()(0) < kFlatNormals &&
-      BecomeCylinder(patch, spread.eigenvectors().col(0), mean)) {
-    return;
+  guess.across = spread.eigenvalues()(0);
+  guess.is_plane = spread.eigenvalues()(1) < kFlatNormals;
+  guess.cylinder_axis = spread.eigenvectors().col(0);
+  for (const OrientedPoint& s : patch.samples) {
+    guess.size_mm = std::max(guess.size_mm, (s.point - guess.mean).norm());
   }
-  double size = 0;
-  for (const OrientedPoint& s : patch.samples) size = std::max(size, (s.point - mean).norm());
-  if (!(size > 0)) return;
+  if (!(guess.size_mm > 0)) guess.is_plane = true;
+  if (guess.is_plane) return guess;
   // A line (d, m) meets the normal line (n, p x n) where d (p x n) + m n = 0; scaled to size 1.
   Eigen::Matrix<double, 6, 6> lines = Eigen::Matrix<double, 6, 6>::Zero();
   for (const OrientedPoint& s : patch.samples) {
     Eigen::Matrix<double, 6, 1> line;
-    line << ((s.point - mean) / size).cross(s.normal), s.normal;
+    line << ((s.point - guess.mean) / guess.size_mm).cross(s.normal), s.normal;
     lines += line * line.transpose();
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(lines / count);
   const Vector3d d = solver.eigenvectors().col(0).head<3>();
   const Vector3d m = solver.eigenvectors().col(0).tail<3>();
-  if (d.norm() < 1e-6) return;
-  BecomeTorus(patch, d.normalized(), mean + size * d.cross(m) / d.squaredNorm());
+  if (d.norm() < 1e-6) return guess;
+  guess.has_revolution = true;
+  guess.revolution_axis = d.normalized();
+  guess.on_revolution_axis = guess.mean + guess.size_mm * d.cross(m) / d.squaredNorm();
+  return guess;
+}
+
+void RecogniseFreeSurface(SurfacePatch& patch) {
+  if (patch.kind != PatchKind::kFree || patch.samples.size() < kFewestSamples) return;
+  const SurfaceGuess guess = GuessSurface(patch);
+  if (guess.is_plane) return;
+  const auto exact = [](double) { return kExactSurfaceMm; };
+  if (guess.across < kFlatNormals &&
+      BecomeCylinder(patch, guess.cylinder_axis, guess.mean, exact)) {
+    return;
+  }
+  if (guess.has_revolution) {
+    BecomeTorus(patch, guess.revolution_axis, guess.on_revolution_axis, exact);
+  }
 }
 
 }  // namespace bendloop::host

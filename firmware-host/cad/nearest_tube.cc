@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 
 #include "hal/clock.h"
 #include "pipeline/reconstruction.h"
@@ -16,6 +17,8 @@ using Eigen::Vector3d;
 constexpr int kAlong = 120, kAroundSamples = 36;
 // Of a patch's samples, so many are asked whether its others lie behind them.
 constexpr std::size_t kAsked = 200;
+// Where a hose bends on and on, arcs nearest to it may overlap by so many pipe radii: they meet.
+constexpr double kMostOverlapRadii = 0.1;
 
 // A tube's outer surface is convex across: seen from a sample, its neighbours lie behind it.
 bool IsOuter(const SurfacePatch& patch) {
@@ -64,6 +67,20 @@ std::vector<Vector3d> OuterPoints(const CadBody& body, double pipe_radius_mm) {
   return points;
 }
 
+// Arcs that overlap by less than `most_mm` meet; at an end, where a part has a straight, the arc
+// ends so much earlier. The developed length stays.
+void SeparateArcs(std::vector<hal::BendRow>& rows, double most_mm) {
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const bool last = i + 1 == rows.size();
+    const double least = i == 0 || last ? most_mm : 0;
+    const double need = least - rows[i].length_mm;
+    if (rows.size() < 2 || need <= 0 || rows[i].length_mm < -most_mm) continue;
+    hal::BendRow& bend = rows[last ? i - 1 : i];
+    rows[i].length_mm = least;
+    if (bend.bend_radius_mm) bend.angle_deg -= need / *bend.bend_radius_mm * 180 / std::numbers::pi;
+  }
+}
+
 }  // namespace
 
 hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
@@ -81,6 +98,7 @@ hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
   tube.openings.clear();
   tube.openings_reversed.clear();
   tube.pipe_radius_mm = measured->tube.pipe_radius_mm;
+  SeparateArcs(measured->tube.program.rows, kMostOverlapRadii * tube.pipe_radius_mm);
   tube.spine = SpineOf(measured->tube);
   char text[160];
   std::snprintf(

@@ -8,6 +8,7 @@
 #include <optional>
 #include <ostream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "firmware-host/cad/cad_helper.h"
 #include "firmware-host/cad/nearest_tube.h"
 #include "firmware-host/cad/nominal_text.h"
+#include "firmware-host/cad/one_tube.h"
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/output_file.h"
@@ -47,6 +49,45 @@ struct NominalArguments {
   bool nearest = false;
 };
 
+// What a file is that is no STEP and no IGES, with the mend; empty: it may be one of them.
+std::string ForeignKind(std::string_view text) {
+  struct Kind {
+    std::string_view starts, what;
+  };
+  static constexpr Kind kKinds[] = {
+      {"PK\x03\x04", "is a ZIP archive (STEP in ZIP is often called .stpz): unpack it first"},
+      {"\x1f\x8b", "is compressed by gzip: unpack it first (gunzip)"},
+      {"\xd0\xcf\x11\xe0", "is a document of a CAD system itself: save it there as STEP AP214"},
+      {"solid ", "is an STL mesh: of a mesh, `bendloop reconstruct` measures the points"},
+      {"glTF", "is a glTF mesh, not a CAD body: save the part as STEP AP214"},
+      {"<?xml", "is XML: save the part as STEP AP214 (part 21, text)"},
+      {"%PDF", "is a PDF: save the part as STEP AP214"},
+      {"AC10", "is an AutoCAD drawing (DWG): save the part as STEP AP214"},
+  };
+  for (const Kind& kind : kKinds) {
+    if (text.starts_with(kind.starts)) return std::string(kind.what);
+  }
+  return "";
+}
+
+// Whether a STEP file says what its lengths are counted in.
+bool NamesUnit(std::string_view text) {
+  constexpr std::string_view kLength = "LENGTH_UNIT";
+  if (text.find("ISO-10303-21") == std::string_view::npos) return true;  // IGES has always one
+  if (text.find("GLOBAL_UNIT_ASSIGNED_CONTEXT") == std::string_view::npos) return false;
+  for (std::size_t at = text.find(kLength); at != std::string_view::npos;
+       at = text.find(kLength, at + kLength.size())) {
+    const std::size_t from = text.rfind('=', at), to = text.find(';', at);
+    if (from == std::string_view::npos || to == std::string_view::npos) continue;
+    const std::string_view entity = text.substr(from, to - from);
+    if (entity.find("SI_UNIT") != std::string_view::npos ||
+        entity.find("CONVERSION_BASED_UNIT") != std::string_view::npos) {
+      return true;
+    }
+  }
+  return false;
+}
+
 // `step_mm`: how densely free surfaces are sampled; 0: enough to see what they are.
 hal::Result<CadShape> LoadShape(const std::string& file, double step_mm = 0) {
   // Said here in plain words, and not by OpenCASCADE.
@@ -54,10 +95,15 @@ hal::Result<CadShape> LoadShape(const std::string& file, double step_mm = 0) {
   if (!text) return hal::Fail(text.error());
   if (text->empty())
     return hal::Fail(hal::ErrorKind::kBadInput, file + ": is empty; expected STEP or IGES");
+  if (const std::string kind = ForeignKind(*text); !kind.empty()) {
+    return hal::Fail(hal::ErrorKind::kBadInput, file + ": " + kind);
+  }
   const auto answer = RunCadHelper({"read", file, std::to_string(step_mm)}, "", file);
   if (!answer) return hal::Fail(answer.error());
   auto shape = ReadCadShape(*answer, file);
-  if (shape) JoinBodies(*shape);
+  if (!shape) return shape;
+  shape->names_unit = NamesUnit(*text);
+  JoinBodies(*shape);
   return shape;
 }
 
@@ -81,6 +127,21 @@ hal::Result<CadTube> ByName(const std::vector<CadTube>& tubes, const std::string
                    "--body: '" + wanted + "' is " +
                        (named.empty() ? "no tube" : "the name of several tubes") + " of " + file +
                        "; expected a number or name of:\n" + TubeList(tubes));
+}
+
+// The part that all bent tubes of the file are.
+std::optional<CadTube> OnePart(const std::vector<CadTube>& tubes) {
+  std::optional<CadTube> part;
+  std::size_t count = 0;
+  for (const CadTube& tube : tubes) {
+    if (tube.is_wire || (tube.problems.empty() && !tube.is_bent())) continue;
+    if (!tube.problems.empty() || (part && !IsSamePart(*part, tube))) return std::nullopt;
+    if (!part) part = tube;
+    ++count;
+  }
+  if (!part) return std::nullopt;
+  part->notes.push_back("the file holds it " + std::to_string(count) + " times");
+  return part;
 }
 
 // What the file is about, where that is clear: its only bent tube, its only tube, its only centre
@@ -109,6 +170,7 @@ hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArgu
     if (auto tube = only(is_solid); tube && !bent) return *tube;
   }
   if (tubes.size() == 1) return tubes.front();
+  if (auto tube = OnePart(tubes)) return *tube;
   const bool all_wires = std::all_of(tubes.begin(), tubes.end(), is_wire);
   if (auto tube = only([&](const CadTube& t) { return t.is_bent(); }); tube && all_wires) {
     return *tube;
@@ -116,6 +178,23 @@ hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArgu
   return hal::Fail(hal::ErrorKind::kUsage, arguments.file + ": holds " +
                                                std::to_string(tubes.size()) +
                                                " tubes; choose one by --body:\n" + TubeList(tubes));
+}
+
+// Why the daemon takes no part with these rows; empty: they are no reason against it.
+std::string NotForPartFile(const hal::BendProgram& program) {
+  const auto& rows = program.rows;
+  if (rows.size() == 1) {
+    return "it is straight: a part file has a bend at least, since lengths between bends, "
+           "rotations "
+           "and angles are what is measured and corrected";
+  }
+  for (const bool first : {true, false}) {
+    if ((first ? rows.front() : rows.back()).length_mm > 0) continue;
+    return std::string("it ") + (first ? "begins" : "ends") +
+           " with a bend, without a straight that a bender clamps and a scanner sees: give it "
+           "one in CAD, of the length that is cut off afterwards";
+  }
+  return "";
 }
 
 double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
@@ -226,18 +305,17 @@ int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostrea
   auto shape = LoadShape(arguments.file);
   if (!shape) return fail(shape.error());
   std::vector<CadTube> tubes = TubesOf(*shape);
+  if (!shape->names_unit) {
+    for (CadTube& tube : tubes) {
+      tube.notes.emplace_back("the file names no unit of length: its numbers are taken as mm");
+    }
+  }
   if (arguments.list && !tubes.empty()) {
     out << TubeList(tubes);
     return 0;
   }
   const auto nominal = Make(arguments, tubes);
   if (!nominal) return fail(nominal.error());
-  const std::string part = PartText(*nominal, arguments);
-  if (const auto checked = config::ParsePart(part, "the part");
-      !checked && !arguments.out.empty()) {
-    return fail({hal::ErrorKind::kBadInput,
-                 arguments.file + ": no part file can hold it: " + checked.error().message});
-  }
   if (arguments.json != "-") out << NominalText(*nominal);
   if (!arguments.json.empty()) {
     const std::string json = Dump(NominalJson(*nominal), 2) + "\n";
@@ -247,10 +325,18 @@ int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostrea
       return fail(written.error());
     }
   }
-  if (!arguments.out.empty()) {
-    if (auto written = WriteOutputFile(arguments.out, part); !written) return fail(written.error());
-  }
   out << std::flush;
+  if (arguments.out.empty()) return 0;
+  const std::string part = PartText(*nominal, arguments);
+  std::string reason = NotForPartFile(nominal->program.program);
+  if (const auto checked = config::ParsePart(part, "the part"); reason.empty() && !checked) {
+    reason = checked.error().message;
+  }
+  if (!reason.empty()) {
+    return fail({hal::ErrorKind::kBadInput,
+                 arguments.file + ": no part file can hold it, none is written: " + reason});
+  }
+  if (auto written = WriteOutputFile(arguments.out, part); !written) return fail(written.error());
   return 0;
 }
 

@@ -7,8 +7,11 @@
 #include <set>
 #include <utility>
 
+#include "firmware-host/cad/branches.h"
 #include "firmware-host/cad/cad_tube.h"
+#include "firmware-host/cad/end_form.h"
 #include "firmware-host/cad/free_surface.h"
+#include "firmware-host/cad/near_surface.h"
 
 namespace bendloop::host {
 namespace {
@@ -25,6 +28,8 @@ constexpr double kFewestDiameters = 2;
 constexpr double kEndFormRadii = 4;
 // A whole torus that has less of its surface is a fillet or a groove.
 constexpr double kRingAroundDeg = 350;
+// So many arcs of a B-spline in a row, without a straight between, are no bends but a free form.
+constexpr int kMostArcsInARow = 3;
 // Joints below this [deg] are tangent.
 constexpr double kTangentDeg = 0.02;
 
@@ -41,7 +46,7 @@ bool IsFreeForm(const SurfacePatch& patch) {
 class BodyTubes {
  public:
   explicit BodyTubes(CadBody& body) : body_(body) {
-    for (SurfacePatch& patch : body_.patches) RecogniseFreeSurface(patch);
+    RecogniseFreeSurfaces(body_);
     free_forms_ = std::count_if(body_.patches.begin(), body_.patches.end(), IsFreeForm);
     pieces_ = PiecesOf(body_);
     // A whole torus with nothing else about it.
@@ -118,6 +123,7 @@ class BodyTubes {
   // The chains of a cluster that have one radius: a surface, whole or in pieces.
   struct Layer {
     double radius_mm = 0, length_mm = 0;
+    std::size_t arcs = 0;
     bool concave = false;
     std::vector<const TubeChain*> chains;
   };
@@ -131,21 +137,29 @@ class BodyTubes {
       });
       Layer& layer = same != layers.end()
                          ? *same
-                         : layers.emplace_back(Layer{c->radius_mm, 0, c->concave, {}});
+                         : layers.emplace_back(Layer{c->radius_mm, 0, 0, c->concave, {}});
       layer.length_mm += c->spine.length_mm();
+      layer.arcs += c->spine.arcs.size();
       layer.chains.push_back(c);
     }
     return layers;
   }
 
+  // The widest that goes along most of the tube. A silencer about a bent pipe is longer than the
+  // pipe, and has no bends.
   static const Layer* OuterOf(const std::vector<Layer>& layers) {
     double longest = 0;
-    for (const Layer& l : layers) longest = std::max(longest, l.length_mm);
+    std::size_t most_arcs = 0;
+    for (const Layer& l : layers) most_arcs = std::max(most_arcs, l.arcs);
+    const auto bends = [&](const Layer& l) { return 2 * l.arcs >= most_arcs; };
+    for (const Layer& l : layers) {
+      if (bends(l)) longest = std::max(longest, l.length_mm);
+    }
     const Layer* outer = nullptr;
     for (const bool concave : {false, true}) {
       if (outer != nullptr) break;
       for (const Layer& l : layers) {
-        if (l.concave != concave || l.length_mm < kMostOfLongest * longest) continue;
+        if (l.concave != concave || !bends(l) || l.length_mm < kMostOfLongest * longest) continue;
         if (outer == nullptr || l.radius_mm > outer->radius_mm) outer = &l;
       }
     }
@@ -203,12 +217,58 @@ class BodyTubes {
     SetEnd(cluster, basis, basis.first, turned, tube.first);
     tube.spine = turned.Reversed();
     AddProblems(basis, tube);
+    AddSplineNotes(basis, tube);
     const bool long_enough = tube.spine.length_mm() >= 2 * kFewestDiameters * tube.pipe_radius_mm;
     // A straight hole through a block is no tube.
     const bool is_bore = outer->concave && body_.kind == BodyKind::kSolid;
     if (!tube.is_bent() && (is_bore || !long_enough)) return std::nullopt;
     AddGapNotes(basis, tube);
+    AddOtherNotes(cluster, *outer, basis, tube);
     return tube;
+  }
+
+  // How near B-splines come to what they stand for, and where that is no tube.
+  void AddSplineNotes(const TubeChain& basis, CadTube& tube) const {
+    double off = 0;
+    int in_a_row = 0, most = 0;
+    for (const int i : basis.pieces) {
+      const TubePiece& piece = PieceOf(i);
+      off = std::max(off, piece.off_mm);
+      in_a_row = piece.is_arc && piece.off_mm > kExactSurfaceMm ? in_a_row + 1 : 0;
+      most = std::max(most, in_a_row);
+    }
+    if (most > kMostArcsInARow) {
+      tube.problems.push_back("it bends as a B-spline: " + std::to_string(most) +
+                              " arcs in a row, without a straight between, would be near to it");
+    } else if (off > kExactSurfaceMm) {
+      tube.notes.push_back(
+          Text("its B-splines lie up to %.4f mm off the straights and bends they stand for", off));
+    }
+  }
+
+  // What the rows do not hold.
+  void AddOtherNotes(const Cluster& cluster, const Layer& outer, const TubeChain& basis,
+                     CadTube& tube) const {
+    double lost = 0;
+    // Where the inner surface is followed, the outer one is in pieces.
+    const bool follows_outer =
+        std::find(outer.chains.begin(), outer.chains.end(), &basis) != outer.chains.end();
+    for (const TubeChain* chain : outer.chains) {
+      if (chain == &basis || !follows_outer) continue;
+      if (chain->spine.length_mm() > outer.radius_mm) lost += chain->spine.length_mm();
+    }
+    if (lost > 0) {
+      tube.notes.push_back(
+          Text("%.1f mm of the same pipe about its axis do not meet it: they are not in the rows",
+               lost));
+    }
+    std::vector<const TubeChain*> others;
+    for (const TubeChain& chain : chains_) {
+      if (std::find(cluster.begin(), cluster.end(), &chain) == cluster.end()) {
+        others.push_back(&chain);
+      }
+    }
+    for (std::string& note : BranchNotes(tube, others)) tube.notes.push_back(std::move(note));
   }
 
   void AddGapNotes(const TubeChain& outer, CadTube& tube) const {
@@ -238,6 +298,10 @@ class BodyTubes {
         if (chain == &outer) continue;
         for (const int i : chain->pieces) grew |= Extend(PieceOf(i), origin, outward, at, end);
       }
+      if (!end.is_plane || end.oblique_deg != 0 || piece.is_arc) continue;
+      const double form = FormEndMm(body_, piece, origin, outward, at);
+      grew |= form > at + 1e-6;
+      at = std::max(at, form);
     }
     if (end.is_plane && end.oblique_deg == 0 && !piece.is_arc) {
       at = std::max(at, EdgeBeyond(origin, outward, at, piece.radius_mm));
@@ -329,7 +393,7 @@ class BodyTubes {
                                 " that is no cylinder or torus: a bend that is no arc");
       } else if (reach > 0) {
         tube.notes.push_back("an end has a form of its own (" + name +
-                             "), which does not count to the length");
+                             "); the length counts up to where its faces end, if they join");
       }
     }
     std::sort(tube.problems.begin(), tube.problems.end());

@@ -16,6 +16,9 @@ using Eigen::Vector3d;
 // A straight with no face between two others in line may be so many diameters long.
 constexpr double kLongestMissingDiameters = 10;
 
+// Or longer, where something wider about the axis covers this part of it.
+constexpr double kLeastCovered = 0.5;
+
 struct End {
   int piece = 0;
   bool at_to = false;
@@ -130,8 +133,11 @@ class Linker {
   std::optional<TubePiece> MissingStraight(const Slot& a, const Slot& b) const {
     const Vector3d gap = b.end.point - a.end.point;
     const double length = gap.norm();
-    if (length <= radius_mm_ || length > 2 * kLongestMissingDiameters * radius_mm_)
+    if (length <= radius_mm_) return std::nullopt;
+    if (length > 2 * kLongestMissingDiameters * radius_mm_ &&
+        !IsCovered(a.end.point, gap / length, length)) {
       return std::nullopt;
+    }
     const bool in_line = AngleDeg(a.end.outward, gap) < kKinkDeg / 10 &&
                          AngleDeg(b.end.outward, -gap) < kKinkDeg / 10;
     if (!in_line) return std::nullopt;
@@ -141,6 +147,20 @@ class Linker {
     piece.x = piece.axis.unitOrthogonal();
     piece.to = length;
     return piece;
+  }
+
+  // A silencer or sleeve about the axis hides what goes on in it.
+  bool IsCovered(const Vector3d& from, const Vector3d& along, double length) const {
+    return std::any_of(pieces_.begin(), pieces_.end(), [&](const TubePiece& piece) {
+      if (piece.is_arc || piece.inferred || piece.radius_mm <= radius_mm_ ||
+          (AngleDeg(piece.axis, along) > kKinkDeg && AngleDeg(piece.axis, -along) > kKinkDeg)) {
+        return false;
+      }
+      const Vector3d p = piece.PointAt(piece.from) - from, q = piece.PointAt(piece.to) - from;
+      const double u = p.dot(along), v = q.dot(along);
+      const double covered = std::min(std::max(u, v), length) - std::max(std::min(u, v), 0.0);
+      return (p - u * along).norm() < tolerance_mm_ && covered > kLeastCovered * length;
+    });
   }
 
   std::optional<TubePiece> MissingBend(const Slot& a, const Slot& b) const {

@@ -24,6 +24,7 @@ struct Part {
   double from = 0, to = 0;
   Around around;
   int face = 0;
+  double off_mm = 0;
 };
 
 struct Group {
@@ -65,6 +66,7 @@ void EachAngle(double from, double to, const auto& see) {
 Part PartOf(const SurfacePatch& patch, const TubePiece& like) {
   Part part;
   part.face = patch.face;
+  part.off_mm = patch.off_mm;
   const Vector3d y = like.axis.cross(like.x);
   if (!like.is_arc) {
     const double a = (patch.origin + patch.v0 * patch.axis - like.origin).dot(like.axis);
@@ -148,6 +150,7 @@ void AddPiecesOf(Group& group, std::vector<TubePiece>& pieces) {
     piece->widest_gap_mm = std::max(piece->widest_gap_mm, (part.from - piece->to) * unit);
     piece->to = std::max(piece->to, part.to);
     piece->around |= part.around;
+    piece->off_mm = std::max(piece->off_mm, part.off_mm);
     piece->faces.push_back(part.face);
   }
   if (piece) pieces.push_back(*piece);

@@ -8,8 +8,7 @@
 #include <utility>
 
 #include "firmware-host/cad/cad_tube.h"
-#include "hal/bend_program.h"
-#include "hal/tube_features.h"
+#include "firmware-host/cad/developed.h"
 
 namespace bendloop::host {
 namespace {
@@ -17,66 +16,6 @@ namespace {
 using Eigen::Vector3d;
 // A hole's faces go all around it, a slot's end half around [deg].
 constexpr double kHoleDeg = 330, kLeastSlotEndDeg = 150, kMostSlotEndDeg = 210;
-
-// Where a point is about the centre line.
-struct Place {
-  double along_mm = 0, across_mm = 0;
-  Vector3d radial, tangent;  // unit; radial from the centre line to the point
-  double around_deg = 0;
-};
-
-class Developed {
- public:
-  explicit Developed(const Spine& spine) : spine_(spine) {}
-
-  Place Of(const Vector3d& p) const {
-    Place best;
-    best.across_mm = std::numeric_limits<double>::infinity();
-    Vector3d at = spine_.start, along = spine_.direction;
-    Vector3d normal = spine_.arcs.empty() ? along.unitOrthogonal() : spine_.arcs.front().normal;
-    double before = 0;
-    for (const SpineArc& arc : spine_.arcs) {
-      Straight(p, at, along, (arc.from - at).norm(), normal, before, best);
-      before += (arc.from - at).norm();
-      Bend(p, arc, before, best);
-      before += arc.bend_radius_mm * arc.angle_rad;
-      at = arc.to;
-      along = arc.tangent_out;
-      normal = arc.normal;
-    }
-    Straight(p, at, along, (spine_.end - at).norm(), normal, before, best);
-    return best;
-  }
-
- private:
-  static void Take(const Vector3d& p, const Vector3d& foot, const Vector3d& tangent,
-                   const Vector3d& normal, double along_mm, Place& best) {
-    const double across = (p - foot).norm();
-    if (across >= best.across_mm || across == 0) return;
-    const Vector3d radial = (p - foot) / across;
-    best = {along_mm, across, radial, tangent,
-            hal::WrapRotationDeg(hal::AroundDeg(normal, tangent, radial))};
-  }
-
-  static void Straight(const Vector3d& p, const Vector3d& at, const Vector3d& along, double length,
-                       const Vector3d& normal, double before, Place& best) {
-    const double s = std::clamp((p - at).dot(along), 0.0, length);
-    Take(p, at + s * along, along, normal, before + s, best);
-  }
-
-  static void Bend(const Vector3d& p, const SpineArc& arc, double before, Place& best) {
-    const Vector3d x = (arc.from - arc.centre).normalized(), d = p - arc.centre;
-    const double angle = std::atan2(d.dot(arc.tangent_in), d.dot(x));
-    const double turned = angle < -1e-9 ? angle + 2 * std::numbers::pi : std::max(angle, 0.0);
-    if (turned > arc.angle_rad) return;
-    const Vector3d foot = arc.centre + arc.bend_radius_mm * (std::cos(turned) * x +
-                                                             std::sin(turned) * arc.tangent_in);
-    const Vector3d tangent = std::cos(turned) * arc.tangent_in - std::sin(turned) * x;
-    Take(p, foot, tangent, arc.normal, before + arc.bend_radius_mm * turned, best);
-  }
-
-  const Spine& spine_;
-};
 
 // Cylinder faces of one axis that go through the wall in one place.
 struct Bore {

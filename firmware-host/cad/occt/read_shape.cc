@@ -7,6 +7,7 @@
 #include <BRepTools.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
+#include <Geom_Surface.hxx>
 #include <IGESControl_Reader.hxx>
 #include <Interface_InterfaceModel.hxx>
 #include <STEPCAFControl_Reader.hxx>
@@ -45,8 +46,12 @@ using nlohmann::json;
 constexpr int kGridSteps = 24;
 // And by at most so many, where a step in mm is asked for.
 constexpr int kMostGridSteps = 1000;
-// More of such pieces in one direction are no tube but a scanned skin.
-constexpr int kMostPieces = 200;
+// More of such pieces in one direction, or in all, are no tube but a scanned skin.
+constexpr int kMostPieces = 200, kMostCells = 4000;
+// Of a face in more pieces than this, each is sampled by fewer points.
+constexpr int kManyCells = 64, kFewGridSteps = 8;
+// More bodies are a plant, or a file that multiplies itself by assemblies of assemblies.
+constexpr std::size_t kMostBodies = 20000;
 // An edge that is no straight line, in so many chords.
 constexpr int kEdgeSteps = 16;
 
@@ -91,7 +96,8 @@ struct Domain {
 };
 
 // The face's normal (out of the material) at (u, v); zero where it has none.
-gp_Vec NormalAt(const BRepAdaptor_Surface& surface, bool reversed, double u, double v, gp_Pnt& p) {
+template <class Surface>
+gp_Vec NormalAt(const Surface& surface, bool reversed, double u, double v, gp_Pnt& p) {
   gp_Vec du, dv;
   surface.D1(u, v, p, du, dv);
   gp_Vec n = du.Crossed(dv);
@@ -103,8 +109,8 @@ gp_Vec NormalAt(const BRepAdaptor_Surface& surface, bool reversed, double u, dou
 
 // Steps from `from` to `to` along a curve at(parameter), each at most `step_mm`; 0: as they come.
 template <class At>
-int StepsAlong(double step_mm, double from, double to, const At& at) {
-  if (!(step_mm > 0)) return kGridSteps;
+int StepsAlong(double step_mm, int fewest, double from, double to, const At& at) {
+  if (!(step_mm > 0)) return fewest;
   double length = 0;
   gp_Pnt before = at(from);
   for (int i = 1; i <= kGridSteps; ++i) {
@@ -112,19 +118,29 @@ int StepsAlong(double step_mm, double from, double to, const At& at) {
     length += p.Distance(before);
     before = p;
   }
-  return std::clamp(int(std::min(length / step_mm, 1e6)) + 1, kGridSteps, kMostGridSteps);
+  return std::clamp(int(std::min(length / step_mm, 1e6)) + 1, fewest, kMostGridSteps);
 }
 
-json Samples(const BRepAdaptor_Surface& surface, bool reversed, const Domain& d, double step_mm) {
+double Inside(int step, int steps) {
+  constexpr double kInside = 1e-9;
+  return std::clamp(double(step) / steps, kInside, 1 - kInside);
+}
+
+// Of the surface itself: at corners of its pieces an adaptor takes another piece's polynomials. A
+// little inside of the piece, whose neighbour may go on at an angle.
+json Samples(const Geom_Surface& surface, bool reversed, const Domain& d, double step_mm,
+             int fewest) {
   const double u = (d.u0 + d.u1) / 2, v = (d.v0 + d.v1) / 2;
-  const int nu = StepsAlong(step_mm, d.u0, d.u1, [&](double at) { return surface.Value(at, v); });
-  const int nv = StepsAlong(step_mm, d.v0, d.v1, [&](double at) { return surface.Value(u, at); });
+  const auto along_u = [&](double at) { return surface.Value(at, v); };
+  const auto along_v = [&](double at) { return surface.Value(u, at); };
+  const int nu = StepsAlong(step_mm, fewest, d.u0, d.u1, along_u);
+  const int nv = StepsAlong(step_mm, fewest, d.v0, d.v1, along_v);
   json points = json::array();
   for (int i = 0; i <= nu; ++i) {
     for (int j = 0; j <= nv; ++j) {
       gp_Pnt p;
-      const gp_Vec n = NormalAt(surface, reversed, d.u0 + (d.u1 - d.u0) * i / nu,
-                                d.v0 + (d.v1 - d.v0) * j / nv, p);
+      const gp_Vec n = NormalAt(surface, reversed, d.u0 + (d.u1 - d.u0) * Inside(i, nu),
+                                d.v0 + (d.v1 - d.v0) * Inside(j, nv), p);
       if (n.Magnitude() > 0.5) points.push_back({p.X(), p.Y(), p.Z(), n.X(), n.Y(), n.Z()});
     }
   }
@@ -141,23 +157,41 @@ std::vector<double> Within(const TColStd_Array1OfReal& all, double from, double 
   return cuts;
 }
 
-void AddFreePatches(const BRepAdaptor_Surface& surface, bool reversed, const Domain& d,
+void AddFreePatches(const TopoDS_Face& face, const BRepAdaptor_Surface& surface, const Domain& d,
                     const json& head, double step_mm, json& patches) {
+  const Handle(Geom_Surface) whole = BRep_Tool::Surface(face);
+  const bool reversed = face.Orientation() == TopAbs_REVERSED;
   const int nu = surface.NbUIntervals(GeomAbs_C2), nv = surface.NbVIntervals(GeomAbs_C2);
   std::vector<double> us{d.u0, d.u1}, vs{d.v0, d.v1};
-  if (nu <= kMostPieces && nv <= kMostPieces) {
+  if (nu <= kMostPieces && nv <= kMostPieces && nu * nv <= kMostCells) {
     TColStd_Array1OfReal all_u(1, nu + 1), all_v(1, nv + 1);
     surface.UIntervals(all_u, GeomAbs_C2);
     surface.VIntervals(all_v, GeomAbs_C2);
     us = Within(all_u, d.u0, d.u1);
     vs = Within(all_v, d.v0, d.v1);
   }
+  const bool many = (us.size() - 1) * (vs.size() - 1) > kManyCells;
   for (std::size_t i = 0; i + 1 < us.size(); ++i) {
     for (std::size_t j = 0; j + 1 < vs.size(); ++j) {
       json patch = head;
-      patch["samples"] = Samples(surface, reversed, {us[i], us[i + 1], vs[j], vs[j + 1]}, step_mm);
+      patch["cell"] = {i, j};
+      patch["samples"] = Samples(*whole, reversed, {us[i], us[i + 1], vs[j], vs[j + 1]}, step_mm,
+                                 many ? kFewGridSteps : kGridSteps);
       patches.push_back(std::move(patch));
     }
+  }
+}
+
+// Bounds of a face are those of boxes about its edges, which may reach beyond a surface's end,
+// where a B-spline is anything.
+void ClampToSurface(const BRepAdaptor_Surface& surface, Domain& d) {
+  if (!surface.IsUPeriodic()) {
+    d.u0 = std::max(d.u0, surface.FirstUParameter());
+    d.u1 = std::min(d.u1, surface.LastUParameter());
+  }
+  if (!surface.IsVPeriodic()) {
+    d.v0 = std::max(d.v0, surface.FirstVParameter());
+    d.v1 = std::min(d.v1, surface.LastVParameter());
   }
 }
 
@@ -170,10 +204,11 @@ void PutAxes(const Axes& axes, json& patch) {
 }
 
 void AddPatches(const TopoDS_Face& face, int number, double step_mm, json& patches) {
-  const BRepAdaptor_Surface surface(face);
+  const BRepAdaptor_Surface surface(face, false);  // the whole one
   const bool reversed = face.Orientation() == TopAbs_REVERSED;
   Domain d;
   BRepTools::UVBounds(face, d.u0, d.u1, d.v0, d.v1);
+  ClampToSurface(surface, d);
   constexpr double kFar = 1e6;  // mm, and turns: a surface without bounds
   if (!(d.u1 > d.u0 && d.v1 > d.v0) || std::abs(d.u0) > kFar || std::abs(d.u1) > kFar ||
       std::abs(d.v0) > kFar || std::abs(d.v1) > kFar) {
@@ -204,7 +239,7 @@ void AddPatches(const TopoDS_Face& face, int number, double step_mm, json& patch
       break;
     }
     default:
-      AddFreePatches(surface, reversed, d, patch, step_mm, patches);
+      AddFreePatches(face, surface, d, patch, step_mm, patches);
       return;
   }
   patch["u"] = {d.u0, d.u1};
@@ -260,6 +295,10 @@ class Collector {
   explicit Collector(double step_mm) : step_mm_(step_mm) {}
 
   void Add(const TopoDS_Shape& shape, const std::string& name) {
+    if (bodies_.size() > kMostBodies) {
+      throw std::runtime_error("holds more than " + std::to_string(kMostBodies) +
+                               " bodies; export the tube alone");
+    }
     for (TopExp_Explorer at(shape, TopAbs_SOLID); at.More(); at.Next()) {
       AddBody(at.Current(), name, "solid");
     }
@@ -359,13 +398,24 @@ bool AddWithoutProducts(STEPControl_Reader& reader, Collector& collector) {
   return reader.NbShapes() > 0;
 }
 
+// Editors put UTF-8's mark before a text, which part 21 does not know.
+void SkipMark(std::istream& in) {
+  char mark[3] = {};
+  in.read(mark, sizeof mark);
+  if (in.gcount() == 3 && std::string(mark, 3) == "\xef\xbb\xbf") return;
+  in.clear();
+  in.seekg(0);
+}
+
 void ReadStep(const std::string& file, Collector& collector) {
   Handle(TDocStd_Document) document = new TDocStd_Document("BinXCAF");
   STEPCAFControl_Reader reader;
   reader.SetNameMode(true);
   reader.SetColorMode(false);
   reader.SetLayerMode(false);
-  CheckStatus(reader.ReadFile(file.c_str()));
+  std::ifstream in(file, std::ios::binary);
+  SkipMark(in);
+  CheckStatus(reader.ChangeReader().ReadStream(file.c_str(), in));
   const bool has_products = reader.NbRootsForTransfer() > 0 && reader.Transfer(document);
   const Handle(XCAFDoc_ShapeTool) shapes = XCAFDoc_DocumentTool::ShapeTool(document->Main());
   TDF_LabelSequence roots;

@@ -93,7 +93,7 @@ TEST(Nominal, ListsTheTubesOfAnAssembly) {
   ExpectRows(feed, turned ? pipeline::ReverseProgram(DemoTube().program) : DemoTube().program);
   EXPECT_EQ(Nominal(file, {"--body", "2"}).part->rows.rows.size(), other.program.rows.size());
   // A part file has at least one bend.
-  EXPECT_THAT(Nominal(file, {"--body", "rail"}).err, HasSubstr("found 1 row"));
+  EXPECT_THAT(Nominal(file, {"--body", "rail"}).err, HasSubstr("it is straight"));
 }
 
 TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/branches.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include "firmware-host/cad/developed.h"
+
+namespace bendloop::host {
+namespace {
+
+using Eigen::Vector3d;
+
+// What leans less than this from the tube's own direction goes along with it [cosine].
+constexpr double kAlongCosine = 0.98;
+// A branch is at least so many of its own radii long; what is shorter is a socket or a boss.
+constexpr double kBranchRadii = 2;
+// What stands nearer to an end than so many pipe radii belongs to the end.
+constexpr double kEndRadii = 0.25;
+
+struct Branch {
+  double along_mm = 0, around_deg = 0, radius_mm = 0, height_mm = 0;
+};
+
+// Where `foot`, an end of a chain whose other end is `top`, sits on the tube; false: nowhere.
+bool StandsOn(const CadTube& tube, const Developed& developed, const Vector3d& foot,
+              const Vector3d& top, const Vector3d& away, Branch& branch) {
+  const double radius = tube.pipe_radius_mm, tolerance = MatchToleranceMm(radius);
+  const Place at = developed.Of(foot), end = developed.Of(top);
+  if (at.across_mm > radius + tolerance || end.across_mm < radius + 0.1 * branch.radius_mm)
+    return false;
+  if (std::abs(at.tangent.dot(away)) > kAlongCosine) return false;
+  const double edge = kEndRadii * radius;
+  if (at.along_mm < edge || at.along_mm > tube.spine.length_mm() - edge) return false;
+  branch.along_mm = at.along_mm;
+  branch.around_deg = end.around_deg;
+  branch.height_mm = end.across_mm - radius;
+  return true;
+}
+
+std::string Text(const Branch& branch) {
+  char text[240];
+  std::snprintf(
+      text, sizeof text,
+      "%s of %.3f mm in diameter %s at %.1f mm of the developed length, %.0f degrees "
+      "around: the rows are those of the tube without it",
+      branch.height_mm > kBranchRadii * branch.radius_mm ? "a branch" : "a socket or boss",
+      2 * branch.radius_mm,
+      branch.height_mm > kBranchRadii * branch.radius_mm ? "leaves it" : "stands on it",
+      branch.along_mm, branch.around_deg);
+  return text;
+}
+
+}  // namespace
+
+std::vector<std::string> BranchNotes(const CadTube& tube,
+                                     const std::vector<const TubeChain*>& others) {
+  const Developed developed(tube.spine);
+  std::vector<Branch> branches;
+  for (const TubeChain* chain : others) {
+    if (chain->concave || chain->is_closed) continue;
+    const Spine& spine = chain->spine;
+    Branch branch;
+    branch.radius_mm = chain->radius_mm;
+    if (!StandsOn(tube, developed, spine.start, spine.end, spine.direction, branch) &&
+        !StandsOn(tube, developed, spine.end, spine.start, spine.end_direction(), branch)) {
+      continue;
+    }
+    // Its bore, where a file does not say which side the material is on, and its steps.
+    const auto same = std::find_if(branches.begin(), branches.end(), [&](const Branch& b) {
+      return std::abs(b.along_mm - branch.along_mm) < tube.pipe_radius_mm &&
+             std::abs(b.around_deg - branch.around_deg) < 5;
+    });
+    if (same == branches.end()) {
+      branches.push_back(branch);
+    } else {
+      same->radius_mm = std::max(same->radius_mm, branch.radius_mm);
+      same->height_mm = std::max(same->height_mm, branch.height_mm);
+    }
+  }
+  std::sort(branches.begin(), branches.end(), [](const Branch& a, const Branch& b) {
+    return std::make_pair(a.along_mm, a.around_deg) < std::make_pair(b.along_mm, b.around_deg);
+  });
+  std::vector<std::string> notes;
+  for (const Branch& branch : branches) notes.push_back(Text(branch));
+  return notes;
+}
+
+}  // namespace bendloop::host

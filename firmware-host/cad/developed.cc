@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "firmware-host/cad/developed.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "hal/bend_program.h"
+#include "hal/tube_features.h"
+
+namespace bendloop::host {
+namespace {
+
+using Eigen::Vector3d;
+
+void Take(const Vector3d& p, const Vector3d& foot, const Vector3d& tangent, const Vector3d& normal,
+          double along_mm, Place& best) {
+  const double across = (p - foot).norm();
+  if (across >= best.across_mm) return;
+  const Vector3d radial = across > 0 ? Vector3d((p - foot) / across) : normal;
+  best = {along_mm, across, radial, tangent,
+          hal::WrapRotationDeg(hal::AroundDeg(normal, tangent, radial))};
+}
+
+void Straight(const Vector3d& p, const Vector3d& at, const Vector3d& along, double length,
+              const Vector3d& normal, double before, Place& best) {
+  const double s = std::clamp((p - at).dot(along), 0.0, length);
+  Take(p, at + s * along, along, normal, before + s, best);
+}
+
+void Bend(const Vector3d& p, const SpineArc& arc, double before, Place& best) {
+  const Vector3d x = (arc.from - arc.centre).normalized(), d = p - arc.centre;
+  const double angle = std::atan2(d.dot(arc.tangent_in), d.dot(x));
+  const double turned = angle < -1e-9 ? angle + 2 * std::numbers::pi : std::max(angle, 0.0);
+  if (turned > arc.angle_rad) return;
+  const Vector3d foot =
+      arc.centre + arc.bend_radius_mm * (std::cos(turned) * x + std::sin(turned) * arc.tangent_in);
+  const Vector3d tangent = std::cos(turned) * arc.tangent_in - std::sin(turned) * x;
+  Take(p, foot, tangent, arc.normal, before + arc.bend_radius_mm * turned, best);
+}
+
+}  // namespace
+
+Place Developed::Of(const Vector3d& p) const {
+  Place best;
+  best.across_mm = std::numeric_limits<double>::infinity();
+  Vector3d at = spine_.start, along = spine_.direction;
+  Vector3d normal = spine_.arcs.empty() ? along.unitOrthogonal() : spine_.arcs.front().normal;
+  double before = 0;
+  for (const SpineArc& arc : spine_.arcs) {
+    Straight(p, at, along, (arc.from - at).norm(), normal, before, best);
+    before += (arc.from - at).norm();
+    Bend(p, arc, before, best);
+    before += arc.bend_radius_mm * arc.angle_rad;
+    at = arc.to;
+    along = arc.tangent_out;
+    normal = arc.normal;
+  }
+  Straight(p, at, along, (spine_.end - at).norm(), normal, before, best);
+  return best;
+}
+
+}  // namespace bendloop::host

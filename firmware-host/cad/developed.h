@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "firmware-host/cad/tube_chain.h"
+
+namespace bendloop::host {
+
+// Where a point is about a centre line.
+struct Place {
+  double along_mm = 0, across_mm = 0;
+  Eigen::Vector3d radial, tangent;  // unit; radial from the centre line to the point
+  double around_deg = 0;            // counted as in hal/tube_features.h, (-180, 180]
+};
+
+// Places by the developed length of a centre line, which outlives this.
+class Developed {
+ public:
+  explicit Developed(const Spine& spine) : spine_(spine) {}
+
+  // By the nearest point of the centre line.
+  Place Of(const Eigen::Vector3d& p) const;
+
+ private:
+  const Spine& spine_;
+};
+
+}  // namespace bendloop::host

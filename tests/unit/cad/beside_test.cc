@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// What stands on a tube, about it, in it and beside it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <BRepPrimAPI_MakeCone.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRep_Builder.hxx>
+#include <TopoDS_Compound.hxx>
+#include <string>
+
+#include "firmware-host/cad/cad_helper.h"
+#include "made_files.h"
+#include "run_nominal.h"
+
+namespace bendloop::host {
+namespace {
+
+using test::Nominal;
+using test::Pipe;
+using ::testing::HasSubstr;
+
+hal::Tube Elbow(double pipe_radius_mm) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = pipe_radius_mm;
+  tube.program = {{{100, 0, 90, 30.0}, {80, 0, 0, std::nullopt}}};
+  return tube;
+}
+
+TopoDS_Shape Bar(const gp_Pnt& at, const gp_Dir& along, double radius_mm, double length_mm) {
+  return BRepPrimAPI_MakeCylinder(gp_Ax2(at, along), radius_mm, length_mm).Shape();
+}
+
+TEST(Beside, BranchesAreTold) {
+  const TopoDS_Shape run = Pipe(Elbow(10), {.wall_mm = 0});
+  const auto tee =
+      Nominal(test::WriteStepFile({{"tee", test::Joined(run, Bar({50, 0, 0}, {0, 0, 1}, 8, 60))}}));
+  test::ExpectRows(tee, Elbow(10).program);
+  EXPECT_THAT(tee.out, HasSubstr("a branch of 16.000 mm in diameter leaves it at 50.0 mm"));
+  const auto boss = Nominal(
+      test::WriteStepFile({{"boss", test::Joined(run, Bar({50, 0, 0}, {0, 0, 1}, 6, 14))}}));
+  EXPECT_THAT(boss.out, HasSubstr("a socket or boss of 12.000 mm"));
+}
+
+TEST(Beside, ASilencerIsNoTube) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program = {{{40, 0, 90, 20.0}, {200, 90, 90, 20.0}, {40, 0, 0, std::nullopt}}};
+  const TopoDS_Shape pipe = Pipe(tube, {.wall_mm = 0});
+  // 160 mm of it, longer than a straight without faces may be.
+  const auto done = Nominal(
+      test::WriteStepFile({{"line", test::Joined(pipe, Bar({60, 40, 0}, {0, 1, 0}, 25, 160))}}));
+  test::ExpectRows(done, tube.program);
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_NEAR(done.part->pipe_radius_mm, 5, 1e-6);
+}
+
+TEST(Beside, FlaresCountToTheLength) {
+  const TopoDS_Shape flare = BRepPrimAPI_MakeCone(gp_Ax2({0, 0, 0}, {-1, 0, 0}), 10, 14, 5).Shape();
+  const auto done = Nominal(
+      test::WriteStepFile({{"flared", test::Joined(Pipe(Elbow(10), {.wall_mm = 0}), flare)}}));
+  hal::BendProgram longer = Elbow(10).program;
+  longer.rows[0].length_mm += 5;
+  test::ExpectRows(done, longer);
+  EXPECT_THAT(done.out, HasSubstr("the plain tube ends 5.000 mm before it"));
+}
+
+TEST(Beside, BodiesInTheBoreAreNoTubes) {
+  const auto both = [](const TopoDS_Shape& a, const TopoDS_Shape& b) {
+    TopoDS_Compound all;
+    BRep_Builder builder;
+    builder.MakeCompound(all);
+    builder.Add(all, a);
+    builder.Add(all, b);
+    return test::WriteStepFile({{"line", all}});
+  };
+  const TopoDS_Shape inner = Pipe(Elbow(8), {.wall_mm = 0});
+  const auto fluid = Nominal(both(inner, Pipe(Elbow(10), {.wall_mm = 2})));
+  test::ExpectRows(fluid, Elbow(10).program);
+  EXPECT_THAT(fluid.out, HasSubstr("lies in its bore: left out"));
+  const auto bars = Nominal(both(inner, Pipe(Elbow(10), {.wall_mm = 0})));
+  test::ExpectRows(bars, Elbow(10).program);
+  ASSERT_EQ(bars.code, 0) << bars.err;
+  EXPECT_NEAR(bars.part->wall_mm.value_or(0), 2, 1e-6);
+}
+
+TEST(Beside, OnePartSeveralTimesIsThatPart) {
+  const TopoDS_Shape pipe = Pipe(Elbow(10), {.wall_mm = 0});
+  const auto done =
+      Nominal(test::WriteStepFile({{"left", pipe}, {"right", pipe}, {"spare", pipe}}));
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_THAT(done.out, HasSubstr("the file holds it 3 times"));
+}
+
+TEST(Beside, TheHelperIsGivenUpInTime) {
+  const auto file = test::WriteStepFile({{"tube", Pipe(Elbow(10))}});
+  const auto late = RunCadHelper({"read", file, "0"}, "", file, std::chrono::seconds(0));
+  ASSERT_FALSE(late);
+  EXPECT_EQ(late.error().kind, hal::ErrorKind::kBadInput);
+  EXPECT_THAT(late.error().message, HasSubstr("export the tube alone"));
+}
+
+}  // namespace
+}  // namespace bendloop::host
