@@ -1,7 +1,7 @@
 # shellcheck shell=sh source=/dev/null
 # In a guest with a bare Debian and its systemd: the packages by apt, a corrected part, the service with a
 # bender and a scanner on loopback, what is left of it when it is killed.
-# kills.txt: how often it is killed. faults: the disk is filled and the clock stepped, too.
+# kills.txt: how often it is killed.
 set -e
 . ./guest_service.sh
 kills=$(cat kills.txt)
@@ -13,7 +13,7 @@ grep 'no cell is configured yet' install.log
 ! systemctl --quiet is-enabled bendloopd || fail "installing enabled the service"
 
 step "Second command: bendloop demo"
-bendloop demo --quick --parts 2 --spacing 1 --rays 160 --part one_bend.toml --no-color >demo.log 2>&1 ||
+bendloop demo --quick --parts 1 --spacing 1 --rays 160 --part one_bend.toml --no-color >demo.log 2>&1 ||
   fail "$(cat demo.log demo-out/logs/*)"
 grep -E 'committed as sequence|of the tolerance' demo.log
 
@@ -46,8 +46,8 @@ bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --
 exec 3>bender.in
 bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate 4000 <scanner.in >scanner.out 2>&1 &
 exec 4>scanner.in
-await 60 "bender" said listening bender.out
-await 60 "scanner" said listening scanner.out
+await 300 "bender" said listening bender.out
+await 300 "scanner" said listening scanner.out
 systemctl enable --now bendloopd || fail "the service does not start"
 systemctl --quiet is-active bendloopd || fail "the service is not up"
 systemd-analyze security bendloopd | tail -n 1
@@ -57,7 +57,7 @@ bend() { # the next part lies on the tray
   part=$((part + 1))
   tube=$(printf 'tray/part-%04d.json' "$part")
   echo bend >&3
-  await 60 "part $part on the tray" test -e "$tube"
+  await 300 "part $part on the tray" test -e "$tube"
   sleep 0.5 # the daemon looks at the bender twice a second
 }
 sequence() {
@@ -93,10 +93,10 @@ pid=$(systemctl show -p MainPID --value bendloopd)
 cp /etc/bendloop/cell.toml good.toml
 sed 's/^kind = .*/kind = "crystal ball"/' good.toml >/etc/bendloop/cell.toml
 systemctl reload bendloopd || fail "no reload: $(systemctl status bendloopd)"
-await 60 "alarm of the refused file" alarmed BL5013
+await 300 "alarm of the refused file" alarmed BL5013
 sed 's/^name = .*/name = "Guest, reloaded"/' good.toml >/etc/bendloop/cell.toml
 systemctl reload bendloopd || fail "no second reload: $(systemctl status bendloopd)"
-await 60 "end of the alarm" alarm_ended BL5013
+await 300 "end of the alarm" alarm_ended BL5013
 await_ready
 [ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a reload began another process"
 [ "$(systemctl show -p ReloadResult --value bendloopd)" = success ] || fail "the reload failed"
@@ -110,6 +110,41 @@ for held in cell.toml journal.db history.db .session; do
   grep -q -F "$held" support.list || fail "no $held in the bundle: $(cat support.list)"
 done
 echo "$(wc -l <support.list) files, $(stat -c %s support.tar.gz) bytes"
+
+pid=$(systemctl show -p MainPID --value bendloopd)
+step "The disk filled in the middle of it all"
+# All that is not root's own, so that the daemon has nothing.
+fill() { fallocate -l "$(df --output=avail -B 1 /var/lib/bendloop | tail -n 1)" "/var/lib/fill-$1" 2>/dev/null || true; }
+fill 1
+fill 2
+before=$(results)
+bend
+echo "scan $tube" >&4
+await 300 "alarm of the full disk" alarmed BL5006
+sleep 5
+bendloop status | grep '^alarm' || true
+systemctl --quiet is-active bendloopd || fail "the full disk ended the service"
+rm /var/lib/fill-*
+# A correction that waited for the disk is sent now; a tube that was bent before it is measured and not corrected.
+await 300 "end of BL5012" alarm_ended BL5012
+await_ready
+before=$(results)
+bend
+echo "scan $tube" >&4
+await_result "$before"
+another_part
+for code in BL5001 BL5002 BL5003 BL5006 BL5012; do await 300 "end of $code" alarm_ended "$code"; done
+echo "told, and gone when there is room again; the next part committed"
+
+step "The clock stepped a year ahead, and two years back"
+for years in 1 -2 1; do
+  date -s "@$(($(date +%s) + years * 31536000))"
+  another_part
+done
+systemctl --quiet is-active bendloopd || fail "a step of the clock ended the service"
+[ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a full disk or the clock ended the process"
+await 300 "end of BL5014" alarm_ended BL5014
+echo "three parts committed, by the same process"
 
 step "Killed $kills times, each at another time of a scan and its commit"
 unfinished=0
@@ -131,7 +166,7 @@ while [ "$i" -lt "$kills" ]; do
   until now=$(systemctl show -p MainPID --value bendloopd) && [ "$now" != 0 ] && [ "$now" != "$pid" ] &&
     systemctl --quiet is-active bendloopd; do
     tries=$((tries + 1))
-    [ "$tries" -lt 300 ] || fail "kill $i after $delay s: not up again after 60 s"
+    [ "$tries" -lt 300 ] || fail "kill $i after $delay s: not up again"
     sleep 0.2
   done
   await_ready
@@ -156,36 +191,6 @@ await_result "$before"
 newest_is_committed
 echo "$kills kills: service up $kills times, $sent programs sent once, $unfinished scans cut before their result," \
   "$(find /var/lib/bendloop/sessions -name '*.session' | wc -l) sessions, none damaged"
-
-if [ -e faults ]; then
-  pid=$(systemctl show -p MainPID --value bendloopd)
-  step "The disk filled in the middle of it all"
-  # All that is not root's own, so that the daemon has nothing.
-  fill() { fallocate -l "$(df --output=avail -B 1 /var/lib/bendloop | tail -n 1)" "/var/lib/fill-$1" 2>/dev/null || true; }
-  fill 1
-  fill 2
-  before=$(results)
-  bend
-  echo "scan $tube" >&4
-  await 120 "alarm of the full disk" alarmed BL5006
-  sleep 5
-  bendloop status | grep '^alarm' || true
-  systemctl --quiet is-active bendloopd || fail "the full disk ended the service"
-  rm /var/lib/fill-*
-  another_part
-  for code in BL5001 BL5002 BL5003 BL5006 BL5012; do await 60 "end of $code" alarm_ended "$code"; done
-  echo "told, and gone when there is room again; the next part committed"
-
-  step "The clock stepped a year ahead, and two years back"
-  for years in 1 -2 1; do
-    date -s "@$(($(date +%s) + years * 31536000))"
-    another_part
-  done
-  systemctl --quiet is-active bendloopd || fail "a step of the clock ended the service"
-  [ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a full disk or the clock ended the process"
-  await 60 "end of BL5014" alarm_ended BL5014
-  echo "three parts committed, by the same process"
-fi
 
 step "Stopped and removed; the data stay"
 systemctl stop bendloopd

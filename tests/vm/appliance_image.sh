@@ -2,16 +2,22 @@
 # Packs a build into WORK/packages, and prints the name of a disk image with a bare Debian that can install
 # them without a network; made once and kept in CACHE, not to be written to.
 # usage: appliance_image.sh BUILD CACHE WORK       needs root; exits with 77 where none can be made
+#   BUILD  a build folder, or one with packages that were made before
 set -eu
 build=$(realpath "$1")
 cache=$2
 work=$3
 here=$(dirname -- "$(realpath "$0")")
 PATH=$PATH:/usr/sbin:/sbin
-(cd "$build" && cpack -G DEB -B "$work/packages") >"$work/cpack.log" 2>&1 || {
-  cat "$work/cpack.log" >&2
-  exit 1
-}
+if [ -e "$build/CPackConfig.cmake" ]; then
+  (cd "$build" && cpack -G DEB -B "$work/packages") >"$work/cpack.log" 2>&1 || {
+    cat "$work/cpack.log" >&2
+    exit 1
+  }
+else
+  mkdir "$work/packages"
+  cp "$build"/bendloop_*.deb "$build"/bendloop-demo_*.deb "$work/packages"
+fi
 tar=$("$here/debian_root.sh" "$cache" "$work"/packages/bendloop_*.deb "$work"/packages/bendloop-demo_*.deb)
 image=${tar%.tar}.ext4
 if [ ! -e "$image" ]; then

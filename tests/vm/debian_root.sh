@@ -19,7 +19,7 @@ exec 9>"$cache/root-lock"
 flock 9
 
 needs=$(for package in "$@"; do dpkg-deb -f "$package" Depends Recommends; done)
-root=$cache/debian-root-$(echo "1 $needs" | sha256sum | cut -c 1-12).tar
+root=$cache/debian-root-$(echo "2 $needs" | sha256sum | cut -c 1-12).tar
 if [ ! -e "$root" ]; then
   rm -f "$cache"/debian-root-*
   # shellcheck source=config/host-apt.sh
@@ -35,7 +35,7 @@ if [ ! -e "$root" ]; then
     --aptopt="$settings" --customize-hook="copy-in $* /root" \
     --customize-hook='chroot "$1" apt-get clean' \
     --customize-hook='chroot "$1" apt-get -qq -y --download-only install'"$names" \
-    --customize-hook='rm "$1"/root/*.deb' \
+    --customize-hook='rm "$1"/root/*.deb' --customize-hook="$(dirname -- "$(realpath "$0")")/debian_lists.sh"' "$1"' \
     bookworm "$root.new" "$(host_mirror)" >&2 || skip "mmdebstrap failed"
   mv "$root.new" "$root"
 fi

@@ -10,7 +10,7 @@ was when the log began; it is changed in place.
 honest  what was written before the last flush that was answered is there; of what came after, each block of
         4 KB is there or not, as a drive with a cache of its own leaves it
 lying   the drive answered its flushes and had not yet written: the last 1 to 256 writes are missing, flushed
-        or not, as if it had died a moment earlier
+        or not, as if it had died a moment earlier; 1 or 2 as likely as 128 to 256
 """
 import os
 import random
@@ -55,7 +55,7 @@ def main():
         flushes = [i for i, write in enumerate(writes) if write[3] & FLUSH]
         kept = flushes[-1] + 1 if flushes else 0
         if kind == "lying":
-            kept = max(0, len(writes) - chance.randint(1, MOST_HELD_BACK))
+            kept = max(0, len(writes) - int(MOST_HELD_BACK ** chance.random()))
         lost = 0
         for i, (offset, place, length, flags) in enumerate(writes):
             log.seek(place)

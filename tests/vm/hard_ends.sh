@@ -1,0 +1,135 @@
+#!/bin/sh
+# The daemon is ended again and again in the middle of scans and commits, on this machine's own kernel: as
+# appliance_resets.sh, many times faster and without its boot, unit and package. Bender and scanner go on.
+# usage: hard_ends.sh BUILD ENDS killed|honest|lying [SEED]
+#   killed         kill -9, each at another time from the scan's first profile to after the commit
+#   honest, lying  the power is cut: the state is an ext4 of its own, on a disk that writes down each write and
+#                  flush, and then holds what such a disk does (power_cut.py); root
+# After each: nothing is sent by the start, at most one program by the part; at the end a whole part is corrected, and
+# journal, history, results and sessions agree. Exits with 77 where it cannot be tried.
+set -eu
+build=$(realpath "$1")
+ends=$2
+kind=$3
+seed=${4:-1}
+here=$(dirname -- "$(realpath "$0")")
+# shellcheck source=tests/vm/daemon_cell.sh disable=SC2034,SC2154
+. "$here/daemon_cell.sh"
+
+finish() { # hard, in the middle of whatever it does
+  if [ "$kind" = killed ]; then
+    kill -9 "$daemon"
+    wait "$daemon" 2>/dev/null || true
+    return 0
+  fi
+  # Nothing runs on while the disk is dead already.
+  kill -STOP "$daemon"
+  kill -9 "$storage"
+  kill -9 "$daemon"
+  wait "$daemon" "$storage" 2>/dev/null || true
+  disk_off
+  cut=$("$here/power_cut.py" writes before.ext4 "$kind" "$1")
+  mv before.ext4 disk.ext4
+}
+
+# The journal of a disk that lies may have lost that a commit was sent: what the bender then holds looks like its PLC's
+# doing, and corrections are locked until somebody has looked.
+look_at_lock() {
+  status | grep -q '^alarm BL4002 ' || return 0
+  locked=$((locked + 1))
+  "$build/bin/bendloop" acknowledge --config cell.toml >/dev/null || fail "it cannot be acknowledged"
+}
+
+machines_on
+disk_on
+start
+ask
+was=$sequence
+begun=$(now_ms)
+bend_and_scan
+is_sent() { ask && [ "$sequence" != "$was" ]; }
+await 60 "the first correction" is_sent
+whole_ms=$(($(now_ms) - begun))
+finish "$seed"
+echo "one part: scanned, measured and committed in $whole_ms ms"
+
+sent=0
+resettled=0
+locked=0
+i=0
+while [ "$i" -lt "$ends" ]; do
+  i=$((i + 1))
+  ask
+  began="$sequence $accepted"
+  disk_on
+  start
+  ask
+  # A commit that was on its way is settled, not sent again.
+  [ "$sequence $accepted" = "$began" ] ||
+    fail "end $i: the start itself sent: sequence and commits $began became $sequence $accepted"
+  ! status | grep -q '^alarm BL5009' || resettled=$((resettled + 1))
+  if [ "$kind" = lying ]; then
+    look_at_lock
+    # What the ledger lost of the tubes before makes the next one uncertain: it is held (BL3007).
+    whole_part
+    ask
+  fi
+  was=$sequence
+  taken=$accepted
+  bend_and_scan
+  delay=$(awk -v chance="$(chance "$seed $i")" -v ms="$whole_ms" 'BEGIN { printf "%.3f", 1.1 * ms / 1000 * chance }')
+  sleep "$delay"
+  cut=
+  finish "$seed$i"
+  sleep 0.2
+  ask
+  [ "$rows" = 2 ] || fail "the bender holds $rows rows"
+  case $((accepted - taken)) in
+  0) [ "$sequence" = "$was" ] || fail "sequence $was became $sequence, and no commit was taken" ;;
+  1)
+    [ "$sequence" -gt "$was" ] || fail "a commit was taken, and sequence $was became $sequence"
+    sent=$((sent + 1))
+    ;;
+  *) fail "$((accepted - taken)) commits in one part" ;;
+  esac
+  echo "end $i, $delay s after the first profile: sequence $was -> $sequence${cut:+; $cut}"
+done
+
+disk_on
+start
+if [ "$kind" = lying ]; then
+  look_at_lock
+  whole_part
+fi
+ask
+was=$accepted
+whole_part
+ask
+[ "$accepted" -gt "$was" ] || fail "the last part was not corrected"
+kill "$daemon"
+wait "$daemon" || fail "it did not stop well"
+daemon=
+
+sessions=0
+for database in state/*.db state/sessions/*.session; do
+  [ "$(sqlite3 "$database" 'PRAGMA integrity_check')" = ok ] || fail "$database is not sound"
+done
+for session in state/sessions/*.session; do
+  sessions=$((sessions + 1))
+  "$build/bin/bendloop" check "$session" >check.log 2>&1 || true
+  ! grep -i 'damaged\|checksum\|malformed' check.log || fail "$session is damaged"
+done
+journal() { sqlite3 state/journal.db "$1"; }
+open=$(journal "SELECT count(*) FROM attempt WHERE (SELECT step FROM step
+  WHERE step.attempt = attempt.id ORDER BY step.id DESC LIMIT 1) IN ('begun', 'committing')")
+[ "$open" = 0 ] || fail "$open attempts are open in the journal"
+committed=$(journal "SELECT count(*) FROM step WHERE step = 'committed'")
+# On a disk that lies the journal may not know of what it was about to write.
+[ "$committed" = "$accepted" ] || [ "$kind" = lying ] ||
+  fail "the bender took $accepted commits, the journal knows of $committed"
+twice=$(sqlite3 state/history.db "SELECT count(*) - count(DISTINCT session) FROM part")
+[ "$twice" = 0 ] || fail "$twice parts stand in the history twice"
+[ "$locked" = 0 ] || echo "$locked times corrections were locked, and somebody had to look"
+echo "$ends ends, $kind: $((ends + 1)) starts, each ready by itself, $resettled settled a commit that was on its way;" \
+  "$sent programs sent before the end, none twice; the bender took $accepted, the journal has $committed and none open;" \
+  "$(results) results and $sessions sessions of $part scans; all databases sound"

@@ -1,0 +1,14 @@
+PRAGMA application_id=1112294218; PRAGMA user_version=1;
+PRAGMA foreign_keys=OFF;
+BEGIN TRANSACTION;
+CREATE TABLE attempt(id INTEGER PRIMARY KEY, session TEXT NOT NULL, base TEXT NOT NULL, next TEXT NOT NULL);
+INSERT INTO attempt VALUES(1,'part-0001','{"crc":69588237,"part_number":7,"rows_lrar":[[109.843,0.0,62.213,20.0],[119.843,0.0,0.0,null]],"sequence":1}','{"crc":1272526479,"part_number":7,"rows_lrar":[[109.843,0.0,62.411,20.0],[119.843,0.0,0.0,null]],"sequence":2}');
+CREATE TABLE step(id INTEGER PRIMARY KEY, attempt INTEGER NOT NULL, unix_ms INTEGER NOT NULL, step TEXT NOT NULL, detail TEXT NOT NULL);
+INSERT INTO step VALUES(1,1,1795390698338,'begun','');
+INSERT INTO step VALUES(2,1,1795390698339,'committing','');
+INSERT INTO step VALUES(3,1,1795390698339,'committed','');
+CREATE TABLE sequence(id INTEGER PRIMARY KEY, number INTEGER NOT NULL);
+INSERT INTO sequence VALUES(1,2);
+CREATE INDEX attempt_session ON attempt(session);
+CREATE INDEX step_attempt ON step(attempt);
+COMMIT;
