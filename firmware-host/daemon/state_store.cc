@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -56,6 +57,23 @@ void RemoveHalfWritten(const fs::path& directory) {
   for (const fs::path& path : found) fs::remove(path, error);
 }
 
+// What root wrote while the daemon was away belongs to whom the folder does, or the daemon could
+// not go on with it. No link is followed, and no file that has another name: they may be anywhere.
+void GiveToOwnerOf(const fs::path& directory) {
+  struct stat folder {};
+  if (::geteuid() != 0 || ::stat(directory.c_str(), &folder) != 0 || folder.st_uid == 0) return;
+  std::error_code error;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    struct stat file {};
+    const std::string path = it->path().string();
+    if (::lstat(path.c_str(), &file) != 0 || file.st_uid != 0) continue;
+    const bool is_folder = S_ISDIR(file.st_mode);
+    if (!is_folder && !(S_ISREG(file.st_mode) && file.st_nlink == 1)) continue;
+    // One that cannot be given away stays root's, as it was.
+    [[maybe_unused]] const int kept = ::lchown(path.c_str(), folder.st_uid, folder.st_gid);
+  }
+}
+
 }  // namespace
 
 hal::Result<StateStore> StateStore::Open(const fs::path& directory, StateUser user) {
@@ -96,7 +114,10 @@ StateStore::StateStore(StateStore&& other) noexcept
     : directory_(std::move(other.directory_)), lock_(std::exchange(other.lock_, -1)) {}
 
 StateStore::~StateStore() {
-  if (lock_ >= 0) ::close(lock_);
+  if (lock_ < 0) return;
+  GiveToOwnerOf(directory_);
+  GiveToOwnerOf(results());
+  ::close(lock_);
 }
 
 unsigned StateStore::LastNumber(const fs::path& sessions) const {
