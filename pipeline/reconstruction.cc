@@ -27,6 +27,7 @@
 #include "pipeline/fit/tube_ends.h"
 #include "pipeline/inspection/direction.h"
 #include "pipeline/points/input_checks.h"
+#include "pipeline/spine/closed_tube.h"
 #include "pipeline/spine/oriented_samples.h"
 #include "pipeline/spine/sample_intake.h"
 #include "pipeline/spine/shrinking.h"
@@ -219,6 +220,18 @@ hal::Result<ApproximatedTube> Reconstruction::Impl::Connect(
   auto polygon = ChooseTube(SpinePolygons(nodes, r_mm), r_mm, options_.nominal, tube.left_out_mm);
   if (!polygon) return hal::Fail(polygon.error());
   tube.polygon = std::move(*polygon);
+  if (IsLoop(tube.polygon, r_mm)) {
+    std::vector<Eigen::Vector3d> samples;
+    for (const PointBlock& block : BlocksNear(tube.polygon, false)) {
+      samples.insert(samples.end(), block.points.begin(), block.points.end());
+    }
+    if (!OpenAtGap(samples, r_mm, tube.polygon)) {
+      return hal::Fail(hal::ErrorKind::kBadInput,
+                       std::string(kClosedTube) +
+                           ", and rows of lengths, rotations and angles go from one end to the "
+                           "other (--model freeform measures its spine)");
+    }
+  }
   return tube;
 }
 
@@ -307,9 +320,18 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     for (double at = -3.0; at <= kEndFormReach; at += 0.5) {
       places.push_back(end.position_mm + at * r_mm * end.outward);
     }
+    // What nearly meets this end is no fitting but the other one.
+    const hal::SpineSegment& other = at_start ? spine.segments.back() : spine.segments.front();
+    const auto is_other_end = [&](const PointBlock& block) {
+      const Eigen::Vector3d from = block.center_mm - other.start_mm;
+      const double along_mm = from.dot(other.tangent);
+      return spine.segments.size() > 1 && along_mm > 0 && along_mm < other.length_mm &&
+             (from - along_mm * other.tangent).norm() < kStage.beside_tube * r_mm;
+    };
     std::vector<PointBlock> near;
     for (const std::int32_t index : intake_.grid().BlocksNear(places, 3.0 * r_mm)) {
-      if (!intake_.IsPlanar(index)) near.push_back(BlockAt(index, true));
+      const PointBlock block = BlockAt(index, true);
+      if (!intake_.IsPlanar(index) && !is_other_end(block)) near.push_back(block);
     }
     const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others);
     ReportEndForm(at_start, found, measurement);

@@ -31,6 +31,7 @@ struct LookSettings {
   // arcs' length.
   std::size_t many_bends = 3;
   double few_straights = 0.5;
+  double no_straights = 0.1;
 };
 constexpr LookSettings kLook;
 
@@ -128,6 +129,17 @@ bool IsArcUponArc(const hal::Tube& tube) {
   }
   return tube.program.bend_count() >= kLook.many_bends &&
          straights_mm < kLook.few_straights * arcs_mm;
+}
+
+// A coil, a helix and a ring's part, as lines and arcs: hardly a straight between the ends.
+bool IsArcsAlone(const hal::Tube& tube) {
+  double arcs_mm = 0, straights_mm = 0;
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  for (std::size_t i = 1; i + 1 < segments.size(); ++i) {
+    (segments[i].is_arc() ? arcs_mm : straights_mm) += segments[i].length_mm;
+  }
+  return tube.program.bend_count() >= kLook.many_bends &&
+         straights_mm < kLook.no_straights * arcs_mm;
 }
 
 bool WorthALook(const Measurement& m) {
@@ -319,6 +331,22 @@ std::optional<Measurement> BetterThanTube(std::span<const Eigen::Vector3d> point
   return measurement;
 }
 
+// A ring, a frame: all of it is one pipe, which has no ends.
+std::optional<Measurement> ClosedForm(std::span<const Eigen::Vector3d> points, CanalOptions options,
+                                      const std::string& without, const hal::Clock& clock) {
+  options.freeform = true;
+  const auto scan = FitCanalScan(points, options, clock);
+  if (!scan || !scan->is_closed ||
+      static_cast<double>(Explained(*scan)) <
+          kLeave.explained * static_cast<double>(points.size())) {
+    return std::nullopt;
+  }
+  Measurement measurement = DescribeCanal(*scan, true, clock);
+  SayWhy("no tube from end to end (" + without + "); measured as a free form, see --model.",
+         measurement);
+  return measurement;
+}
+
 hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
                                 const ReconstructionOptions& options, const hal::Clock& clock,
                                 Workers* workers) {
@@ -337,12 +365,29 @@ hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
   if (varying) {
     auto other = tube ? BetterThanTube(points, *tube, *varying, canal, clock)
                       : CanalWithoutTube(points.size(), *varying, tube.error().message, clock);
+    if (!tube && !other && varying->is_closed) {
+      other = ClosedForm(points, canal, tube.error().message, clock);
+    }
     if (other) return std::move(*other);
   }
   if (!tube) return tube;
   timer.Done("other_models");
   tube->timing.insert(tube->timing.end(), timer.times.begin(), timer.times.end());
   return tube;
+}
+
+// Rows of arcs alone are told, but where the nominal has as many.
+hal::Result<Measurement> TellArcs(hal::Result<Measurement> found,
+                                  const ReconstructionOptions& options) {
+  if (!found || !IsArcsAlone(found->tube)) return found;
+  if (options.nominal && options.nominal->bend_count() == found->tube.program.bend_count()) {
+    return found;
+  }
+  SayWhy(
+      "arc follows upon arc: a coil or another spine without lines and arcs may be shown by "
+      "them, compare --model freeform.",
+      *found);
+  return found;
 }
 
 }  // namespace
@@ -352,9 +397,9 @@ hal::Result<Measurement> ReconstructModel(std::span<const Eigen::Vector3d> point
                                           const hal::Clock& clock, Workers* workers) {
   switch (model) {
     case TubeModel::kAuto:
-      return Choose(points, options, clock, workers);
+      return TellArcs(Choose(points, options, clock, workers), options);
     case TubeModel::kTube:
-      return Reconstruct(points, options, clock, workers);
+      return TellArcs(Reconstruct(points, options, clock, workers), options);
     case TubeModel::kCanal:
     case TubeModel::kFreeform:
       break;

@@ -10,6 +10,7 @@
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cli/cloud_argument.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/cli/outlier_place.h"
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/version.h"
@@ -99,11 +100,14 @@ std::string SpineCsv(const pipeline::Measurement& measurement) {
 }
 
 // What the numbers alone do not show: points that are not of this tube, a radius that is not its.
-std::vector<std::string> Doubts(const pipeline::Measurement& measurement,
+std::vector<std::string> Doubts(const pipeline::Measurement& measurement, const PointCloud& cloud,
                                 std::optional<double> given_radius_mm, bool is_option) {
   std::vector<std::string> doubts;
   const pipeline::FitQuality& fit = measurement.fit;
   const double radius_mm = measurement.tube.pipe_radius_mm;
+  if (std::string place = OutlierPlace(cloud.points_mm, measurement); !place.empty()) {
+    doubts.push_back(std::move(place));
+  }
   if (fit.outliers > fit.samples) {
     doubts.push_back("only " + std::to_string(fit.samples) + " of " +
                      std::to_string(fit.samples + fit.outliers) +
@@ -169,7 +173,8 @@ int Reconstruct(const ReconstructArguments& arguments) {
     }
     return Report(error);
   }
-  for (std::string& doubt : Doubts(*measurement, radius_mm, arguments.pipe_radius_mm.has_value())) {
+  for (std::string& doubt :
+       Doubts(*measurement, *cloud, radius_mm, arguments.pipe_radius_mm.has_value())) {
     measurement->warnings.push_back(std::move(doubt));
   }
   for (const std::string& warning : measurement->warnings) {

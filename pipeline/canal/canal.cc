@@ -13,6 +13,7 @@
 #include "pipeline/points/input_checks.h"
 #include "pipeline/points/point_index.h"
 #include "pipeline/points/sample_grid.h"
+#include "pipeline/spine/closed_tube.h"
 #include "pipeline/spine/oriented_samples.h"
 #include "pipeline/spine/pipe_radius.h"
 #include "pipeline/spine/shrinking.h"
@@ -324,13 +325,15 @@ hal::Result<CanalScan> FitCanalScan(std::span<const Eigen::Vector3d> all_points,
   std::int32_t block = 0;
   for (const Eigen::Vector3d& p : points) grid.Insert(p, block);
   timer.Done("samples");
-  const std::vector<SpinePolygon> polygons = SpinesOf(grid, scan.radius_mm, options.spine_method);
+  std::vector<SpinePolygon> polygons = SpinesOf(grid, scan.radius_mm, options.spine_method);
   timer.Done("projection");
   if (polygons.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "no pipe of about " + Mm(scan.radius_mm) +
                          " radius in the points: expected a surface curved like that");
   }
+  scan.is_closed = IsLoop(polygons.front(), scan.radius_mm) &&
+                   !OpenAtGap(points, scan.radius_mm, polygons.front());
   const std::vector<Eigen::Vector4d> spine = Extended(polygons.front(), scan.radius_mm);
   timer.Done("curve");
   scan.points = PointsNear(spine, grid, scan.radius_mm);

@@ -33,6 +33,7 @@ struct CanalScan {
   std::vector<double> along_mm;         // where they are along the spine
   double from_mm = 0, to_mm = 0;        // ends of the pipe, as arc lengths of the fitted spine
   std::size_t all_points = 0;
+  bool is_closed = false;          // without an end: from_mm is anywhere
   std::vector<SpineSample> spine;  // evenly spaced from end to end
   std::vector<Eigen::Vector3d> tangents;
   std::vector<StageTime> timing;

@@ -13,6 +13,7 @@
 #include "pipeline/math/quantiles.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/points/point_index.h"
+#include "pipeline/spine/closed_tube.h"
 #include "pipeline/structure/structure.h"
 #include "pipeline/tube/spine_distance.h"
 #include "pipeline/tube/stage_timer.h"
@@ -254,6 +255,10 @@ Measurement DescribeCanal(const CanalScan& scan, bool freeform, const hal::Clock
   const double design_effect = DesignEffect(scan);
   measurement.pipe_radius_sigma_mm = scan.fit.pipe_radius_sigma_mm * std::sqrt(design_effect);
   DescribePoints(scan, measurement);
+  if (scan.is_closed) {
+    measurement.warnings.push_back(std::string(kClosedTube) +
+                                   "; where its spine begins and ends here is arbitrary.");
+  }
   if (freeform) {
     measurement.tube.pipe_radius_mm = MeanRadius(scan);
     measurement.tube.X_WT = StartPose(scan);

@@ -208,7 +208,7 @@ class EndCollector {
       const std::size_t count = std::min(kBatch, block.points.size() - first);
       nearest_.Find(block.points.subspan(first, count), frames_, pipe_radius_mm_, candidates_);
       for (std::size_t i = 0; i < count; ++i) {
-        const std::size_t c = nearest_.Candidate(i);
+        const std::size_t c = EndOf(nearest_.Candidate(i), i);
         const LocalLanes& local = nearest_.Local(c);
         if (std::abs(local.distance[i] - pipe_radius_mm_) > reach_mm_) continue;
         // Further out another part of the tube may lie where the straight would go on.
@@ -225,6 +225,22 @@ class EndCollector {
   }
 
  private:
+  // Where the two ends of a tube nearly meet, a point beyond the one lies on the other's straight,
+  // which noise does not say: that is its candidate then, and `c` else.
+  std::size_t EndOf(std::size_t c, std::size_t i) const {
+    const auto last = static_cast<std::int32_t>(frames_.size()) - 1;
+    if (last == 0 || candidates_.front() != 0 || candidates_.back() != last) return c;
+    if (candidates_[c] != 0 && candidates_[c] != last) return c;
+    const std::size_t other = c == 0 ? candidates_.size() - 1 : 0;
+    const auto within = [&](std::size_t candidate) {
+      const LocalLanes& local = nearest_.Local(candidate);
+      const auto k = static_cast<std::size_t>(candidates_[candidate]);
+      return local.x[i] >= 0 && local.x[i] <= segments_[k].length_mm &&
+             std::abs(local.distance[i] - pipe_radius_mm_) <= reach_mm_;
+    };
+    return !within(c) && within(other) ? other : c;
+  }
+
   std::vector<hal::SpineSegment> segments_;
   std::vector<SegmentFrame> frames_;
   double pipe_radius_mm_;

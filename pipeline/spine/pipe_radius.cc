@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/spine/pipe_radius.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -34,6 +35,12 @@ struct SearchSettings {
   double high_peak = 0.5;
   // Score at which it ends without a look at the next (by trial).
   double certain = 0.75;
+  // [of the trial] What cylinders leave of their points, from which on a trial is rough: a coil of
+  // many turns looks like one pipe as wide as all of it, so the search goes on (by trial).
+  double rough = 0.015;
+  // A thinner trial whose cylinders leave so much less [mm], as noise never does, is the pipe that
+  // the rough one is made of, where so much of the rough one's score agree with it (by trial).
+  double much_finer = 1.0 / 3.0, finer_score = 0.2;
   std::size_t most_ahead = 4;  // trials that workers look at together, the last maybe in vain
 
   // [of the trial's curvature] How far a vote's may be off (by trial).
@@ -61,9 +68,13 @@ struct SearchSettings {
   std::ptrdiff_t least_cylinders = 5;  // that agree with each other (by trial)
   // A trial's score that stands for a pipe at least (by trial).
   double least_score = 0.04;
+  double least_rough_score = 0.1;  // of a rough one: bends of a wire look like that
 
   // Points that are looked at, and of these for the size of the cloud (by trial).
   std::size_t working_points = 20'000;
+  // Where these are too few for thin pipes, and no other convinces, so many times more, again and
+  // again up to a million: metres of thin wire.
+  std::size_t more_points = 8, most_points = 1'000'000;
   std::size_t box_points = 2'000;
   // [of the points] At either end of each axis so many may lie anywhere (by trial).
   double stray = 0.01;
@@ -107,6 +118,17 @@ struct Trial {
 
   double Support() const { return PartAsked(0); }  // of the seeds: no score is better
   double Hope() const { return PartAsked(2); }     // few were asked: it may be a little more
+  double RoughnessMm() const { return Median(cylinder_rms_mm); }
+  bool IsRough() const { return score > 0 && RoughnessMm() > kSearch.rough * radius_mm; }
+  bool Beats(const Trial& other) const {
+    if (IsMuchFinerThan(other)) return true;
+    return score > other.score && !other.IsMuchFinerThan(*this);
+  }
+  bool IsMuchFinerThan(const Trial& rough) const {
+    return rough.IsRough() && radius_mm < rough.radius_mm &&
+           score > kSearch.finer_score * rough.score &&
+           RoughnessMm() < kSearch.much_finer * rough.RoughnessMm();
+  }
   double PartAsked(std::size_t more) const {
     return static_cast<double>(votes.size() + more) / static_cast<double>(asked);
   }
@@ -169,24 +191,25 @@ void Judge(std::span<const Eigen::Vector3d> seeds, PointPyramid& points, Trial& 
   trial.score = trial.Support() * static_cast<double>(agree) / static_cast<double>(count);
 }
 
-// From pipes as thick as the cloud down to where neighbourhoods are too small to be fitted.
+// From pipes of `from_mm` down to where neighbourhoods are too small to be fitted: `sparse_mm` is
+// where that was, and 0 where the search ended before.
 Trial BestTrial(PointPyramid& points, std::span<const Eigen::Vector3d> seeds, double size_mm,
-                double neighbourhood, Workers* workers) {
+                double from_mm, double neighbourhood, Workers* workers, double& sparse_mm) {
   Trial best;
+  sparse_mm = 0;
   int worse = 0;
   // Judging is dear: trials that few agree with wait until it is known what else there is.
   std::vector<Trial> waiting;
   const auto judge = [&](Trial& trial) {
     Judge(seeds, points, trial);
-    if (trial.score <= best.score) return false;
+    if (!trial.Beats(best)) return false;
     best = std::move(trial);
     return true;
   };
   // With workers the next few are tried at once, of which the last may be in vain.
   std::vector<Trial> ahead(workers ? std::min(workers->threads(), kSearch.most_ahead) : 1);
   std::size_t next = ahead.size();
-  for (double trial_mm = size_mm / 3.0; trial_mm > size_mm / 5000.0;
-       trial_mm /= kSearch.ladder_step) {
+  for (double trial_mm = from_mm; trial_mm > size_mm / 5000.0; trial_mm /= kSearch.ladder_step) {
     if (next == ahead.size()) {
       double ahead_mm = trial_mm;
       for (Trial& trial : ahead) {
@@ -201,11 +224,14 @@ Trial BestTrial(PointPyramid& points, std::span<const Eigen::Vector3d> seeds, do
       next = 0;
     }
     Trial& trial = ahead[next++];
-    if (trial.level->cell_count() > points.size() / 2) break;  // so sparse are all smaller ones
+    if (trial.level->cell_count() > points.size() / 2) {  // so sparse are all smaller ones
+      sparse_mm = trial_mm;
+      break;
+    }
     const bool high = trial.Support() >= kSearch.high_peak;
     if (high && judge(trial)) {
       worse = 0;
-      if (best.score > kSearch.certain &&
+      if (best.score > kSearch.certain && !best.IsRough() &&
           std::abs(Median(best.cylinder_radius_mm) / best.radius_mm - 1.0) < kSearch.nearest) {
         break;
       }
@@ -213,14 +239,64 @@ Trial BestTrial(PointPyramid& points, std::span<const Eigen::Vector3d> seeds, do
     }
     // Well past a high peak the smaller trials need not be looked at. A whole bent tube may pass
     // for a piece of a far thicker one, but never with so much support.
-    if (best.score > kSearch.high_peak && trial.Support() < 0.5 * best.score && ++worse >= 2) break;
+    if (best.score > kSearch.high_peak && !best.IsRough() && trial.Support() < 0.5 * best.score &&
+        ++worse >= 2) {
+      break;
+    }
     if (!high) waiting.push_back(std::move(trial));
   }
   std::stable_sort(waiting.begin(), waiting.end(),
                    [](const Trial& a, const Trial& b) { return a.Support() > b.Support(); });
   for (Trial& trial : waiting) {
-    if (trial.Hope() <= best.score) break;
+    if (trial.Hope() <= (best.IsRough() ? kSearch.finer_score : 1.0) * best.score) break;
     judge(trial);
+  }
+  return best;
+}
+
+// The box of nearly all points: one reading from far away must not set the scale.
+class NearlyAll {
+ public:
+  explicit NearlyAll(std::span<const Eigen::Vector3d> points) {
+    const std::vector<Eigen::Vector3d> some = Pick(points, kSearch.box_points);
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      std::vector<double> along;
+      along.reserve(some.size());
+      for (const Eigen::Vector3d& p : some) along.push_back(p[axis]);
+      low_[axis] = Quantile(along, kSearch.stray);
+      high_[axis] = Quantile(std::move(along), 1.0 - kSearch.stray);
+    }
+    margin_mm_ = (high_ - low_).norm();
+  }
+  // Those within it, and as much beside it.
+  std::vector<Eigen::Vector3d> Of(std::vector<Eigen::Vector3d> points) const {
+    std::erase_if(points, [this](const Eigen::Vector3d& p) {
+      return ((p - low_).array() < -margin_mm_).any() || ((p - high_).array() > margin_mm_).any();
+    });
+    return points;
+  }
+
+ private:
+  Eigen::Vector3d low_, high_;
+  double margin_mm_;
+};
+
+// Diagonal of the points' box.
+double SizeOf(std::span<const Eigen::Vector3d> points) {
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& p : points) box.extend(p);
+  return box.isEmpty() ? 0.0 : box.diagonal().norm();
+}
+
+// With the narrower paraboloids, and with the wider ones where these do not convince.
+Trial BestOf(std::span<const Eigen::Vector3d> points, std::span<const Eigen::Vector3d> seeds,
+             double size_mm, double from_mm, Workers* workers, double& sparse_mm) {
+  PointPyramid pyramid(points);
+  Trial best;
+  for (const double neighbourhood : kSearch.paraboloids) {
+    Trial found = BestTrial(pyramid, seeds, size_mm, from_mm, neighbourhood, workers, sparse_mm);
+    if (found.Beats(best)) best = std::move(found);
+    if (best.score > kSearch.convincing) break;
   }
   return best;
 }
@@ -232,36 +308,24 @@ hal::Result<PipeRadius> EstimatePipeRadius(std::span<const Eigen::Vector3d> poin
   if (points.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput, "no points; expected a scan of a tube");
   }
-  std::vector<Eigen::Vector3d> working = Pick(points, kSearch.working_points);
-  const std::vector<Eigen::Vector3d> some = Pick(working, kSearch.box_points);
-  // The box of nearly all points: one reading from far away must not set the scale.
-  Eigen::Vector3d low, high;
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    std::vector<double> along;
-    along.reserve(some.size());
-    for (const Eigen::Vector3d& p : some) along.push_back(p[axis]);
-    low[axis] = Quantile(along, kSearch.stray);
-    high[axis] = Quantile(std::move(along), 1.0 - kSearch.stray);
-  }
-  const double margin_mm = (high - low).norm();
-  std::erase_if(working, [&](const Eigen::Vector3d& p) {
-    return ((p - low).array() < -margin_mm).any() || ((p - high).array() > margin_mm).any();
-  });
-  for (const Eigen::Vector3d& p : working) {
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-  }
-  const double size_mm = (high - low).norm();
+  const std::vector<Eigen::Vector3d> some = Pick(points, kSearch.working_points);
+  const NearlyAll nearly_all(some);
+  std::vector<Eigen::Vector3d> working = nearly_all.Of(some);
+  const double size_mm = SizeOf(working);
   const std::vector<Eigen::Vector3d> seeds = Pick(working, kSearch.seeds);
-  PointPyramid pyramid(working);
-
-  Trial best;
-  for (const double neighbourhood : kSearch.paraboloids) {
-    Trial found = BestTrial(pyramid, seeds, size_mm, neighbourhood, workers);
-    if (found.score > best.score) best = std::move(found);
-    if (best.score > kSearch.convincing) break;
+  double sparse_mm = 0;
+  Trial best = BestOf(working, seeds, size_mm, size_mm / 3.0, workers, sparse_mm);
+  for (std::size_t count = kSearch.working_points;
+       best.score < kSearch.convincing && sparse_mm > 0 &&
+       count < std::min(points.size(), kSearch.most_points);) {
+    count *= kSearch.more_points;
+    working = nearly_all.Of(Pick(points, count));
+    // Trials near the border had few points, too.
+    const double from_mm = std::min(size_mm / 3.0, 2.0 * sparse_mm);
+    Trial found = BestOf(working, seeds, size_mm, from_mm, workers, sparse_mm);
+    if (found.Beats(best)) best = std::move(found);
   }
-  if (best.score < kSearch.least_score) {
+  if (best.score < (best.IsRough() ? kSearch.least_rough_score : kSearch.least_score)) {
     return hal::Fail(hal::ErrorKind::kBadInput,
                      "no pipe found in the points: no part of them is curved like a cylinder "
                      "(expected a scan of a tube with at least a few hundred points on it)");

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
+#include "tests/support/pipe_along.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -114,6 +114,38 @@ TEST(PipeRadius, RefusesPlanesSpheresAndNoise) {
     noise.emplace_back(Uniform(random, 0, 100), Uniform(random, 0, 100), Uniform(random, 0, 100));
   }
   ExpectNone(noise);
+}
+
+// Which looks like one pipe as wide as all of it, but for what that leaves.
+TEST(PipeRadius, OfACoilIsThatOfItsPipe) {
+  Random random(9);
+  for (const double pitch_mm : {7.0, 14.0, 25.0}) {
+    const auto found = EstimatePipeRadius(
+        tests::PipeAlong(tests::Helix(37, pitch_mm, 6), 3, 20'000, 0.05, random));
+    ASSERT_TRUE(found) << pitch_mm;
+    EXPECT_NEAR(found->radius_mm, 3, 0.1) << pitch_mm;
+  }
+}
+
+// Metres of wire: the points that tell how large the cloud is are too few for so thin a one.
+TEST(PipeRadius, OfALongWireWithManyBends) {
+  Random random(10);
+  for (const double radius_mm : {1.0, 3.0}) {
+    const hal::Tube wire = tests::RandomTube({.pipe_radius_mm = radius_mm,
+                                              .bends = 25,
+                                              .min_bend_radius = 4,
+                                              .max_bend_radius = 10,
+                                              .min_straight = 150 / radius_mm,
+                                              .max_straight = 300 / radius_mm,
+                                              .min_angle_deg = 20,
+                                              .max_angle_deg = 110,
+                                              .one_bend_radius = false},
+                                             random);
+    const auto found = EstimatePipeRadius(
+        tests::SyntheticCloud(wire, {.points = 150'000, .noise_mm = 0.03}, random));
+    ASSERT_TRUE(found) << radius_mm;
+    EXPECT_NEAR(found->radius_mm / radius_mm, 1, 0.05);
+  }
 }
 
 TEST(PipeRadius, SaysWhatWasExpected) {

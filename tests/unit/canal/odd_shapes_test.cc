@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is no tube from one end to the other, or no tube at all: never rows without a word.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "pipeline/tube_model.h"
+#include "tests/support/pipe_along.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using testing::HasSubstr;
+
+hal::Result<Measurement> MeasureShape(const tests::Points& points,
+                                      TubeModel model = TubeModel::kAuto) {
+  const hal::SteadyClock clock;
+  return ReconstructModel(points, model, {}, clock);
+}
+
+std::string Said(const Measurement& measurement) {
+  std::string all;
+  for (const std::string& warning : measurement.warnings) all += warning + "\n";
+  return all;
+}
+
+TEST(OddShapes, AClosedTubeIsToldAndHasNoRows) {
+  tests::Random random(1);
+  const hal::Tube frame = tests::Frame(120, 20, 6, 0);
+  for (const tests::Points& points :
+       {tests::PipeAlong(tests::Helix(40, 0, 1), 6, 2000, 0.05, random),
+        tests::SyntheticCloud(frame, {.points = 3000}, random)}) {
+    const auto tube = MeasureShape(points, TubeModel::kTube);
+    ASSERT_FALSE(tube);
+    EXPECT_THAT(tube.error().message, HasSubstr("the tube is closed"));
+    const auto found = MeasureShape(points);
+    ASSERT_TRUE(found) << found.error().message;
+    EXPECT_TRUE(found->tube.program.rows.empty());
+    EXPECT_NEAR(found->tube.pipe_radius_mm, 6, 0.02);
+    EXPECT_THAT(Said(*found), HasSubstr("the tube is closed"));
+  }
+}
+
+TEST(OddShapes, AFrameWhoseEndsNearlyMeetHasRows) {
+  tests::Random random(2);
+  const hal::Tube frame = tests::Frame(120, 20, 6, 2.5);
+  const auto found = MeasureShape(tests::SyntheticCloud(frame, {.points = 6000}, random));
+  ASSERT_TRUE(found) << found.error().message;
+  const auto& rows = found->tube.program.rows;
+  ASSERT_EQ(rows.size(), 5u) << Said(*found);
+  EXPECT_NEAR(rows.front().length_mm, frame.program.rows.front().length_mm, 1.0);
+  EXPECT_NEAR(rows.back().length_mm, frame.program.rows.back().length_mm, 1.0);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(rows[i].angle_deg, 90, 0.3);
+}
+
+TEST(OddShapes, ACoilIsOneOfItsPipeAndNotAPipeAsWide) {
+  tests::Random random(3);
+  const auto found = MeasureShape(tests::PipeAlong(tests::Helix(20, 12, 2), 3, 3000, 0.05, random));
+  if (!found) return;
+  EXPECT_NEAR(found->tube.pipe_radius_mm, 3, 0.05);
+  EXPECT_THAT(Said(*found),
+              testing::AnyOf(HasSubstr("measured as a free form"), HasSubstr("arc follows upon")));
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
