@@ -1,4 +1,5 @@
-# `cpack -G DEB` in the build folder: bendloop_VERSION_ARCH.deb and bendloop-demo_VERSION_ARCH.deb.
+# `cpack -G DEB` in the build folder: bendloop_VERSION_ARCH.deb, bendloop-demo_VERSION_ARCH.deb and, where
+# OpenCASCADE is, bendloop-cad_VERSION_ARCH.deb.
 set(BENDLOOP_PACKAGER "bendloop maintainers <maintainers@bendloop.invalid>" CACHE STRING
   "Maintainer of the Debian packages: NAME <ADDRESS>")
 set(generated ${CMAKE_CURRENT_BINARY_DIR}/debian)
@@ -23,7 +24,11 @@ endforeach()
 file(CONFIGURE OUTPUT ${generated}/conffiles CONTENT "${conffiles}")
 
 # Only in the packages: what Debian wants there.
-foreach(package IN ITEMS bendloop bendloop-demo)
+set(packages bendloop bendloop-demo)
+if(BENDLOOP_HAS_OCCT)
+  list(APPEND packages bendloop-cad)
+endif()
+foreach(package IN LISTS packages)
   install(FILES ${generated}/changelog.gz debian/copyright DESTINATION share/doc/${package}
     COMPONENT ${package}-debian EXCLUDE_FROM_ALL)
 endforeach()
@@ -52,6 +57,11 @@ foreach(component IN ITEMS demo bendloop-demo-debian)
   string(TOUPPER ${component} name)
   set(CPACK_COMPONENT_${name}_GROUP simulators)
 endforeach()
+if(BENDLOOP_HAS_OCCT)
+  list(APPEND CPACK_COMPONENTS_ALL cad bendloop-cad-debian)
+  set(CPACK_COMPONENT_CAD_GROUP cadreader)
+  set(CPACK_COMPONENT_BENDLOOP-CAD-DEBIAN_GROUP cadreader)
+endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
 set(CPACK_DEBIAN_PACKAGE_SECTION electronics)
@@ -73,7 +83,7 @@ set(CPACK_DEBIAN_APPLIANCE_PACKAGE_NAME bendloop)
 set(CPACK_DEBIAN_APPLIANCE_PACKAGE_DEPENDS
   "systemd | systemd-standalone-sysusers, systemd | systemd-standalone-tmpfiles")
 set(CPACK_DEBIAN_APPLIANCE_PACKAGE_RECOMMENDS "udev")
-set(CPACK_DEBIAN_APPLIANCE_PACKAGE_SUGGESTS "bendloop-demo")
+set(CPACK_DEBIAN_APPLIANCE_PACKAGE_SUGGESTS "bendloop-cad, bendloop-demo")
 set(CPACK_DEBIAN_APPLIANCE_DESCRIPTION
 "tube inspection and correction beside a bending cell
 A daemon reads laser-line profiles of a bent tube from a scanner, measures
@@ -95,4 +105,14 @@ A bender (Modbus TCP and RTU, CANopen, ISO-TP) and a scanner (TCP, or a real
 USB device on a device port) to try bendloop on, without a machine. They
 misbehave on demand. The command 'bendloop demo' bends, scans and corrects
 three parts with them.")
+
+# Neither daemon nor demo needs it, and OpenCASCADE takes more room than all of bendloop.
+set(CPACK_DEBIAN_CADREADER_PACKAGE_NAME bendloop-cad)
+set(CPACK_DEBIAN_CADREADER_PACKAGE_RECOMMENDS "bendloop")
+set(CPACK_DEBIAN_CADREADER_DESCRIPTION
+"CAD files for bendloop: STEP and IGES
+The commands 'bendloop nominal', which makes a part file from a tube's STEP
+or IGES file, and 'bendloop export', which writes a measured tube as STEP,
+run this program. It reads and writes with OpenCASCADE, in a process of its
+own with limits of time and memory.")
 include(CPack)

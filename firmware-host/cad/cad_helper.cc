@@ -31,9 +31,9 @@ hal::Result<std::string> FindHelper() {
     if (access(path.c_str(), X_OK) == 0) return path.string();
   }
   return hal::Fail(hal::ErrorKind::kDevice,
-                   "bendloop-cad is not installed, which reads and writes CAD files: it is built "
-                   "where OpenCASCADE is; apt-get install libocct-data-exchange-dev, and build "
-                   "again");
+                   "bendloop-cad is not installed, which reads and writes CAD files: install the "
+                   "package bendloop-cad; from sources it is built where OpenCASCADE is, of the "
+                   "package libocct-data-exchange-dev");
 }
 
 struct Pipe {

@@ -28,13 +28,32 @@ echo "== cpack"
 ! grep -i 'warning\|error' "$work/cpack.log" || fail "cpack complains"
 host=$(echo "$work"/packages/bendloop_*.deb)
 demo=$(echo "$work"/packages/bendloop-demo_*.deb)
-for package in "$host" "$demo"; do
+set -- "$host" "$demo"
+# Where OpenCASCADE is, its reader has a package of its own.
+if [ -x "$build/bin/bendloop-cad" ]; then
+  cad=$(echo "$work"/packages/bendloop-cad_*.deb)
+  set -- "$@" "$cad"
+fi
+for package in "$@"; do
   mkdir -p "$work/deb"
   dpkg-deb -x "$package" "$work/deb"
 done
 there "$work/deb" /usr/bin/bendloopd /usr/bin/bendloop-simbender /usr/lib/systemd/system/bendloopd.service \
   /usr/share/man/man1/bendloop-simbender.1.gz /usr/share/doc/bendloop/copyright \
   /usr/share/doc/bendloop-demo/copyright /usr/share/doc/bendloop/changelog.gz
+if [ $# = 3 ]; then
+  there "$work/deb" /usr/libexec/bendloop/bendloop-cad /usr/share/doc/bendloop-cad/copyright
+  bom=$work/deb/usr/share/doc/bendloop-cad/bendloop-cad.spdx.json
+  there "" "$bom"
+  ! grep -o '"name": "[^"]*", "versionInfo": "[^"]*", "supplier.*"licenseConcluded": "NOASSERTION"' "$bom" ||
+    fail "the licence of these is not known; systemd/licences.txt"
+  dpkg-deb -f "$cad" Depends | grep -q libocct-data-exchange || fail "bendloop-cad does not depend on OpenCASCADE"
+  # The two that read CAD files find each other where the packages put them.
+  "$work/deb/usr/bin/bendloop" nominal "$build/CMakeCache.txt" 2>&1 | grep -q 'STEP' ||
+    fail "the installed bendloop does not find bendloop-cad"
+  ! "$work/deb/usr/bin/bendloop" nominal "$build/CMakeCache.txt" 2>&1 | grep 'not installed' ||
+    fail "the installed bendloop does not find bendloop-cad"
+fi
 [ ! -e "$work/deb/etc/bendloop/cell.toml" ] || fail "a cell is nobody's but its owner's"
 dpkg-deb -I "$host" conffiles | sort >"$work/conffiles"
 (cd "$work/deb" && find etc -type f | sed 's#^#/#' | sort) >"$work/edited"
@@ -53,5 +72,5 @@ done
   grep -vE 'systemctl enable --now bendloopd$|try-restart' || fail "the package starts something"
 
 echo "== lintian"
-lintian --allow-root --fail-on error,warning "$host" "$demo" || exit 1
-stat -c "%s bytes: %n" "$host" "$demo" | sed "s#$work/packages/##"
+lintian --allow-root --fail-on error,warning "$@" || exit 1
+stat -c "%s bytes: %n" "$@" | sed "s#$work/packages/##"
