@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
@@ -85,6 +86,21 @@ std::string KinkText(double angle_deg) {
   return text;
 }
 
+// Lines that meet in corners are one tube's polygon, drawn without its bends.
+void KeepOnePolygon(std::vector<CadTube>& tubes) {
+  const auto is_side = [](const CadTube& t) { return !t.is_bent() && !t.problems.empty(); };
+  if (tubes.size() < 2 || !std::all_of(tubes.begin(), tubes.end(), is_side)) return;
+  const std::size_t sides = tubes.size();
+  const auto longest = std::max_element(
+      tubes.begin(), tubes.end(),
+      [](const CadTube& a, const CadTube& b) { return a.spine.length_mm() < b.spine.length_mm(); });
+  CadTube polygon = *longest;
+  polygon.problems = {"its " + std::to_string(sides) +
+                      " lines meet in corners without arcs: round them in CAD by the bend radius, "
+                      "or give their corners to `bendloop convert` as XYZ, with --bend-radius"};
+  tubes.assign(1, polygon);
+}
+
 }  // namespace
 
 std::vector<CadTube> TubesOfCurves(const CadBody& body) {
@@ -118,6 +134,7 @@ std::vector<CadTube> TubesOfCurves(const CadBody& body) {
     if (free > 0) tube.problems.emplace_back("one of its curves is no line and no arc");
     tubes.push_back(std::move(tube));
   }
+  KeepOnePolygon(tubes);
   if (tubes.empty() && free > 0) {
     CadTube tube;
     tube.is_wire = true;

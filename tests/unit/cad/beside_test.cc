@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRep_Builder.hxx>
@@ -90,6 +91,15 @@ TEST(Beside, OnePartSeveralTimesIsThatPart) {
       Nominal(test::WriteStepFile({{"left", pipe}, {"right", pipe}, {"spare", pipe}}));
   ASSERT_EQ(done.code, 0) << done.err;
   EXPECT_THAT(done.out, HasSubstr("the file holds it 3 times"));
+}
+
+TEST(Beside, APolygonIsOneTubeWithoutBends) {
+  const TopoDS_Shape polygon = BRepBuilderAPI_MakePolygon(gp_Pnt(0, 0, 0), gp_Pnt(100, 0, 0),
+                                                          gp_Pnt(100, 80, 0), gp_Pnt(100, 80, 50))
+                                   .Wire();
+  const auto done = Nominal(test::WriteStepFile({{"line", polygon}}));
+  EXPECT_EQ(done.code, 3);
+  EXPECT_THAT(done.err, HasSubstr("its 3 lines meet in corners without arcs"));
 }
 
 TEST(Beside, TheHelperIsGivenUpInTime) {
