@@ -66,7 +66,8 @@ disk_off() {
   loop=
   [ -z "$storage" ] || { kill "$storage" && wait "$storage"; } 2>/dev/null || true
   storage=
-  umount "$work/disk.export" 2>/dev/null || true
+  # The loop device may let go a moment later; where nothing is mounted, nothing is to be done.
+  umount "$work/disk.export" 2>/dev/null || umount -l "$work/disk.export" 2>/dev/null || true
 }
 status() { "$build/bin/bendloop" status --config cell.toml 2>/dev/null; }
 is_ready() { status | grep -q '^state  *waiting for a scan$'; }
