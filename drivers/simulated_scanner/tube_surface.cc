@@ -180,7 +180,9 @@ std::optional<Hit> TubeSurface::Pressed(const Ray& ray, const Hit& round) const 
   constexpr double kGrazing = 0.05;  // cosine; beyond it nothing returns
   constexpr int kSteps = 8;          // each leaves a fraction of what the step before left
   const double cosine = -ray.direction.dot(round.normal);
-  if (cosine < 0 && -cosine * round.along_mm <= PressedMm(ray.At(round.along_mm)) + kSeamMm) {
+  // The way out of a dent bends with the skin by less than this part of its depth.
+  constexpr double kBends = 1.05;
+  if (cosine < 0 && -cosine * round.along_mm <= kBends * PressedMm(ray.origin_mm) + kSeamMm) {
     return std::nullopt;  // the ray began above the pressed skin
   }
   if (cosine < kGrazing) return round;

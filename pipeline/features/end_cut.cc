@@ -54,6 +54,8 @@ struct EndCutSettings {
   std::array<double, 4> blurs = {0.3, 0.1, 0.03, 0.01};
   int blurred_walk = 250;
   double far = 6.0;  // [sigma]
+  // Of the variance after the last blur: less is none.
+  double least_moved = 1e-3;
 };
 constexpr EndCutSettings kCut;
 
@@ -358,7 +360,11 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
   }
   EndPlane plane;
   for (const int walk : {kCut.short_walk, kCut.walk}) {
-    plane = PlaneOf(sample(posterior, walk, 0.0), slope_mm, pipe_radius_mm);
+    const Posterior sharp = sample(posterior, walk, 0.0);
+    // A walk that found no way says less than the blurred one.
+    const bool has_moved =
+        sharp.covariance.trace() > kCut.least_moved * posterior.covariance.trace();
+    plane = PlaneOf(has_moved ? sharp : posterior, slope_mm, pipe_radius_mm);
     if (plane.slope_sigmas < kCut.may_be_oblique) break;
   }
   plane.of_lines = of_lines;

@@ -23,6 +23,16 @@ struct BorderSettings {
   // [1 sigma of the place] So far a lean of 1 moves the border at least, or nothing tells of it.
   double least_sag = 6.0;
   double flier = 1e-3;  // part of the samples that may lie anywhere
+  // Part of the rays that meet the wall and return nothing: beside a border a tenth does, whose
+  // spot lies on both sides of it.
+  double lost = 0.12;
+  // Of where a missed ray may be in its strip: lines are no surer than half of that of a border. By
+  // trial: without it, single rays that are lost at one side pull it.
+  double of_strip = 0.5;
+  // Of the smear: how much further noise displaces samples of laser lines round the tube, where
+  // their rays come in at up to 70 degrees.
+  double sideways = 1.5;
+  double sure = 5.0;  // [sigma] From the border: certainly outside, or inside
   // [of its width] Samples further outside tell nothing.
   double near = 0.35;
   // Steps of the walk, and of one that says whether a hole may lean at all, from so many sigma on.
@@ -31,10 +41,12 @@ struct BorderSettings {
 };
 constexpr BorderSettings kBorder;
 
-double LogCovered(double distance_mm, double smear_mm) {
-  const double covered = 0.5 * std::erfc(-distance_mm / smear_mm * std::numbers::sqrt2 / 2.0);
-  return std::log(kBorder.flier + (1.0 - kBorder.flier) * covered);
-}
+// What is known of the wall about an opening.
+struct WallAbout {
+  std::span<const Eigen::Vector2d> samples;
+  std::span<const MissedPlace> missed;
+  double smear_mm = 0;
+};
 
 enum class Shape { kHole, kLeaningHole, kSlot };
 
@@ -60,13 +72,27 @@ struct ShapeFit {
 
 class BorderFit {
  public:
-  BorderFit(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about, Shape shape,
-            double smear_mm)
-      : about_(about), shape_(shape), smear_mm_(smear_mm), density_(DensityBeside(about, samples)) {
-    for (const Eigen::Vector2d& sample : samples) {
+  BorderFit(const WallAbout& wall, const OpeningBorder& about, Shape shape)
+      : about_(about), shape_(shape), smear_mm_(wall.smear_mm) {
+    for (const Eigen::Vector2d& sample : wall.samples) {
       if (about.DistanceMm(sample) < kBorder.near * about.width_mm) near_.push_back(sample);
     }
     for (const Eigen::Vector2d& sample : near_) near_up_.push_back(HeightMm(sample.y()));
+    if (wall.missed.empty()) {
+      density_ = DensityBeside(about, wall.samples);
+    } else {
+      sideways_smear_mm_ = kBorder.sideways * smear_mm_;
+      double sigma_mm = 0;
+      for (const MissedPlace& missed : wall.missed) sigma_mm += missed.sideways_sigma_mm;
+      smear_mm_ = std::hypot(smear_mm_,
+                             kBorder.of_strip * sigma_mm / static_cast<double>(wall.missed.size()));
+    }
+    for (const MissedPlace& missed : wall.missed) {
+      const Eigen::Vector2d& place = missed.place_mm;
+      if (about.DistanceMm(place) > kBorder.near * about.width_mm) continue;
+      missed_.push_back(missed);
+      missed_up_.push_back(HeightMm(place.y()));
+    }
   }
 
   double LogDensity(const Eigen::VectorXd& x) const {
@@ -106,37 +132,74 @@ class BorderFit {
   }
 
  private:
-  // What the samples say; most of them lie nowhere near the border.
+  // What the samples and the missed rays say; most of them lie nowhere near the border.
   double LogFlat(const OpeningBorder& border) const {
     const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
-    const double half_mm = 0.5 * border.width_mm, free_mm = half_mm + 5.0 * smear_mm_;
     const double half_line_mm = 0.5 * (border.length_mm - border.width_mm);
+    // From the line about which it is cut.
+    const auto off = [&](const Eigen::Vector2d& place) {
+      const Eigen::Vector2d from = place - border.middle_mm;
+      const double along = c * from.x() + s * from.y();
+      const double beyond = std::copysign(std::max(0.0, std::abs(along) - half_line_mm), along);
+      const double across = c * from.y() - s * from.x();
+      return Eigen::Vector2d(c * beyond - s * across, s * beyond + c * across);
+    };
     double log = 0;
     for (const Eigen::Vector2d& sample : near_) {
-      const Eigen::Vector2d from = sample - border.middle_mm;
-      const double along = std::max(0.0, std::abs(c * from.x() + s * from.y()) - half_line_mm);
-      const double across = c * from.y() - s * from.x();
-      const double square = along * along + across * across;
-      if (square > free_mm * free_mm) continue;
-      log += LogCovered(std::sqrt(square) - half_mm, smear_mm_);
+      const Eigen::Vector2d from = off(sample);
+      log += LogHit(from.squaredNorm(), border.width_mm, from.y());
+    }
+    for (const MissedPlace& missed : missed_) {
+      const Eigen::Vector2d from = off(missed.place_mm);
+      log += LogMissed(from.squaredNorm(), border.width_mm, from.y(), missed.sideways_sigma_mm);
     }
     return log;
   }
   double LogLeaning(const OpeningBorder& border) const {
-    const double half_mm = 0.5 * border.width_mm, free_mm = half_mm + 5.0 * smear_mm_;
     const double middle_up = HeightMm(border.middle_mm.y());
     const double per_square = 1.0 / (1.0 + border.lean.squaredNorm());
+    const auto square = [&](const Eigen::Vector2d& from, double place_up) {
+      const double up = place_up - middle_up;
+      const double out = from.dot(border.lean) + up;
+      return std::max(0.0, from.squaredNorm() + up * up - out * out * per_square);
+    };
     double log = 0;
     for (std::size_t i = 0; i < near_.size(); ++i) {
-      const double x = near_[i].x() - border.middle_mm.x();
-      const double y = near_[i].y() - border.middle_mm.y();
-      const double up = near_up_[i] - middle_up;
-      const double out = x * border.lean.x() + y * border.lean.y() + up;
-      const double square = x * x + y * y + up * up - out * out * per_square;
-      if (square > free_mm * free_mm) continue;
-      log += LogCovered(std::sqrt(std::max(0.0, square)) - half_mm, smear_mm_);
+      const Eigen::Vector2d from = near_[i] - border.middle_mm;
+      log += LogHit(square(from, near_up_[i]), border.width_mm, from.y());
+    }
+    for (std::size_t i = 0; i < missed_.size(); ++i) {
+      const Eigen::Vector2d from = missed_[i].place_mm - border.middle_mm;
+      log += LogMissed(square(from, missed_up_[i]), border.width_mm, from.y(),
+                       missed_[i].sideways_sigma_mm);
     }
     return log;
+  }
+  // Of a place by its squared distance from the opening's middle line.
+  double LogHit(double square_mm2, double width_mm, double sideways_mm) const {
+    const double half_mm = 0.5 * width_mm;
+    const double free_mm = half_mm + kBorder.sure * (smear_mm_ + sideways_smear_mm_);
+    if (square_mm2 > free_mm * free_mm) return 0;
+    const double off_mm = std::sqrt(square_mm2);
+    const double sigma_mm =
+        std::hypot(smear_mm_, sideways_smear_mm_ * sideways_mm / std::max(off_mm, 1e-9));
+    return LogCovered(off_mm - half_mm, sigma_mm, kBorder.flier);
+  }
+  double LogMissed(double square_mm2, double width_mm, double sideways_mm,
+                   double sideways_sigma_mm) const {
+    const double half_mm = 0.5 * width_mm;
+    const double sure_mm = half_mm - kBorder.sure * (smear_mm_ + sideways_sigma_mm);
+    if (sure_mm > 0 && square_mm2 < sure_mm * sure_mm) return 0;
+    const double off_mm = std::sqrt(square_mm2);
+    const double sigma_mm =
+        std::hypot(smear_mm_, sideways_sigma_mm * sideways_mm / std::max(off_mm, 1e-9));
+    return LogCovered(half_mm - off_mm, sigma_mm, kBorder.lost);
+  }
+  static double LogCovered(double distance_mm, double sigma_mm, double otherwise) {
+    const double z = distance_mm / sigma_mm;
+    if (std::abs(z) > kBorder.sure) return z > 0 ? 0.0 : std::log(otherwise);
+    const double covered = 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
+    return std::log(otherwise + (1.0 - otherwise) * covered);
   }
   double HeightMm(double y_mm) const {
     return std::sqrt(std::max(0.0, about_.pipe_radius_mm * about_.pipe_radius_mm - y_mm * y_mm));
@@ -166,16 +229,17 @@ class BorderFit {
   OpeningBorder about_;
   Shape shape_;
   double smear_mm_;
+  double sideways_smear_mm_ = 0;  // beside it, of laser lines
   SampleDensity density_;
   std::vector<Eigen::Vector2d> near_;
-  std::vector<double> near_up_;  // how high the wall is at each
+  std::vector<MissedPlace> missed_;
+  std::vector<double> near_up_, missed_up_;  // how high the wall is at each
 };
 
 // The leaning hole, if it certainly leans.
-std::optional<ShapeFit> FitLean(std::span<const Eigen::Vector2d> samples, OpeningBorder about,
-                                double smear_mm) {
+std::optional<ShapeFit> FitLean(const WallAbout& wall, OpeningBorder about) {
   about.length_mm = about.width_mm;
-  const BorderFit leaning(samples, about, Shape::kLeaningHole, smear_mm);
+  const BorderFit leaning(wall, about, Shape::kLeaningHole);
   ShapeFit fit = leaning.Fit(kBorder.short_walk);
   if (fit.leans_sigmas < kBorder.may_lean) return std::nullopt;
   fit = leaning.Fit(kBorder.walk);
@@ -244,8 +308,9 @@ SampleDensity DensityBeside(const OpeningBorder& border, std::span<const Eigen::
 }
 
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
-                         double smear_mm) {
-  const ShapeFit slot = BorderFit(samples, about, Shape::kSlot, smear_mm).Fit(kBorder.walk);
+                         double smear_mm, std::span<const MissedPlace> missed) {
+  const WallAbout wall{samples, missed, smear_mm};
+  const ShapeFit slot = BorderFit(wall, about, Shape::kSlot).Fit(kBorder.walk);
   const OpeningBorder& long_one = slot.fitted.border;
   const double longer_mm = long_one.length_mm - long_one.width_mm;
   const double sigma_mm = std::hypot(slot.fitted.sigma.length_mm, slot.fitted.sigma.width_mm);
@@ -262,14 +327,14 @@ FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const Opening
     for (const double side : {-1.0, 1.0}) {
       round.lean =
           side * lean * Eigen::Vector2d(std::cos(long_one.axis_rad), std::sin(long_one.axis_rad));
-      const auto leaning = FitLean(samples, round, smear_mm);
+      const auto leaning = FitLean(wall, round);
       if (leaning && (!best || leaning->log_density > best->log_density)) best = leaning;
     }
     return best && best->log_density > slot.log_density ? best->fitted : slot.fitted;
   }
-  const ShapeFit hole = BorderFit(samples, round, Shape::kHole, smear_mm).Fit(kBorder.walk);
+  const ShapeFit hole = BorderFit(wall, round, Shape::kHole).Fit(kBorder.walk);
   if (SagMm(hole.fitted.border) > kBorder.least_sag * hole.fitted.sigma.middle_mm.norm()) {
-    if (const auto leaning = FitLean(samples, hole.fitted.border, smear_mm)) return leaning->fitted;
+    if (const auto leaning = FitLean(wall, hole.fitted.border)) return leaning->fitted;
   }
   return hole.fitted;
 }

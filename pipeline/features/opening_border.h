@@ -22,14 +22,20 @@ struct OpeningBorder {
   double DistanceMm(const Eigen::Vector2d& place_mm) const;
   double AreaMm2() const;  // as seen along the surface normal
 };
+// Where a ray met no wall; y is known to 1 sigma.
+struct MissedPlace {
+  Eigen::Vector2d place_mm = Eigen::Vector2d::Zero();
+  double sideways_sigma_mm = 0;
+};
 struct FittedOpening {
   OpeningBorder border, sigma;
 };
 // The border that samples of the wall leave free (posterior.h), from one that is about right. A
 // hole is a slot, or leans, where that is certain (5 sigma). `smear_mm`: 1 sigma by which noise
-// displaces the samples along the wall.
+// displaces the samples along the wall. `missed`: where rays met no wall, of samples that come in
+// laser lines; none: they are scattered, and how dense they are tells of the empty place.
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
-                         double smear_mm);
+                         double smear_mm, std::span<const MissedPlace> missed = {});
 
 // Samples per area in a band beside a border, and how that grows over the place [part of it a mm]:
 // where one pass of the scan ends, one side has more than the other.

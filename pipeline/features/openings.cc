@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "hal/angles.h"
 #include "pipeline/features/opening_border.h"
+#include "pipeline/features/opening_lines.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/features/surface_cells.h"
 #include "pipeline/math/quantiles.h"
@@ -32,24 +34,52 @@ struct OpeningSettings {
   std::size_t most_gap_probes = 400;
   // Samples that the wall would have there; fewer may be missing by chance (e^-16).
   double least_missing = 16.0;
+  // Of these, where they come in laser lines: so many rays were seen to meet no wall.
+  double least_missed = 0.3;
+  // Cameras look at a laser line from so far beside it, along the tube; and how far off parts of
+  // the tube are that hide a place. Steps of the search [deg, and of r_P].
+  double camera_deg = 45.0, camera_step_deg = 6.0, hides_mm = 400.0, way_step = 0.2;
   // Of these, so many may lie in it: fliers and mixed pixels.
   double most_inside = 0.04;
   // Its border has samples on so many of its sides.
   int sides = 24, least_sides = 23;
   // [of r_P] The widest, and how much longer than wide.
   double widest = 1.7, longest = 12.0;
-  // Samples of laser lines are no scattered ones: of the sigmas that these would have. By trial;
-  // the table of scans in tests/bench/README.md has it in.
-  double of_lines = 1.5;
+  // Samples whose distance to the nearest says how evenly they are scattered.
+  std::size_t asked = 150;
 };
 constexpr OpeningSettings kOpening;
 
 // What lies about a place, in the plane across the outward direction there.
 struct Surroundings {
   std::vector<Eigen::Vector2d> wall;  // samples of the surface
+  bool has_lines = false;             // of a laser
+  // Where rays of these met none, and nothing hides it (opening_lines.h).
+  std::vector<MissedPlace> missed;
   // These, and whatever else may hide it or shows that something is there.
   std::vector<Eigen::Vector2d> present;
 };
+
+// Whether another part of the tube lies in the way of a scanner's light to the place, or in that to
+// its camera, which stands before or behind along the tube.
+bool MayHide(const hal::SurfaceFrame& frame, const Eigen::Vector3d& to_sensor, double r_mm,
+             std::span<const SegmentFrame> frames) {
+  std::vector<std::int32_t> all(frames.size());
+  std::iota(all.begin(), all.end(), 0);
+  const Eigen::Vector3d place = frame.spine_mm + r_mm * frame.outward;
+  for (double turn_deg = -kOpening.camera_deg; turn_deg <= kOpening.camera_deg;
+       turn_deg += kOpening.camera_step_deg) {
+    const double turn = turn_deg * hal::kRadiansPerDegree;
+    const Eigen::Vector3d way =
+        (std::cos(turn) * to_sensor.normalized() + std::sin(turn) * frame.tangent).normalized();
+    for (double at_mm = 0.5 * r_mm; at_mm < kOpening.hides_mm;) {
+      const double free_mm = NearestSegment(place + at_mm * way, frames, all).distance_mm - r_mm;
+      if (free_mm < 0) return true;
+      at_mm += std::max(free_mm, kOpening.way_step * r_mm);
+    }
+  }
+  return false;
+}
 
 Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall_mm, double r_mm,
                     std::span<const SegmentFrame> frames, std::span<const PointBlock> blocks) {
@@ -57,20 +87,31 @@ Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall
   const Eigen::Vector3d middle = frame.spine_mm + r_mm * frame.outward;
   const Eigen::Vector3d sideways = frame.sideways();
   const double ball_mm = std::hypot(reach_mm, (1.0 + kOpening.outside) * r_mm);
+  std::vector<WallSample> wall;
   std::vector<std::int32_t> candidates;
   for (const PointBlock& block : blocks) {
     const double near_mm = ball_mm + block.half_diagonal_mm;
     if ((block.center_mm - middle).squaredNorm() > near_mm * near_mm) continue;
     CandidateSegments(block, frames, 2.5 * r_mm, candidates);
     if (candidates.empty()) continue;
-    for (const Eigen::Vector3d& point : block.points) {
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
+      const Eigen::Vector3d& point = block.points[i];
       const Eigen::Vector3d from = point - frame.spine_mm;
       const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(sideways));
       if (place.norm() > reach_mm || from.dot(frame.outward) < 0) continue;
       const double off_mm = NearestSegment(point, frames, candidates).distance_mm - r_mm;
       if (off_mm < -kOpening.inside * r_mm || off_mm > kOpening.outside * r_mm) continue;
       around.present.push_back(place);
-      if (std::abs(off_mm) < wall_mm) around.wall.push_back(place);
+      if (std::abs(off_mm) >= wall_mm) continue;
+      around.wall.push_back(place);
+      if (i < block.to_sensor.size()) wall.push_back({place, block.to_sensor[i]});
+    }
+  }
+  for (const MissedRays& rays : FindMissed(wall, r_mm, frame.outward, sideways)) {
+    around.has_lines = true;
+    if (rays.places_mm.empty() || MayHide(frame, rays.to_sensor, r_mm, frames)) continue;
+    for (const Eigen::Vector2d& place : rays.places_mm) {
+      around.missed.push_back({place, rays.sideways_sigma_mm});
     }
   }
   return around;
@@ -146,6 +187,27 @@ double GapBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> p
   return Quantile(std::move(gaps), 0.98);
 }
 
+// By how much wider than that of scattered samples the error of a border is: samples that stand
+// nearer to each other along a laser line than the lines do tell the same again. Scattered ones
+// have their nearest half of 1 / sqrt(density) away (Clark & Evans 1954), so these count as many as
+// would have theirs where it is.
+double Clumping(const OpeningBorder& border, const Surroundings& around) {
+  const SampleDensity density = DensityBeside(border, around.wall);
+  const std::size_t stride = StrideTo(around.wall.size(), kOpening.asked);
+  double sum_mm = 0, count = 0;
+  for (std::size_t i = 0; i < around.wall.size(); i += stride) {
+    if (border.DistanceMm(around.wall[i]) > 0.5 * border.width_mm) continue;
+    double nearest = 1e300;
+    for (std::size_t k = 0; k < around.wall.size(); ++k) {
+      if (k != i) nearest = std::min(nearest, (around.wall[k] - around.wall[i]).squaredNorm());
+    }
+    sum_mm += std::sqrt(nearest);
+    count += 1;
+  }
+  if (!(sum_mm > 0) || !(density.per_mm2 > 0)) return 1.0;
+  return std::max(1.0, 0.5 / std::sqrt(density.per_mm2) / (sum_mm / count));
+}
+
 // Whether an opening with this border leaves these samples: none in it, and some on all its sides,
 // no further from it than they are from each other.
 bool IsCut(const OpeningBorder& border, const Surroundings& around, double gap_mm) {
@@ -167,6 +229,11 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, double gap_m
     const auto side = static_cast<std::size_t>(turn * kOpening.sides);
     has[std::min(side, has.size() - 1)] = true;
   }
+  double rays = 0;
+  for (const MissedPlace& missed : around.missed) {
+    rays += border.DistanceMm(missed.place_mm) < 0 ? 1 : 0;
+  }
+  if (around.has_lines && rays < kOpening.least_missed * missing) return false;
   return missing >= kOpening.least_missing &&
          inside <= std::max(1.0, kOpening.most_inside * missing) &&
          std::count(has.begin(), has.end(), true) >= kOpening.least_sides;
@@ -217,9 +284,9 @@ class Candidate {
     OpeningBorder about = rough;
     about.pipe_radius_mm = r_mm_;
     const FittedOpening fitted =
-        FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_));
+        FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_), around.missed);
     if (!IsCut(fitted.border, around, gap_mm)) return std::nullopt;
-    return Found(frame, fitted);
+    return Found(frame, fitted, around.has_lines ? 1.0 : Clumping(fitted.border, around));
   }
 
   // The frame of a place in the plane of another.
@@ -249,7 +316,9 @@ class Candidate {
     return {along_mm, hal::AroundDeg(there.outward, there.tangent, point - there.spine_mm)};
   }
 
-  OpeningFound Found(const hal::SurfaceFrame& frame, const FittedOpening& fitted) const {
+  // `wider`: than `fitted` its sigmas are.
+  OpeningFound Found(const hal::SurfaceFrame& frame, const FittedOpening& fitted,
+                     double wider) const {
     const OpeningBorder& border = fitted.border;
     const auto [along_mm, around_deg] = PlaceOf(frame, border.middle_mm);
     const hal::SurfaceFrame own = hal::FrameAt(segments_, along_mm, around_deg);
@@ -257,7 +326,6 @@ class Candidate {
     const double axis_deg = std::remainder(border.axis_rad * hal::kDegreesPerRadian, 180.0);
     found.opening = {along_mm, around_deg, border.length_mm, border.width_mm,
                      border.is_hole() ? 0.0 : axis_deg};
-    const double wider = kOpening.of_lines;
     const double degrees = wider * hal::kDegreesPerRadian;
     found.sigma = {wider * fitted.sigma.middle_mm.x(), degrees * fitted.sigma.middle_mm.y() / r_mm_,
                    wider * fitted.sigma.length_mm, wider * fitted.sigma.width_mm,

@@ -9,6 +9,7 @@
 
 #include "hal/angles.h"
 #include "pipeline/features/opening_border.h"
+#include "pipeline/features/opening_lines.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -86,6 +87,70 @@ TEST(OpeningBorder, OfASlotHasLengthWidthAndAxis) {
     }
   }
   EXPECT_LT(worst, 4);  // of 60 values
+}
+
+// Laser lines along y, of passes that begin anywhere; `gap_mm`: nobody looked at the middle.
+std::vector<WallSample> LinesOn(const OpeningBorder& hole, double gap_mm, std::mt19937_64& random) {
+  constexpr double kLinesMm = 0.5, kRaysMm = 0.1, kHalfMm = 5;
+  std::normal_distribution<double> noise(0.0, 0.01);
+  std::vector<WallSample> samples;
+  for (unsigned pass = 0; pass < 3; ++pass) {
+    const SensorDirection to_sensor =
+        WithPass(PackDirection({0, 0.5 * (static_cast<double>(pass) - 1), 1}), pass);
+    const double first_ray_mm = Uniform(random, 0, kRaysMm);
+    for (double x = -kHalfMm + Uniform(random, 0, kLinesMm); x < kHalfMm; x += kLinesMm) {
+      for (double y = -kHalfMm + first_ray_mm; y < kHalfMm; y += kRaysMm) {
+        if (hole.DistanceMm({x, y}) < 0 || std::abs(y) < 0.5 * gap_mm) continue;
+        samples.push_back({{x, y + noise(random)}, to_sensor});
+      }
+    }
+  }
+  return samples;
+}
+
+TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
+  std::mt19937_64 random(3);
+  double place_sigmas = 0, size_sigmas = 0, place2 = 0;
+  constexpr int kHoles = 12;
+  for (int i = 0; i < kHoles; ++i) {
+    OpeningBorder hole;
+    hole.middle_mm = {Uniform(random, -0.3, 0.3), Uniform(random, -0.3, 0.3)};
+    hole.length_mm = hole.width_mm = 3;
+    const auto samples = LinesOn(hole, 0, random);
+    std::vector<Eigen::Vector2d> wall;
+    for (const WallSample& sample : samples) wall.push_back(sample.place_mm);
+    std::vector<MissedPlace> missed;
+    for (const MissedRays& rays :
+         FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY())) {
+      for (const Eigen::Vector2d& place : rays.places_mm) {
+        EXPECT_LT(hole.DistanceMm(place), 0.2);
+        missed.push_back({place, rays.sideways_sigma_mm});
+      }
+    }
+    ASSERT_GT(missed.size(), 100U);
+    OpeningBorder about = hole;
+    about.length_mm += 0.4;
+    about.width_mm += 0.2;
+    const FittedOpening fitted = FitOpening(wall, about, 0.01, missed);
+    EXPECT_TRUE(fitted.border.is_hole());
+    const Eigen::Vector2d off = fitted.border.middle_mm - hole.middle_mm;
+    place2 += 0.5 * off.squaredNorm() / kHoles;
+    place_sigmas += 0.5 * off.cwiseQuotient(fitted.sigma.middle_mm).squaredNorm() / kHoles;
+    size_sigmas += std::pow((fitted.border.width_mm - 3) / fitted.sigma.width_mm, 2) / kHoles;
+  }
+  EXPECT_LT(std::sqrt(place2), 0.03);
+  EXPECT_LT(std::sqrt(place_sigmas), 1.5);
+  EXPECT_LT(std::sqrt(size_sigmas), 1.5);
+}
+
+TEST(OpeningLines, AGapBetweenPassesMissesNothing) {
+  std::mt19937_64 random(4);
+  OpeningBorder none;  // of no size
+  const auto samples = LinesOn(none, 1.5, random);
+  for (const MissedRays& rays :
+       FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY())) {
+    EXPECT_TRUE(rays.places_mm.empty());
+  }
 }
 
 }  // namespace
