@@ -56,6 +56,8 @@ struct EndCutSettings {
   double far = 6.0;  // [sigma]
   // Of the variance after the last blur: less is none.
   double least_moved = 1e-3;
+  // [of the mean gap] Sides that are contradicted by more, and how many of all may be.
+  double wrong = 0.1, most_wrong = 0.15;
 };
 constexpr EndCutSettings kCut;
 
@@ -330,32 +332,22 @@ EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm, do
   return plane;
 }
 
-}  // namespace
-
-std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
-                                    double window_mm, double sigma_mm) {
-  const double smear_mm = kSampling.SmearMm(sigma_mm, pipe_radius_mm);
-  Eigen::Vector2d slope_mm = Eigen::Vector2d::Zero();
-  auto evidence = LookAtLines(samples, pipe_radius_mm, window_mm, smear_mm, sigma_mm);
-  const bool of_lines = evidence.has_value();
-  if (!evidence) {
-    evidence = LookAtColumns(samples, pipe_radius_mm, window_mm, smear_mm, slope_mm);
-  }
-  if (!evidence) return std::nullopt;
-  const double prior_mm = kCut.usual_slope * pipe_radius_mm;
+// Mean and spread of all planes.
+EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r_mm) {
+  const double prior_mm = kCut.usual_slope * r_mm;
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
     return SamplePosterior(from, walk, [&](const Eigen::VectorXd& x) {
       const double steep = (x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm);
-      return evidence->Log(x, blur_mm) - 0.5 * steep;
+      return evidence.Log(x, blur_mm) - 0.5 * steep;
     });
   };
-  const double first_mm = kCut.first_step * evidence->gap_mm;
-  Posterior posterior{RoughPlane(*evidence, pipe_radius_mm),
+  const double first_mm = kCut.first_step * evidence.gap_mm;
+  Posterior posterior{RoughPlane(evidence, r_mm),
                       first_mm * first_mm * Eigen::Matrix3d::Identity()};
-  if (!evidence->sides.empty()) {
+  if (!evidence.sides.empty()) {
     for (const double blur : kCut.blurs) {
-      posterior = sample(posterior, kCut.blurred_walk, blur * evidence->gap_mm);
-      Forget(posterior, blur * evidence->gap_mm, *evidence);
+      posterior = sample(posterior, kCut.blurred_walk, blur * evidence.gap_mm);
+      Forget(posterior, blur * evidence.gap_mm, evidence);
     }
   }
   EndPlane plane;
@@ -364,11 +356,35 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
     // A walk that found no way says less than the blurred one.
     const bool has_moved =
         sharp.covariance.trace() > kCut.least_moved * posterior.covariance.trace();
-    plane = PlaneOf(has_moved ? sharp : posterior, slope_mm, pipe_radius_mm);
+    plane = PlaneOf(has_moved ? sharp : posterior, slope_mm, r_mm);
     if (plane.slope_sigmas < kCut.may_be_oblique) break;
   }
-  plane.of_lines = of_lines;
   return plane;
+}
+
+// Whether most of the lines stop where the plane is; else they stop at something that is none.
+bool Agrees(const EndPlane& plane, const Evidence& lines, double r_mm) {
+  const Eigen::Vector3d x(plane.at_mm, r_mm * plane.cosine, r_mm * plane.sine);
+  const auto wrong = std::count_if(lines.sides.begin(), lines.sides.end(), [&](const Side& side) {
+    return side.Clear(x) < -kCut.wrong * lines.gap_mm;
+  });
+  return static_cast<double>(wrong) < kCut.most_wrong * static_cast<double>(lines.sides.size());
+}
+
+}  // namespace
+
+std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
+                                    double window_mm, double sigma_mm) {
+  const double smear_mm = kSampling.SmearMm(sigma_mm, pipe_radius_mm);
+  Eigen::Vector2d slope_mm = Eigen::Vector2d::Zero();
+  if (const auto lines = LookAtLines(samples, pipe_radius_mm, window_mm, smear_mm, sigma_mm)) {
+    EndPlane plane = PlaneAmong(*lines, slope_mm, pipe_radius_mm);
+    plane.of_lines = true;
+    if (Agrees(plane, *lines, pipe_radius_mm)) return plane;
+  }
+  const auto evidence = LookAtColumns(samples, pipe_radius_mm, window_mm, smear_mm, slope_mm);
+  if (!evidence) return std::nullopt;
+  return PlaneAmong(*evidence, slope_mm, pipe_radius_mm);
 }
 
 EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnds& ends) {
