@@ -19,6 +19,7 @@
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/end_forms.h"
 #include "pipeline/fit/incidence.h"
+#include "pipeline/fit/one_die.h"
 #include "pipeline/fit/registration.h"
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/fit/self_check.h"
@@ -107,6 +108,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   BowedSolution solution = SolveWithBows(structure.tube, tube.blocks, final.options);
   tube.structure.margin =
       std::min(structure.margin, ReviseBends(tube.blocks, final.options, nominal_bends, solution));
+  TryOneDie(tube.blocks, final.options, solution);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);
   if (!tube.registration.passes.empty()) {
@@ -114,6 +116,15 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   }
   final.noise_mm = final.weights.certainties.empty() ? final.fit.sigma_mm : final.weights.noise_mm;
   return final;
+}
+
+// Of the points about the straights' lines, from which the ends of bowed ones lie aside.
+double NoiseOfEnds(const FinalFit& final) {
+  const auto& bows = final.bowed.bows;
+  if (bows.empty()) return final.noise_mm;
+  const double first_mm = bows.front().Beside(-1.0).norm(),
+               last_mm = bows.back().Beside(1.0).norm();
+  return std::hypot(final.noise_mm, 0.5 * std::max(first_mm, last_mm));
 }
 
 }  // namespace
@@ -175,12 +186,13 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportQuality(tube->structure, fit, CompareHalves(fit, tube->blocks, final.options),
                 NominalBends(), measurement);
   timer.Done("self_check");
-  TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, tube->blocks, workers);
+  TubeEnds ends = FindTubeEnds(fit.tube, NoiseOfEnds(final), tube->blocks, workers);
   const EndCuts cuts = FindEndCuts(final.noise_mm, tube->blocks, ends);
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
-  ReportForm(FormOf(final, measurement.tube, tube->blocks), measurement);
+  ReportForm(FormOf(final, measurement.tube, tube->blocks), fit.priors.radii_alike > 0,
+             measurement);
   MeasureDents(measurement.tube, ends, final.noise_mm, tube->blocks, measurement.dents);
   LookBeyondEnds(ends, final.noise_mm, measurement);
   measurement.features = {true, cuts.first, cuts.last,

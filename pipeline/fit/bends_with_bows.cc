@@ -22,13 +22,17 @@ namespace {
 struct ReviseSettings {
   // [degrees] A machine makes no slighter bend (StructureOptions).
   double least_deg = 0.5;
-  // Two bends may be one: [of r_P] the straight between them, [degrees] and [sigma] the rotation.
+  // Two bends may be one: [of r_P] the straight between them, [degrees] and [sigma] the rotation;
+  // a slight one has hardly a plane.
   double between = 4.0, turned_deg = 3.0, turned_sigmas = 2.0;
+  double slight_deg = 10.0, slight_turned_deg = 60.0;
   // [of a straight's length] Bows from which on it may be a slight bend: sold as straight is
   // L / 300, and one that changes sides on it.
   double bow = 1.0 / 220.0;
   // A bend more must explain so many times the logarithm of the points' number, as in the search.
   double price = 4.0;
+  // [of r_P] Where easing begins, and [sigma] from which on samples insist on it (easing_fit.cc).
+  double easing = 0.3, insist = 6.0;
   // So many points tell which is better.
   std::size_t points = 20'000;
   int most_changes = 4;
@@ -80,10 +84,14 @@ Corners Bent(ControlPolygon polygon, std::size_t straight, const hal::SpineSegme
 }
 
 bool MayBeOne(const SurfaceFit& fit, std::size_t bend) {
-  const hal::BendRow &row = fit.tube.program.rows[bend], &sigma = fit.sigma.rows[bend];
-  return row.length_mm < kRevise.between * fit.tube.pipe_radius_mm &&
-         std::abs(row.rotation_deg) <
-             kRevise.turned_deg + kRevise.turned_sigmas * sigma.rotation_deg;
+  const auto& rows = fit.tube.program.rows;
+  const double slight_deg = std::min(rows[bend - 1].angle_deg, rows[bend].angle_deg);
+  const double least_deg =
+      slight_deg < kRevise.slight_deg
+          ? kRevise.slight_turned_deg
+          : kRevise.turned_deg + kRevise.turned_sigmas * fit.sigma.rows[bend].rotation_deg;
+  return rows[bend].length_mm < kRevise.between * fit.tube.pipe_radius_mm &&
+         std::abs(rows[bend].rotation_deg) < least_deg;
 }
 
 struct Change {
@@ -135,6 +143,16 @@ double CostOf(const BowedTubeState& state, std::span<const PointBlock> blocks, d
   return cost;
 }
 
+// How much better `a` explains the points [variances].
+double GainOf(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
+              double reach_mm) {
+  const std::span<const PointBlock> of_a = a.undented ? *a.undented : blocks;
+  const OwnedBlocks points = Thinned(of_a, StrideTo(CountPoints(of_a), kRevise.points));
+  const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
+  return CostOf(b.bows.state, points, reach_mm, sigma_mm) -
+         CostOf(a.bows.state, points, reach_mm, sigma_mm);
+}
+
 BowedSolution Solved(const ControlPolygon& corners, std::span<const PointBlock> blocks,
                      SurfaceFitOptions options, double pipe_radius_mm) {
   auto tube = TubeFromPolygon(corners);
@@ -146,26 +164,8 @@ BowedSolution Solved(const ControlPolygon& corners, std::span<const PointBlock> 
   return SolveWithBows(*tube, blocks, options);
 }
 
-// How much better the points, and the number of bends, speak for `a` [twice the logarithm of the
-// odds].
-double Advantage(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
-                 double reach_mm) {
-  const OwnedBlocks points =
-      Thinned(a.undented ? *a.undented : blocks,
-              StrideTo(CountPoints(a.undented ? *a.undented : blocks), kRevise.points));
-  const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
-  const double gain = CostOf(b.bows.state, points, reach_mm, sigma_mm) -
-                      CostOf(a.bows.state, points, reach_mm, sigma_mm);
-  const double more = static_cast<double>(a.fit.tube.program.bend_count()) -
-                      static_cast<double>(b.fit.tube.program.bend_count());
-  const double worth = std::max(1.0, std::max(a.bows.worth, b.bows.worth));
-  return gain / worth - more * kRevise.price * std::log(static_cast<double>(points.point_count()));
-}
-
-}  // namespace
-
-BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
-                            const SurfaceFitOptions& options) {
+BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
+                    const SurfaceFitOptions& options) {
   BowedSolution solution{FitSurface(start, blocks, options), {}, std::nullopt};
   solution.bows = FitBows(blocks, options, solution.fit);
   if (!solution.bows.is_pulled_aside) return solution;
@@ -174,9 +174,43 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
   if (!solution.undented) return solution;
   SurfaceFitOptions from_there = options;
   from_there.easing = solution.fit.easing;
+  if (from_there.easing.empty()) {
+    // What dents hid.
+    from_there.easing = FindEasing(solution.fit, *solution.undented, from_there);
+  }
   solution.fit = FitSurface(start, *solution.undented, from_there);
   solution.bows = FitBows(*solution.undented, from_there, solution.fit);
   return solution;
+}
+
+}  // namespace
+
+BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
+                            const SurfaceFitOptions& options) {
+  BowedSolution solution = Solve(start, blocks, options);
+  const auto& bows = solution.bows.state.bows;
+  const bool is_bowed =
+      std::any_of(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
+  const std::size_t bends = solution.fit.tube.program.bend_count();
+  if (!is_bowed || !solution.fit.easing.empty() || bends == 0) return solution;
+  // Where straights are taken for straight, bows hide that bends ease.
+  const double easing_mm = kRevise.easing * solution.fit.tube.pipe_radius_mm;
+  SurfaceFitOptions with_easing = options;
+  with_easing.easing.variance_mm2.assign(bends, easing_mm * easing_mm);
+  BowedSolution eased = Solve(solution.fit.tube, blocks, with_easing);
+  const double worth = std::max(1.0, std::min(eased.bows.worth, solution.bows.worth));
+  const bool is_eased =
+      GainOf(eased, solution, blocks, options.reach_mm) > worth * kRevise.insist * kRevise.insist;
+  return is_eased ? std::move(eased) : std::move(solution);
+}
+
+double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
+                   std::span<const PointBlock> blocks, double reach_mm) {
+  const double more = static_cast<double>(a.fit.tube.program.bend_count()) -
+                      static_cast<double>(b.fit.tube.program.bend_count());
+  const double worth = std::max(1.0, std::max(a.bows.worth, b.bows.worth));
+  const auto points = static_cast<double>(std::min(CountPoints(blocks), kRevise.points));
+  return GainOf(a, b, blocks, reach_mm) / worth - more * kRevise.price * std::log(points);
 }
 
 double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
@@ -190,7 +224,7 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
-      const double advantage = Advantage(other, solution, blocks, options.reach_mm);
+      const double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
       if (!std::isfinite(advantage)) continue;
       margin = std::min(margin, std::abs(advantage));
       if (advantage < 0 && !change.is_certain) continue;

@@ -20,6 +20,11 @@ struct BowedSolution {
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
                             const SurfaceFitOptions& options);
 
+// How much better the points, and the number of bends, speak for `a` [twice the logarithm of the
+// odds].
+double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
+                   std::span<const PointBlock> blocks, double reach_mm);
+
 // Bends are found as if straights were straight, and dents no dents: now and then one stands in for
 // those, or a bow of what no bender leaves stands in for a slight bend. Once both are fitted that
 // shows: two bends with nothing between them become one, one that no machine makes none, such a bow

@@ -71,6 +71,21 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
     right.segment(first, bends) -= certainty * (alike * easing);
     add(parameters.easing_reach(), at[parameters.easing_reach()] - kUsualReach, kReachSigma, 1.0);
   }
+  if (radii_alike > 0 && parameters.bends() > 0) {
+    const auto bends = static_cast<double>(parameters.bends());
+    double mean_mm = 0;
+    for (std::size_t i = 0; i < parameters.bends(); ++i) {
+      mean_mm += at[parameters.bend_radius(i)] / bends;
+    }
+    const double certainty = std::pow(sigma_mm / (radii_alike * mean_mm), 2);
+    for (std::size_t i = 0; i < parameters.bends(); ++i) {
+      right[parameters.bend_radius(i)] -= certainty * (at[parameters.bend_radius(i)] - mean_mm);
+      for (std::size_t k = 0; k < parameters.bends(); ++k) {
+        matrix(parameters.bend_radius(i), parameters.bend_radius(k)) +=
+            certainty * ((i == k ? 1.0 : 0.0) - 1.0 / bends);
+      }
+    }
+  }
   if (!bend_radius) return;
   for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
     const Eigen::Index i = parameters.bend_radius(bend);
@@ -119,6 +134,15 @@ double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Fla
   for (const Flattening& f : flattening) {
     sum += (f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse) /
            (kUsualFlattening * kUsualFlattening);
+  }
+  double mean_radius_mm = 0;
+  const auto radii = static_cast<double>(program.bend_count());
+  for (std::size_t i = 0; i < program.bend_count(); ++i) {
+    mean_radius_mm += program.rows[i].bend_radius_mm.value_or(0.0) / radii;
+  }
+  for (std::size_t i = 0; radii_alike > 0 && i < program.bend_count(); ++i) {
+    const double off_mm = program.rows[i].bend_radius_mm.value_or(0.0) - mean_radius_mm;
+    sum += std::pow(off_mm / (radii_alike * mean_radius_mm), 2);
   }
   for (std::size_t bend = 0; bend_radius && bend < program.bend_count(); ++bend) {
     const double radius_mm = program.rows[bend].bend_radius_mm.value_or(bend_radius->mean_mm);

@@ -23,6 +23,8 @@ Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radi
 // point, with the same weights that fade out.
 struct FitPriors {
   std::optional<UsualBendRadius> bend_radius;
+  // [of their mean] 1 sigma of the bend radii, whatever that is; 0: nothing is known.
+  double radii_alike = 0;
 
   // Adds them to the normal equations, whose points have the noise `sigma_mm`.
   void Add(const TubeParameters& parameters, const Eigen::VectorXd& at, double sigma_mm,

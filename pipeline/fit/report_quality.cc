@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,9 @@ struct EasedSettings {
   // run into each other, and what they ease over is not known.
   double crowded = 0.5, crowded_from = 1.1;
   double widest_rad = 2.6;  // of wider bends the corner runs away
+  // Of the least doubt about a radius, that of all bends of one die.
+  double least_of_die = 0.7;
+  double least_sine = 0.2;  // of slighter bends the plane is not known anyway
 };
 constexpr EasedSettings kEased;
 
@@ -101,33 +105,92 @@ double ArcDoubtMm(const hal::BendProgram& program, const Easing& easing, std::si
   return std::min(6.0 * unknown_mm2 / arc_mm, std::sqrt(12.0 * unknown_mm2));
 }
 
+// How far [rad] bends that ease by a Gaussian kernel turn the middle of the straights beside them:
+// our kernel ends before, and which of both it is nobody knows. Of one bend, whose curvature is
+// smoothed over `sigma_mm`, so much of its angle comes after `beyond_mm`.
+double TailRad(double beyond_mm, double sigma_mm, double bend_radius_mm) {
+  const double z = beyond_mm / sigma_mm;
+  const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+  return sigma_mm / bend_radius_mm * (density - 0.5 * z * std::erfc(z / std::numbers::sqrt2));
+}
+
+std::vector<double> StraightsTurnedRad(const hal::BendProgram& program, const Easing& easing) {
+  const auto& variance_mm2 = easing.variance_mm2;
+  std::vector<double> turned(program.rows.size(), 0.0);
+  if (variance_mm2.empty()) return turned;
+  const double sigma_mm = std::sqrt(*std::max_element(variance_mm2.begin(), variance_mm2.end()));
+  if (!(sigma_mm > 0)) return turned;
+  for (std::size_t i = 0; i < variance_mm2.size() && i + 1 < program.rows.size(); ++i) {
+    const double angle = program.rows[i].angle_deg / hal::kDegreesPerRadian;
+    const double radius_mm = std::max(1e-3, program.rows[i].bend_radius_mm.value_or(0.0));
+    for (const std::size_t k : {i, i + 1}) {
+      const double tail = TailRad(0.5 * program.rows[k].length_mm, sigma_mm, radius_mm);
+      turned[k] = std::hypot(turned[k], std::min(tail, 0.5 * angle));
+    }
+  }
+  return turned;
+}
+
+void WidenByTails(Measurement& measurement) {
+  const hal::BendProgram& program = measurement.tube.program;
+  const std::vector<double> turned = StraightsTurnedRad(program, measurement.easing);
+  auto& rows = measurement.sigma.rows;
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    const double both_deg = std::hypot(turned[i], turned[i + 1]) * hal::kDegreesPerRadian;
+    rows[i].angle_deg = std::hypot(rows[i].angle_deg, both_deg);
+    // The bend's plane turns, too: of the rotations before and after it.
+    const double sine = std::sin(program.rows[i].angle_deg / hal::kDegreesPerRadian);
+    const double plane_deg = both_deg / std::max(kEased.least_sine, sine);
+    if (i > 0) rows[i].rotation_deg = std::hypot(rows[i].rotation_deg, plane_deg);
+    if (i + 2 < rows.size()) {
+      rows[i + 1].rotation_deg = std::hypot(rows[i + 1].rotation_deg, plane_deg);
+    }
+  }
+}
+
 // The kernel of an easing has two numbers here, and a shape that nobody knows: the further it
 // reaches, the more that moves what is beside it.
-void WidenByEasing(Measurement& measurement) {
+void WidenByEasing(bool radii_alike, Measurement& measurement) {
   auto& rows = measurement.sigma.rows;
   const hal::BendProgram& program = measurement.tube.program;
   const auto& variance_mm2 = measurement.easing.variance_mm2;
   const double r_mm = measurement.tube.pipe_radius_mm;
-  std::vector<double> times(rows.size(), 1.0), more_mm(rows.size(), 0.0);
-  for (std::size_t i = 0; i < variance_mm2.size() && i + 1 < rows.size(); ++i) {
+  const std::size_t bends = std::min(variance_mm2.size(), program.bend_count());
+  std::vector<double> times(rows.size(), 1.0), more_mm(rows.size(), 0.0), radius_mm(bends, 0.0);
+  const auto angle = [&](std::size_t i) {
+    return std::max(1e-3, program.rows[i].angle_deg / hal::kDegreesPerRadian);
+  };
+  for (std::size_t i = 0; i < bends; ++i) {
+    radius_mm[i] = ArcDoubtMm(program, measurement.easing, i, r_mm) / angle(i);
+  }
+  if (radii_alike && bends > 0) {
+    // What one bend does not tell of the die, the best of them does; but the further they ease, the
+    // more the kernel's shape moves all of them.
+    const double best_mm = *std::min_element(radius_mm.begin(), radius_mm.end());
+    const double most_mm2 = *std::max_element(variance_mm2.begin(), variance_mm2.end());
+    const double eased = most_mm2 / (kEased.usual * kEased.usual * r_mm * r_mm);
+    radius_mm.assign(bends, best_mm * std::max(kEased.least_of_die, eased));
+  }
+  for (std::size_t i = 0; i < bends; ++i) {
     const double eased = variance_mm2[i] / (kEased.usual * kEased.usual * r_mm * r_mm);
     const double of_bend = 1.0 + kEased.more * eased * eased;
-    const double angle = program.rows[i].angle_deg / hal::kDegreesPerRadian;
-    const double radius_mm =
-        ArcDoubtMm(program, measurement.easing, i, r_mm) / std::max(1e-3, angle);
     rows[i].angle_deg *= of_bend;
     if (rows[i].bend_radius_mm) {
-      rows[i].bend_radius_mm = std::hypot(*rows[i].bend_radius_mm * of_bend, radius_mm);
+      rows[i].bend_radius_mm = radii_alike
+                                   ? std::hypot(*rows[i].bend_radius_mm, radius_mm[i])
+                                   : std::hypot(*rows[i].bend_radius_mm * of_bend, radius_mm[i]);
     }
-    // The corner stays, and the tangent points move along the straights beside it.
-    const double tangent_mm = radius_mm * std::tan(0.5 * std::min(angle, kEased.widest_rad));
+    // The corner stays, and the tangent points move along the straights beside it; of one die all
+    // the same way.
+    const double tangent_mm = radius_mm[i] * std::tan(0.5 * std::min(angle(i), kEased.widest_rad));
     for (const std::size_t beside : {i, i + 1}) {
       times[beside] = std::max(times[beside], of_bend);
-      more_mm[beside] = std::hypot(more_mm[beside], tangent_mm);
+      more_mm[beside] =
+          radii_alike ? more_mm[beside] + tangent_mm : std::hypot(more_mm[beside], tangent_mm);
     }
   }
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    rows[i].length_mm = std::hypot(rows[i].length_mm * times[i], more_mm[i]);
+    rows[i].length_mm = std::hypot(rows[i].length_mm * (radii_alike ? 1.0 : times[i]), more_mm[i]);
     rows[i].rotation_deg *= times[i];
   }
 }
@@ -246,7 +309,7 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
   }
 }
 
-void ReportForm(const SurfaceForm& form, Measurement& measurement) {
+void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurement) {
   measurement.straights = form.straights;
   for (std::size_t i = 0; i < form.straights.size(); ++i) {
     const StraightForm& straight = form.straights[i];
@@ -260,7 +323,8 @@ void ReportForm(const SurfaceForm& form, Measurement& measurement) {
         "), more than benders leave: it may hide a slight bend; compare the number of bends with "
         "the drawing");
   }
-  WidenByEasing(measurement);
+  WidenByEasing(radii_alike, measurement);
+  WidenByTails(measurement);
   measurement.dents = form.dents;
   measurement.pipe_radius_sigma_mm =
       std::hypot(measurement.pipe_radius_sigma_mm, std::sqrt(form.sides_mm2));

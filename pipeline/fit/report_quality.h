@@ -37,7 +37,8 @@ void ReportEnds(const SurfaceFit& fit, const TubeEnds& ends, const Eigen::Vector
 void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measurement);
 
 // Straightness and dents, and what sides that do not agree leave of the pipe radius.
-void ReportForm(const SurfaceForm& form, Measurement& measurement);
+// `radii_alike`: the bends are of one die.
+void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurement);
 
 // By how much the passes of the scan had to be moved, and whether the tube itself was.
 void ReportPasses(const Registration& registration, const PassDrift& drift,

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "pipeline/fit/bends_with_bows.h"
+
+namespace bendloop::pipeline {
+
+// Of a short bend that eases in and out the samples know the variance of its curvature along the
+// spine, arc^2 / 12 and the easing's, and neither by itself. All bends of a tube together tell: of
+// one die, and one clamp, those of greater angle have the longer arcs. Where the points are
+// explained as well by bends whose radii are alike, and eased alike, `solution` becomes that.
+void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+               BowedSolution& solution);
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/one_die.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "pipeline/fit/easing_fit.h"
+#include "tests/support/real_tube.h"
+#include "tests/unit/fit/three_bends.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// A bend of 20 degrees and 12 mm is 4 mm long, eased over 3.5 mm: its radius by itself is known to
+// some millimetres.
+TEST(OneDie, TellsTheRadiusOfShortBends) {
+  hal::Tube tube = ThreeBends();
+  for (std::size_t i = 0; i < 3; ++i) tube.program.rows[i].bend_radius_mm = 12;
+  tube.program.rows[1].angle_deg = 20;
+  std::mt19937_64 random(4);
+  const auto cloud = tests::ScanRealTube(tube, {.easing_r = 0.7}, {}, random);
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+  SurfaceFitOptions options{.reach_mm = 1};
+  SurfaceFit start;
+  start.tube = tube;
+  options.easing = FindEasing(start, blocks, options);
+  BowedSolution solution = SolveWithBows(tube, blocks, options);
+  const double alone_mm = *solution.fit.sigma.rows[1].bend_radius_mm;
+  TryOneDie(blocks, options, solution);
+  EXPECT_GT(solution.fit.priors.radii_alike, 0);
+  EXPECT_LT(*solution.fit.sigma.rows[1].bend_radius_mm, 0.5 * alone_mm);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(*solution.fit.tube.program.rows[i].bend_radius_mm, 12, 0.5);
+  }
+}
+
+TEST(OneDie, TwoDiesStayTwo) {
+  hal::Tube tube = ThreeBends();
+  tube.program.rows[1].bend_radius_mm = 20;
+  std::mt19937_64 random(4);
+  const auto cloud = tests::ScanRealTube(tube, {.easing_r = 0.4}, {}, random);
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+  SurfaceFitOptions options{.reach_mm = 1};
+  SurfaceFit start;
+  start.tube = tube;
+  options.easing = FindEasing(start, blocks, options);
+  BowedSolution solution = SolveWithBows(tube, blocks, options);
+  TryOneDie(blocks, options, solution);
+  EXPECT_EQ(solution.fit.priors.radii_alike, 0);
+  EXPECT_NEAR(*solution.fit.tube.program.rows[1].bend_radius_mm, 20, 1.5);
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
