@@ -52,13 +52,13 @@ Eigen::Vector3d Between(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
 }
 
 // `corner`, from 1 on, and the one after it become one.
-Corners Merged(ControlPolygon polygon, std::size_t corner) {
+Corners Merged(ControlPolygon polygon, std::size_t corner, double radius_mm) {
   auto& points = polygon.points_mm;
   auto& radii = polygon.bend_radii_mm;
   points[corner] =
       Between(points[corner - 1], points[corner], points[corner + 1], points[corner + 2]);
   points.erase(points.begin() + static_cast<std::ptrdiff_t>(corner) + 1);
-  radii[corner - 1] = std::max(radii[corner - 1].value_or(0.0), radii[corner].value_or(0.0));
+  radii[corner - 1] = radius_mm;
   radii.erase(radii.begin() + static_cast<std::ptrdiff_t>(corner));
   return polygon;
 }
@@ -110,7 +110,9 @@ std::vector<Change> Changes(const BowedSolution& now, bool fewer, bool more) {
   const auto& rows = now.fit.tube.program.rows;
   for (std::size_t i = 0; fewer && i + 1 < rows.size(); ++i) {
     if (rows[i].angle_deg < kRevise.least_deg) add(Without(*polygon, i + 1), true);
-    if (i > 0 && MayBeOne(now.fit, i)) add(Merged(*polygon, i), false);
+    if (i == 0 || !MayBeOne(now.fit, i)) continue;
+    const hal::BendRow& wider = rows[i].angle_deg > rows[i - 1].angle_deg ? rows[i] : rows[i - 1];
+    add(Merged(*polygon, i, wider.bend_radius_mm.value_or(0.0)), false);
   }
   const EasedSpine spine = SpineOf(now.bows.state);
   double radius_mm = kFar;
@@ -133,7 +135,8 @@ double CostOf(const BowedTubeState& state, std::span<const PointBlock> blocks, d
   SurfaceAssignment points;
   AssignPoints(SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm, blocks, reach_mm,
                points);
-  double cost = static_cast<double>(points.total - points.distances_mm.size()) *
+  // Of all points: a tube that lost its way has few near it.
+  double cost = static_cast<double>(CountPoints(blocks) - points.distances_mm.size()) *
                 RobustSum(reach_mm, sigma_mm);
   for (std::size_t k = 0; k < points.segments.size(); ++k) {
     SegmentPoints& of = points.segments[k];
