@@ -111,7 +111,7 @@ std::vector<EndSample> Levelled(std::span<const EndSample> samples,
 }
 
 // A place around the end that says whether the plane lies beyond, or before it.
-struct Side {
+struct EndSide {
   double cosine = 1, sine = 0, at_mm = 0;
   double sigma_mm = 0;
   bool is_beyond = true;  // the plane lies beyond
@@ -131,9 +131,9 @@ struct Stop {
 // What is known of an end, for all planes x: at the axis, and by how much it rises towards cosine
 // and sine, all in mm.
 struct Evidence {
-  std::vector<Side> sides;    // of laser lines
-  double lines_greatest = 0;  // GreatestError
-  std::vector<Stop> columns;  // of scattered samples
+  std::vector<EndSide> sides;  // of laser lines
+  double lines_greatest = 0;   // GreatestError
+  std::vector<Stop> columns;   // of scattered samples
   std::optional<EndStops> stops;
   double gap_mm = 0;  // mean gap between samples
   LogNormalCdf hit{std::exp(-kCut.saturated)}, missed{kCut.lost};
@@ -149,7 +149,7 @@ struct Evidence {
   // `blur_mm`: laser lines are as uncertain as this, at least.
   double Log(const Eigen::VectorXd& x, double blur_mm) const {
     double log = 0;
-    for (const Side& side : sides) {
+    for (const EndSide& side : sides) {
       const double clear = side.Clear(x) / std::max(side.sigma_mm, blur_mm) + lines_greatest;
       log += side.is_beyond ? hit(clear) : missed(clear);
     }
@@ -163,7 +163,7 @@ struct Evidence {
 
 // Without the sides that every plane of a density is far on the right side of: they say no more.
 void Forget(const Posterior& planes, double blur_mm, Evidence& evidence) {
-  std::erase_if(evidence.sides, [&](const Side& side) {
+  std::erase_if(evidence.sides, [&](const EndSide& side) {
     const Eigen::Vector3d row(1.0, side.cosine, side.sine);
     const double spread_mm = std::sqrt(std::max(0.0, row.dot(planes.covariance * row)));
     return side.Clear(planes.mean) > kCut.far * (spread_mm + std::max(side.sigma_mm, blur_mm));
@@ -179,7 +179,7 @@ Eigen::Vector3d RoughPlane(const Evidence& evidence, double r_mm) {
   std::vector<Target> targets;
   std::vector<double> ends;
   for (std::size_t i = 0; i + 1 < evidence.sides.size(); i += 2) {
-    const Side &last = evidence.sides[i], &next = evidence.sides[i + 1];
+    const EndSide &last = evidence.sides[i], &next = evidence.sides[i + 1];
     targets.push_back({{1.0, last.cosine, last.sine}, 0.5 * (last.at_mm + next.at_mm)});
   }
   for (const Stop& stop : evidence.columns) {
@@ -236,7 +236,7 @@ std::optional<Evidence> LookAtLines(std::span<const EndSample> samples, double r
   // Noise moves samples around the tube, too, where an oblique border goes along it.
   const Eigen::Vector3d rough = RoughPlane(evidence, r_mm);
   const double around_mm = sigma_mm * rough.tail<2>().norm() / r_mm;
-  for (Side& side : evidence.sides) {
+  for (EndSide& side : evidence.sides) {
     side.sigma_mm = std::max(std::hypot(side.sigma_mm, around_mm), kSampling.least * r_mm);
   }
   return evidence;
@@ -365,9 +365,9 @@ EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r
 // Whether most of the lines stop where the plane is; else they stop at something that is none.
 bool Agrees(const EndPlane& plane, const Evidence& lines, double r_mm) {
   const Eigen::Vector3d x(plane.at_mm, r_mm * plane.cosine, r_mm * plane.sine);
-  const auto wrong = std::count_if(lines.sides.begin(), lines.sides.end(), [&](const Side& side) {
-    return side.Clear(x) < -kCut.wrong * lines.gap_mm;
-  });
+  const auto wrong = std::count_if(
+      lines.sides.begin(), lines.sides.end(),
+      [&](const EndSide& side) { return side.Clear(x) < -kCut.wrong * lines.gap_mm; });
   return static_cast<double>(wrong) < kCut.most_wrong * static_cast<double>(lines.sides.size());
 }
 

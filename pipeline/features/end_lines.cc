@@ -37,7 +37,7 @@ struct LineSettings {
 constexpr LineSettings kLines;
 
 // A line in a strip: mean place of its samples.
-struct Crossing {
+struct LineCrossing {
   double at_mm = 0, around_rad = 0;
   std::size_t samples = 0;
 };
@@ -100,14 +100,14 @@ class Strips {
 };
 
 // Lines of a strip, the last ones only. `strip`: by place along the tube.
-std::vector<Crossing> CrossingsOf(std::span<const EndSample> strip) {
+std::vector<LineCrossing> CrossingsOf(std::span<const EndSample> strip) {
   std::vector<double> at;
   at.reserve(strip.size());
   for (const EndSample& sample : strip) at.push_back(sample.beyond_mm);
   const double one_line_mm = OneLineMm(at);
-  std::vector<Crossing> crossings;
+  std::vector<LineCrossing> crossings;
   for (std::size_t i = strip.size(); i > 0 && crossings.size() < kLines.most_lines;) {
-    Crossing crossing;
+    LineCrossing crossing;
     // Around from its first sample, so that no turn ends within.
     const double zero_rad = strip[i - 1].around_rad;
     std::size_t k = i;
@@ -131,7 +131,7 @@ struct Sweep {
   double gap_mm = 0;
   double scatter_mm = 0;  // 1 sigma of a gap
 };
-std::optional<Sweep> SweepOf(std::span<const Crossing> crossings) {
+std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings) {
   if (crossings.size() < kLines.least_lines) return std::nullopt;
   std::vector<double> gaps_mm;
   for (std::size_t i = 1; i < crossings.size(); ++i) {
@@ -152,10 +152,10 @@ std::optional<Sweep> SweepOf(std::span<const Crossing> crossings) {
 }
 
 std::optional<LineBracket> BracketOf(std::span<const EndSample> strip, double smear_mm) {
-  const std::vector<Crossing> crossings = CrossingsOf(strip);
+  const std::vector<LineCrossing> crossings = CrossingsOf(strip);
   const auto sweep = SweepOf(crossings);
   if (!sweep) return std::nullopt;
-  const Crossing& last = crossings.back();
+  const LineCrossing& last = crossings.back();
   LineBracket bracket;
   bracket.last_rad = last.around_rad;
   bracket.last_mm = last.at_mm;
@@ -163,7 +163,7 @@ std::optional<LineBracket> BracketOf(std::span<const EndSample> strip, double sm
   bracket.last_sigma_mm = std::min(smear_mm / std::sqrt(static_cast<double>(last.samples)),
                                    sweep->scatter_mm / std::numbers::sqrt2);
   double around = 0;
-  for (const Crossing& crossing : crossings) {
+  for (const LineCrossing& crossing : crossings) {
     around += std::remainder(crossing.around_rad - bracket.last_rad, 2.0 * std::numbers::pi);
   }
   bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());

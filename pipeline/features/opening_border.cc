@@ -70,9 +70,9 @@ struct ShapeFit {
   double leans_sigmas = 0;  // how many sigma the drill is from radial
 };
 
-class BorderFit {
+class ShapeWalk {
  public:
-  BorderFit(const WallAbout& wall, const OpeningBorder& about, Shape shape)
+  ShapeWalk(const WallAbout& wall, const OpeningBorder& about, Shape shape)
       : about_(about), shape_(shape), smear_mm_(wall.smear_mm) {
     for (const Eigen::Vector2d& sample : wall.samples) {
       if (about.DistanceMm(sample) < kBorder.near * about.width_mm) near_.push_back(sample);
@@ -239,7 +239,7 @@ class BorderFit {
 // The leaning hole, if it certainly leans.
 std::optional<ShapeFit> FitLean(const WallAbout& wall, OpeningBorder about) {
   about.length_mm = about.width_mm;
-  const BorderFit leaning(wall, about, Shape::kLeaningHole);
+  const ShapeWalk leaning(wall, about, Shape::kLeaningHole);
   ShapeFit fit = leaning.Fit(kBorder.short_walk);
   if (fit.leans_sigmas < kBorder.may_lean) return std::nullopt;
   fit = leaning.Fit(kBorder.walk);
@@ -310,7 +310,7 @@ SampleDensity DensityBeside(const OpeningBorder& border, std::span<const Eigen::
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
                          double smear_mm, std::span<const MissedPlace> missed) {
   const WallAbout wall{samples, missed, smear_mm};
-  const ShapeFit slot = BorderFit(wall, about, Shape::kSlot).Fit(kBorder.walk);
+  const ShapeFit slot = ShapeWalk(wall, about, Shape::kSlot).Fit(kBorder.walk);
   const OpeningBorder& long_one = slot.fitted.border;
   const double longer_mm = long_one.length_mm - long_one.width_mm;
   const double sigma_mm = std::hypot(slot.fitted.sigma.length_mm, slot.fitted.sigma.width_mm);
@@ -332,7 +332,7 @@ FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const Opening
     }
     return best && best->log_density > slot.log_density ? best->fitted : slot.fitted;
   }
-  const ShapeFit hole = BorderFit(wall, round, Shape::kHole).Fit(kBorder.walk);
+  const ShapeFit hole = ShapeWalk(wall, round, Shape::kHole).Fit(kBorder.walk);
   if (SagMm(hole.fitted.border) > kBorder.least_sag * hole.fitted.sigma.middle_mm.norm()) {
     if (const auto leaning = FitLean(wall, hole.fitted.border)) return leaning->fitted;
   }

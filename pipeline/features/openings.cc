@@ -10,6 +10,7 @@
 #include "hal/angles.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/opening_lines.h"
+#include "pipeline/features/plane_samples.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/features/surface_cells.h"
 #include "pipeline/math/quantiles.h"
@@ -117,17 +118,8 @@ Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall
   return around;
 }
 
-double NearestMm(const Eigen::Vector2d& place, std::span<const Eigen::Vector2d> samples) {
-  double nearest = 1e300;
-  for (const Eigen::Vector2d& sample : samples) {
-    nearest = std::min(nearest, (sample - place).squaredNorm());
-  }
-  return std::sqrt(nearest);
-}
-
 // The void about the middle: how wide it is, where, and how long.
-std::optional<OpeningBorder> RoughBorder(std::span<const Eigen::Vector2d> present, double size_mm,
-                                         double r_mm) {
+std::optional<OpeningBorder> RoughBorder(const PlaneSamples& present, double size_mm, double r_mm) {
   const double step_mm = 2.0 * size_mm / kOpening.probes;
   std::vector<Eigen::Vector2d> places;
   std::vector<double> free_mm;
@@ -137,7 +129,7 @@ std::optional<OpeningBorder> RoughBorder(std::span<const Eigen::Vector2d> presen
       const Eigen::Vector2d place(step_mm * i - size_mm, step_mm * k - size_mm);
       if (place.norm() > size_mm || std::abs(place.y()) > kOpening.limb * r_mm) continue;
       places.push_back(place);
-      free_mm.push_back(NearestMm(place, present));
+      free_mm.push_back(present.NearestMm(place));
       widest_mm = std::max(widest_mm, free_mm.back());
     }
   }
@@ -168,8 +160,7 @@ std::optional<OpeningBorder> RoughBorder(std::span<const Eigen::Vector2d> presen
 }
 
 // How far a place may be from the nearest sample beside the opening.
-double GapBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> present,
-                 double r_mm) {
+double GapBeside(const OpeningBorder& border, const PlaneSamples& present, double r_mm) {
   std::vector<double> gaps;
   const double from_mm = 0.25 * border.width_mm, to_mm = from_mm + 0.5 * border.width_mm;
   // Places spread evenly over the ring (Vogel's spiral).
@@ -182,7 +173,7 @@ double GapBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> p
         border.middle_mm + radius * Eigen::Vector2d(std::cos(turn), std::sin(turn));
     const double off_mm = border.DistanceMm(place);
     if (std::abs(place.y()) > kOpening.limb * r_mm) continue;
-    if (off_mm > from_mm && off_mm < to_mm) gaps.push_back(NearestMm(place, present));
+    if (off_mm > from_mm && off_mm < to_mm) gaps.push_back(present.NearestMm(place));
   }
   return Quantile(std::move(gaps), 0.98);
 }
@@ -261,23 +252,24 @@ class Candidate {
       const Surroundings around =
           pipeline::LookAt(frame, reach_mm, wall_mm, r_mm_, frames_, blocks_);
       if (around.wall.size() < 20) return std::nullopt;
-      const auto rough = RoughBorder(around.present, size_mm, r_mm_);
+      const PlaneSamples present(around.present);
+      const auto rough = RoughBorder(present, size_mm, r_mm_);
       if (!rough || rough->width_mm > kOpening.widest * r_mm_) return std::nullopt;
       // About its own middle, across whose normal it is round.
       if (round == 0) {
         frame = FrameOf(frame, rough->middle_mm);
         continue;
       }
-      return Fit(frame, *rough, around);
+      return Fit(frame, *rough, around, present);
     }
     return std::nullopt;
   }
 
  private:
   std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& rough,
-                                  const Surroundings& around) const {
+                                  const Surroundings& around, const PlaneSamples& present) const {
     if (rough.length_mm > kOpening.longest * rough.width_mm) return std::nullopt;
-    const double gap_mm = GapBeside(rough, around.present, r_mm_);
+    const double gap_mm = GapBeside(rough, present, r_mm_);
     if (rough.width_mm < 2.0 * kOpening.least_gaps * gap_mm) return std::nullopt;
     const SampleDensity density = DensityBeside(rough, around.wall);
     if (density.per_mm2 * rough.AreaMm2() < kOpening.least_missing) return std::nullopt;
