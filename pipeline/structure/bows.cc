@@ -59,10 +59,11 @@ bool IsBow(const SurfaceFit& fit, std::size_t bend, std::span<const PointBlock> 
 
 std::optional<std::size_t> FindBow(const SurfaceFit& fit, std::span<const PointBlock> blocks,
                                    double reach_mm, const FormDeviation& form,
-                                   double least_angle_deg) {
+                                   double least_angle_deg, double beyond_deg) {
   std::optional<std::size_t> slightest;
   const auto& rows = fit.tube.program.rows;
   for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
+    if (rows[i].angle_deg <= beyond_deg) continue;
     if (slightest && rows[i].angle_deg >= rows[*slightest].angle_deg) continue;
     if (IsBow(fit, i, blocks, reach_mm, form, least_angle_deg)) slightest = i;
   }

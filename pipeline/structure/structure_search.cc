@@ -34,6 +34,9 @@ struct SearchSettings {
   double reach = 0.35;
   // [of the polygon's length] A straight is no longer.
   double longest = 1.1;
+  // Of the samples: a bow is within reach of its straight, so a fit without it that reaches fewer
+  // went astray, and the bow stays. By trial.
+  double without_bow = 0.97;
   // [of r_P] What the end straights see beyond their ends.
   double left_behind = 3.0;
   // Of chi square, where a fit stops: far below the price of a parameter.
@@ -164,15 +167,24 @@ bool StructureSearch::IsBentMore(const SurfaceFit& rival, SurfaceFit& fit) {
   return false;
 }
 
-std::optional<std::size_t> StructureSearch::Bow(const SurfaceFit& fit,
-                                                const FormDeviation& form) const {
-  return FindBow(fit, blocks_, kSearch.reach * radius_mm_, form, options_.least_angle_deg);
+std::optional<std::size_t> StructureSearch::Bow(const SurfaceFit& fit, const FormDeviation& form,
+                                                double beyond_deg) const {
+  return FindBow(fit, blocks_, kSearch.reach * radius_mm_, form, options_.least_angle_deg,
+                 beyond_deg);
 }
 
 void StructureSearch::DropBows(SurfaceFit& fit) {
-  while (const auto bow = Bow(fit, options_.form)) {
+  double beyond_deg = 0;
+  while (const auto bow = Bow(fit, options_.form, beyond_deg)) {
     const ArcLineSpline without = WithoutArcs(SplineFromTube(fit.tube), *bow, *bow);
-    fit = Fit(TubeFromSpline(without, fit.tube.pipe_radius_mm));
+    SurfaceFit straight = Fit(TubeFromSpline(without, fit.tube.pipe_radius_mm));
+    const auto reached = static_cast<double>(fit.distances_mm.size());
+    if (static_cast<double>(straight.distances_mm.size()) < kSearch.without_bow * reached) {
+      beyond_deg = fit.tube.program.rows[*bow].angle_deg;
+      continue;
+    }
+    fit = std::move(straight);
+    beyond_deg = 0;
   }
 }
 

@@ -74,7 +74,8 @@ class StructureSearch {
   // Whether the samples ask for it still where each place counts by what is left there.
   bool IsSeenPlaceByPlace(const SurfaceFit& rival, const SurfaceFit& better) const;
   // The slightest bend that is none: below the least angle, or no more than a bow.
-  std::optional<std::size_t> Bow(const SurfaceFit& fit, const FormDeviation& form) const;
+  std::optional<std::size_t> Bow(const SurfaceFit& fit, const FormDeviation& form,
+                                 double beyond_deg = 0) const;
   // Whether a fit with a bend more than its rival is better, though maybe only where the form that
   // it leaves is the tube's: then that is what is known of the form.
   bool IsBentMore(const SurfaceFit& rival, SurfaceFit& fit);
