@@ -6,13 +6,11 @@
 #include <limits>
 #include <vector>
 
+#include "firmware-host/text/table.h"
 #include "pipeline/math/quantiles.h"
-#include "pipeline/math/text.h"
 
 namespace bendloop::host {
 namespace {
-
-using pipeline::Fixed;
 
 // [of all points] Fliers and the edge of what the tube lies on are fewer.
 constexpr double kFew = 0.1;
