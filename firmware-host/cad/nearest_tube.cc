@@ -19,6 +19,7 @@ constexpr int kAlong = 120, kAroundSamples = 36;
 constexpr std::size_t kAsked = 200;
 // Where a hose bends on and on, arcs nearest to it may overlap by so many pipe radii: they meet.
 constexpr double kMostOverlapRadii = 0.1;
+constexpr double kTightestRadii = 1.01;
 
 // A tube's outer surface is convex across: seen from a sample, its neighbours lie behind it.
 bool IsOuter(const SurfacePatch& patch) {
@@ -67,6 +68,19 @@ std::vector<Vector3d> OuterPoints(const CadBody& body, double pipe_radius_mm) {
   return points;
 }
 
+// Bends that are tighter than the pipe, which no part file takes, about the same corners as tight
+// as it.
+void WidenArcs(std::vector<hal::BendRow>& rows, double least_mm) {
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    const double wider_mm = least_mm - rows[i].bend_radius_mm.value_or(least_mm);
+    if (wider_mm <= 0) continue;
+    const double shorter_mm = wider_mm * std::tan(rows[i].angle_deg * std::numbers::pi / 360);
+    *rows[i].bend_radius_mm = least_mm;
+    rows[i].length_mm -= shorter_mm;
+    rows[i + 1].length_mm -= shorter_mm;
+  }
+}
+
 // Arcs that overlap by less than `most_mm` meet; at an end, where a part has a straight, the arc
 // ends so much earlier. The developed length stays.
 void SeparateArcs(std::vector<hal::BendRow>& rows, double most_mm) {
@@ -98,6 +112,7 @@ hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
   tube.openings.clear();
   tube.openings_reversed.clear();
   tube.pipe_radius_mm = measured->tube.pipe_radius_mm;
+  WidenArcs(measured->tube.program.rows, kTightestRadii * tube.pipe_radius_mm);
   SeparateArcs(measured->tube.program.rows, kMostOverlapRadii * tube.pipe_radius_mm);
   tube.spine = SpineOf(measured->tube);
   char text[160];

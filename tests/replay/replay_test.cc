@@ -86,9 +86,9 @@ TEST(Replay, ARefusedPartIsOneWithItsReasonAndNothingIsSent) {
 
 TEST(Replay, WhatIsUndecidedIsSaidThoughItIsNoFailure) {
   const Scratch scratch;
-  // So far apart that the first straight is known to a third of its tolerance.
+  // So far apart that the first straight is known to half of its tolerance.
   const Ran ran =
-      scratch.Bendloop("replay " + Simulate(scratch, "", "1") + " --config " + WriteCell(scratch));
+      scratch.Bendloop("replay " + Simulate(scratch, "", "3") + " --config " + WriteCell(scratch));
   EXPECT_THAT(ran.out, HasSubstr("UNDECIDED"));
   EXPECT_EQ(ran.code, 0);
   EXPECT_THAT(ran.err, HasSubstr("too close to the tolerance to decide"));
