@@ -13,22 +13,36 @@
 namespace bendloop::pipeline {
 namespace {
 
+// A scan of a tube whose bends ease over `easing_r` pipe radii, with each bend fitted by itself.
+struct Scanned {
+  Scanned(const hal::Tube& tube, double easing_r) {
+    std::mt19937_64 random(4);
+    points_mm = tests::ScanRealTube(tube, {.easing_r = easing_r}, {}, random).points_W;
+    blocks = {{Eigen::Vector3d::Zero(), 1e3, points_mm}};
+    SurfaceFit start;
+    start.tube = tube;
+    options.easing = FindEasing(start, blocks, options);
+    solution = SolveWithBows(tube, blocks, options);
+  }
+  Scanned(const Scanned&) = delete;  // the blocks look at the points
+  Scanned& operator=(const Scanned&) = delete;
+
+  std::vector<Eigen::Vector3d> points_mm;
+  std::vector<PointBlock> blocks;
+  SurfaceFitOptions options{.reach_mm = 1};
+  BowedSolution solution;
+};
+
 // A bend of 20 degrees and 12 mm is 4 mm long, eased over 3.5 mm: its radius by itself is known to
 // some millimetres.
 TEST(OneDie, TellsTheRadiusOfShortBends) {
   hal::Tube tube = ThreeBends();
   for (std::size_t i = 0; i < 3; ++i) tube.program.rows[i].bend_radius_mm = 12;
   tube.program.rows[1].angle_deg = 20;
-  std::mt19937_64 random(4);
-  const auto cloud = tests::ScanRealTube(tube, {.easing_r = 0.7}, {}, random);
-  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
-  SurfaceFitOptions options{.reach_mm = 1};
-  SurfaceFit start;
-  start.tube = tube;
-  options.easing = FindEasing(start, blocks, options);
-  BowedSolution solution = SolveWithBows(tube, blocks, options);
+  Scanned scanned(tube, 0.7);
+  BowedSolution& solution = scanned.solution;
   const double alone_mm = *solution.fit.sigma.rows[1].bend_radius_mm;
-  TryOneDie(blocks, options, solution);
+  TryOneDie(scanned.blocks, scanned.options, solution);
   EXPECT_GT(solution.fit.priors.radii_alike, 0);
   EXPECT_LT(*solution.fit.sigma.rows[1].bend_radius_mm, 0.5 * alone_mm);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -39,15 +53,9 @@ TEST(OneDie, TellsTheRadiusOfShortBends) {
 TEST(OneDie, TwoDiesStayTwo) {
   hal::Tube tube = ThreeBends();
   tube.program.rows[1].bend_radius_mm = 20;
-  std::mt19937_64 random(4);
-  const auto cloud = tests::ScanRealTube(tube, {.easing_r = 0.4}, {}, random);
-  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
-  SurfaceFitOptions options{.reach_mm = 1};
-  SurfaceFit start;
-  start.tube = tube;
-  options.easing = FindEasing(start, blocks, options);
-  BowedSolution solution = SolveWithBows(tube, blocks, options);
-  TryOneDie(blocks, options, solution);
+  Scanned scanned(tube, 0.4);
+  BowedSolution& solution = scanned.solution;
+  TryOneDie(scanned.blocks, scanned.options, solution);
   EXPECT_EQ(solution.fit.priors.radii_alike, 0);
   EXPECT_NEAR(*solution.fit.tube.program.rows[1].bend_radius_mm, 20, 1.5);
 }
