@@ -128,7 +128,7 @@ void CellLoop::Update() {
   WatchSweep();
   if (step_ != ScanStep::kNothing) return;
   // Everything that the scanner had sent is in: the PLC's word ends the scan.
-  if (slot_ == nullptr && is_over_ && scan_.phase() == ScanPhase::kScanning) {
+  if (slot_ == nullptr && permit_.is_over() && scan_.phase() == ScanPhase::kScanning) {
     step_ = scan_.Complete();
     scan_.Rest();
     return;
@@ -205,7 +205,8 @@ void CellLoop::WatchSilence() {
 
 void CellLoop::Write() {
   if (step_ == ScanStep::kEnded) {
-    if (held_.empty() && !may_run_) held_ = "the PLC had said that no scan may run (orders.scan)";
+    if (held_.empty() && !permit_.may_run())
+      held_ = "the PLC had said that no scan may run (orders.scan)";
     held_.empty() ? FinishScan() : HoldScan();
   }
   if (step_ == ScanStep::kBroke) DropScan({hal::ErrorKind::kDevice, scan_.reason()});
@@ -245,11 +246,7 @@ void CellLoop::TakeBenderNews() {
 void CellLoop::HeardOrders(const hal::PlcOrders& orders) {
   orders_ = orders;
   if (orders_.hold.value_or(false)) GiveUpWaiting("the PLC holds the cell");
-  if (scan_.phase() != ScanPhase::kScanning || !orders_.scan) return;
-  // It is over only after it was allowed: an older look may still say what was before.
-  if (*orders_.scan == hal::ScanOrder::kMayRun) may_run_ = true;
-  is_over_ = is_over_ || (may_run_ && was_allowed_ && *orders_.scan == hal::ScanOrder::kOver);
-  was_allowed_ = was_allowed_ || *orders_.scan == hal::ScanOrder::kMayRun;
+  if (scan_.phase() == ScanPhase::kScanning) permit_.Heard(orders_);
 }
 
 // What the PLC says of the scan that begins: by a look that is asked for now, for what it said a
@@ -257,8 +254,7 @@ void CellLoop::HeardOrders(const hal::PlcOrders& orders) {
 // word.
 void CellLoop::TakeOrdersOfScan() {
   held_.clear();
-  is_over_ = was_allowed_ = false;
-  may_run_ = true;
+  permit_ = {};
   if (!follower_) return;
   if (orders_ == hal::PlcOrders{}) {
     follower_->LookNow();
@@ -269,10 +265,7 @@ void CellLoop::TakeOrdersOfScan() {
       if (now && now->facts) orders_ = now->facts->state.orders;
     });
   }
-  if (orders_.scan) {
-    was_allowed_ = *orders_.scan == hal::ScanOrder::kMayRun;
-    may_run_ = *orders_.scan != hal::ScanOrder::kOver;
-  }
+  permit_.Begin(orders_);
   if (!ports_.part_of_scan) return;
   auto part = ports_.part_of_scan(orders_);
   if (part) {
@@ -283,14 +276,16 @@ void CellLoop::TakeOrdersOfScan() {
 }
 
 void CellLoop::ServePeople() {
-  if (!ports_.between_parts || waiting_ || scan_.phase() == ScanPhase::kScanning) return;
+  if (!ports_.between_parts || waiting_.is_tried() || scan_.phase() == ScanPhase::kScanning) return;
   const auto now = ports_.clock->Now();
   if (now - served_ < kServePeriod) return;
   served_ = now;
+  std::string wanted;
   Watched([&] {
     life_.Expect(2 * ports_.desk->exchange_bound() + kDiskBound);
-    ports_.between_parts();
+    wanted = ports_.between_parts(static_cast<bool>(waiting_));
   });
+  if (!wanted.empty()) GiveUpWaiting(wanted);
 }
 
 void CellLoop::GiveUpWaiting(const std::string& why) {
@@ -352,18 +347,22 @@ bool CellLoop::NominalIsCovered() {
 void CellLoop::HoldScan() {
   reconstruction_.reset();
   if (ports_.recorder) ports_.recorder->Finish({{"broken", held_}});
+  TellFailed({hal::ErrorKind::kRefused, std::exchange(held_, {})}, true);
+}
+
+// Why nothing was measured. `is_part`: its scan came to its end.
+void CellLoop::TellFailed(hal::Error error, bool is_part) {
   ++parts_;
   ports_.board->Update([&](CellSnapshot& s) {
-    ++s.parts;
+    if (is_part) ++s.parts;
     ++s.failed_scans;
     s.session.clear();
-    s.last = LastPart{identity_.session, "not measured", "", held_};
+    s.last = LastPart{identity_.session, "not measured", "", error.message};
   });
   Watched([&] {
     life_.Expect(kDiskBound);
-    ports_.scan_failed({identity_, {hal::ErrorKind::kRefused, held_}, scan_.profiles()});
+    ports_.scan_failed({identity_, std::move(error), scan_.profiles()});
   });
-  held_.clear();
   ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kWaiting; });
 }
 
@@ -386,23 +385,11 @@ void CellLoop::FinishScan() {
   });
   const auto measured = ports_.clock->Now();
   reconstruction_.reset();
-  ++parts_;
   if (!measurement) {
-    const std::uint64_t profiles = scan_.profiles();
     if (ports_.recorder) ports_.recorder->Finish({});
-    ports_.board->Update([&](CellSnapshot& s) {
-      ++s.parts;
-      ++s.failed_scans;
-      s.phase = CellPhase::kWaiting;
-      s.session.clear();
-      s.last = LastPart{identity_.session, "not measured", "", measurement.error().message};
-    });
-    Watched([&] {
-      life_.Expect(kDiskBound);
-      ports_.scan_failed({identity_, measurement.error(), profiles});
-    });
-    return;
+    return TellFailed(measurement.error(), true);
   }
+  ++parts_;
   part.measurement = std::move(*measurement);
   if (plan_->corrects && ports_.desk->has_bender()) {
     ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kCommitting; });
@@ -483,17 +470,7 @@ void CellLoop::DropScan(hal::Error error) {
       ports_.recorder->Finish({{"broken", error.message}});
     }
   }
-  ++parts_;
-  ports_.board->Update([&](CellSnapshot& s) {
-    ++s.failed_scans;
-    s.phase = CellPhase::kWaiting;
-    s.session.clear();
-    s.last = LastPart{identity_.session, "not measured", "", error.message};
-  });
-  Watched([&] {
-    life_.Expect(kDiskBound);
-    ports_.scan_failed({identity_, std::move(error), scan_.profiles()});
-  });
+  TellFailed(std::move(error), false);
 }
 
 void CellLoop::PublishCounters(const Acquisition& acquisition, const ProfileRing& ring) {

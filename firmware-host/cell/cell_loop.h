@@ -15,6 +15,7 @@
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/part_run.h"
 #include "firmware-host/cell/run_context.h"
+#include "firmware-host/cell/scan_permit.h"
 #include "firmware-host/cell/scan_state.h"
 #include "firmware-host/cell/waiting_part.h"
 #include "firmware-host/recorder/recorder.h"
@@ -58,9 +59,11 @@ struct CellPorts {
   std::function<void(const pipeline::LiveView&)> viewed;
   // A few times a second, in scans too.
   std::function<void(const BenderReading&)> bender_heard;
-  // A few times a second between two parts, while nothing is scanned, decided or waited for: what
-  // people ask for. May block for the bender's timeouts.
-  std::function<void()> between_parts;
+  // A few times a second between two parts, while nothing is scanned or decided: what people ask
+  // for. While a correction waits for the bender nothing that it stands in the way of; who asks for
+  // that is returned ("": nobody), the correction is given up for it, and the call comes again. May
+  // block for the bender's timeouts.
+  std::function<std::string(bool correction_waits)> between_parts;
   // Again and again while all goes on, from the loop's own thread (watchdog).
   std::function<void()> alive;
 };
@@ -122,6 +125,7 @@ class CellLoop {
   PartOutcome Decide(MeasuredPart part);
   void TellPart(const PartOutcome& outcome, bool again);
   void DropScan(hal::Error error);
+  void TellFailed(hal::Error error, bool is_part);
   void PublishCounters(const Acquisition& acquisition, const ProfileRing& ring);
 
   std::shared_ptr<const PartPlan> plan_;  // of the running scan, or of the last one
@@ -146,10 +150,8 @@ class CellLoop {
 
   // Of the running scan.
   ScanIdentity identity_;
-  std::string held_;          // why nothing is made of it; empty: something is
-  bool was_allowed_ = false;  // the PLC said that it may run
-  bool may_run_ = true;       // the PLC lets it run, or says nothing of it
-  bool is_over_ = false;      // the PLC says so
+  std::string held_;  // why nothing is made of it; empty: something is
+  ScanPermit permit_;
   std::optional<pipeline::Reconstruction> reconstruction_;
   std::int64_t began_ns_ = 0;  // by the ledger's clock
   pipeline::LiveView live_;

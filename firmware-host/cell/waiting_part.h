@@ -24,6 +24,8 @@ class WaitingPart {
       : desk_(desk), clock_(clock), life_(life) {}
 
   explicit operator bool() const { return waiting_.has_value(); }
+  // An attempt runs.
+  bool is_tried() const { return attempt_.valid(); }
   // A part that was decided just now by `plan`; it waits if its outcome says so.
   void Take(MeasuredPart part, const PartOutcome& outcome, std::shared_ptr<const PartPlan> plan);
   void set_latency(const PartLatency& latency);

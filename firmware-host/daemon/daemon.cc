@@ -8,16 +8,13 @@
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
-#include <future>
 #include <memory>
 #include <utility>
 
-#include "firmware-host/acquisition/acquisition.h"
 #include "firmware-host/alarms/alarm_text.h"
 #include "firmware-host/cell/bender_desk.h"
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/life_signs.h"
-#include "firmware-host/cell/live_source.h"
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/plc_reporter.h"
 #include "firmware-host/cell/service_times.h"
@@ -26,16 +23,17 @@
 #include "firmware-host/console/version.h"
 #include "firmware-host/daemon/cell_alarms.h"
 #include "firmware-host/daemon/daemon_settings.h"
+#include "firmware-host/daemon/last_run.h"
 #include "firmware-host/daemon/part_keeper.h"
 #include "firmware-host/daemon/part_setter.h"
 #include "firmware-host/daemon/plc_desk.h"
+#include "firmware-host/daemon/requests.h"
+#include "firmware-host/daemon/scanner_post.h"
 #include "firmware-host/daemon/service_notify.h"
-#include "firmware-host/daemon/setter_box.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/daemon/status_server.h"
 #include "firmware-host/daemon/trouble_log.h"
 #include "firmware-host/daemon/upkeep.h"
-#include "firmware-host/ledger/damaged_journal.h"
 #include "firmware-host/recorder/recorder.h"
 #include "firmware-host/result/words.h"
 
@@ -49,17 +47,6 @@ std::atomic<bool> g_hung_up{false};
 
 // Shorter than a look at the bender takes to come round.
 constexpr auto kReportPeriod = 50ms;
-constexpr auto kFirstRetry = 100ms;
-constexpr auto kLongestRetry = 5000ms;
-
-RealtimePolicy RealtimeOf(const config::RealtimeConfig& from) {
-  RealtimePolicy policy;
-  policy.enabled = true;
-  policy.required = from.mode == config::RealtimeMode::kRequired;
-  policy.priority = from.priority;
-  policy.cpu = from.cpu.value_or(-1);
-  return policy;
-}
 
 spdlog::level::level_enum LevelOf(config::LogLevel level) {
   switch (level) {
@@ -89,7 +76,9 @@ class Daemon::Impl {
         parts_(cell_, own_part_, clock_, keeper_, alarms_.board()),
         plc_(alarms_.board()),
         reporter_(clock_),
-        upkeep_(cell_.storage, clock_, alarms_.board(), keeper_, board_) {}
+        upkeep_(cell_.storage, clock_, alarms_.board(), keeper_, board_),
+        requests_({store_, parts_, keeper_, alarms_.board(), plc_}),
+        scanner_(cell_, clock_, alarms_.board(), notify_, board_) {}
 
   hal::Result<void> Prepare();
   int Run();
@@ -101,19 +90,12 @@ class Daemon::Impl {
 
  private:
   hal::Result<void> ServeStatus();
-  hal::Result<void> MendJournal();
-  void SettleWhatIsOpen();
   CellPorts Ports();
-  // Opens the scanner and runs the loop on it until one of them ends. False: stop.
-  bool ServeScanner(CellLoop& loop);
-  void ScannerIsAway(const std::string& why);
-  void WaitForRetry(CellLoop& loop);
   void BenderHeard(const BenderReading& heard);
   void Viewed(const pipeline::LiveView& view);
   void OrdersHeard(const hal::PlcOrders& orders);
-  void AcknowledgeForPlc();
   void TellPlc();
-  void ServePeople();
+  std::string BetweenParts(bool correction_waits);
   void TakeHangUp();
   void ShowLot();
   void ShowLock();
@@ -131,24 +113,22 @@ class Daemon::Impl {
   PlcDesk plc_;
   PlcReporter reporter_;
   Upkeep upkeep_;
+  Requests requests_;
+  ScannerPost scanner_;
   std::optional<DaemonSettings> next_;  // read, and good
   std::chrono::nanoseconds reported_{0};
   std::unique_ptr<BenderDesk> desk_;
   std::unique_ptr<Recorder> recorder_;
   std::unique_ptr<StatusServer> server_;
-  std::chrono::milliseconds retry_ = kFirstRetry;
-  std::string scanner_problem_;
   TroubleLog bender_trouble_;
   std::size_t bends_told_ = 0;
   bool bender_known_ = false;
-  bool acknowledges_ = false;  // the PLC, and it is not done yet
-  int exit_code_ = 0;
 };
 
 hal::Result<void> Daemon::Impl::Prepare() {
   if (auto fits = CheckWatchdog({.watchdog = notify_.period()}); !fits) return fits;
   if (auto loaded = keeper_.Load(*own_part_); !loaded) return hal::Fail(loaded.error());
-  if (auto mended = MendJournal(); !mended) return mended;
+  if (auto mended = MendJournal(store_.journal()); !mended) return mended;
   BenderDesk::Options desk;
   desk.journal = store_.journal();
   desk.pipe_radius_mm = own_part_->pipe_radius_mm;
@@ -169,7 +149,8 @@ hal::Result<void> Daemon::Impl::Prepare() {
   for (const std::string& remark : RemarksOn(cell_)) {
     if (remark != off) alarms_.board().Begin(AlarmCode::kSettingsRemark, remark);
   }
-  SettleWhatIsOpen();
+  ShowLock();
+  SettleWhatIsOpen(*desk_, keeper_, alarms_.board());
   // From here on the ledger follows the bender: a tube that is bent now is seen. The second look
   // makes sure that the first one's state and program belong together.
   if (desk_->has_bender() && desk_->Look().facts) BenderHeard(desk_->Look());
@@ -187,40 +168,6 @@ hal::Result<void> Daemon::Impl::Prepare() {
   });
   ShowLot();
   return ServeStatus();
-}
-
-// A journal that cannot be read must not keep the cell from measuring; what locks corrections
-// stands in the new one.
-hal::Result<void> Daemon::Impl::MendJournal() {
-  const auto aside = SetDamagedJournalAside(store_.journal(), SystemMoment().unix_ms);
-  if (!aside) return hal::Fail(aside.error());
-  if (*aside) spdlog::error("the commit journal is damaged: moved to {}", (*aside)->string());
-  return LockForDamagedJournals(store_.journal());
-}
-
-// What the last run left open: a commit whose end was not seen, a correction that waited.
-void Daemon::Impl::SettleWhatIsOpen() {
-  ShowLock();
-  keeper_.NameAfter(desk_->LargestPartNumber());
-  if (const auto settled = desk_->Resume()) {
-    alarms_.board().Begin(AlarmCode::kUncleanEnd, settled->session + ": " + settled->report.reason);
-    keeper_.Settle(*settled);
-  }
-  const std::optional<std::string> open = desk_->OpenCommit();
-  for (const std::string& session : desk_->ScansThatWaited()) {
-    CommitReport report;
-    // In the middle of its commit: the first look that the bender answers tells the end.
-    const bool is_open = open == session;
-    report.outcome = is_open ? CommitOutcome::kUnknown : CommitOutcome::kRefused;
-    report.reason = is_open ? "the daemon ended in the middle of the commit; it is not known yet "
-                              "what the bender holds"
-                            : "nothing was sent: the daemon ended while the correction waited for "
-                              "the bender";
-    alarms_.board().Begin(is_open ? AlarmCode::kCommitUnknown : AlarmCode::kUncleanEnd,
-                          session + ": " + report.reason);
-    desk_->Note(session, is_open ? ScanFate::kUnknown : ScanFate::kDone, report.reason);
-    keeper_.Settle({session, report});
-  }
 }
 
 hal::Result<void> Daemon::Impl::ServeStatus() {
@@ -275,7 +222,7 @@ CellPorts Daemon::Impl::Ports() {
     board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
     ShowLot();
   };
-  ports.between_parts = [this] { ServePeople(); };
+  ports.between_parts = [this](bool correction_waits) { return BetweenParts(correction_waits); };
   ports.scan_failed = [this](const FailedScan& failed) {
     alarms_.PartDone(AlarmsOf(failed.identity.session, failed.error), board_.Get());
     keeper_.KeepFailure(failed);
@@ -319,7 +266,8 @@ int Daemon::Impl::Run() {
   }
   if (!favoured->empty()) alarms_.board().Begin(AlarmCode::kNoRealtime, *favoured);
   notify_.Ready();
-  while (!g_stop && !next_ && ServeScanner(*loop)) WaitForRetry(*loop);
+  const auto ends = [this] { return g_stop || next_; };
+  while (!ends() && scanner_.Serve(*loop)) scanner_.WaitForRetry(*loop, ends);
   next_ ? notify_.Reloading() : notify_.Stopping();
   spdlog::info("{} after {} scans", next_ ? "taking up the new settings" : "stopping",
                loop->parts());
@@ -329,7 +277,7 @@ int Daemon::Impl::Run() {
   keeper_.KeepAlarms(alarms_.TakeNews());
   const bool is_kept = recorder_->FlushWithin(kDiskBound) && keeper_.FlushWithin(kDiskBound);
   ::unlink(store_.status().c_str());
-  if (is_kept) return exit_code_;
+  if (is_kept) return scanner_.exit_code();
   spdlog::error(
       "the disk hangs: recordings that wait for it are lost ({} profiles and events); check "
       "the disk of {}",
@@ -337,91 +285,6 @@ int Daemon::Impl::Run() {
   spdlog::shutdown();
   // Threads that the disk holds cannot be waited for.
   std::_Exit(hal::ExitCode(hal::ErrorKind::kDevice));
-}
-
-bool Daemon::Impl::ServeScanner(CellLoop& loop) {
-  auto source = MakeSource(cell_.scanner, clock_, RealtimeOf(cell_.realtime));
-  if (!source) {
-    spdlog::error("scanner: {}", source.error().message);
-    exit_code_ = hal::ExitCode(source.error().kind);
-    return false;
-  }
-  // Beside the loop: a scanner that does not answer for seconds must not keep the bender waiting,
-  // nor the watchdog.
-  auto opening = std::async(std::launch::async, [&source] { return (*source)->Open(); });
-  while (opening.wait_for(kLoopPeriod) != std::future_status::ready) loop.Tend();
-  const auto info = opening.get();
-  if (!info) {
-    ScannerIsAway(info.error().message);
-    return true;
-  }
-  ProfileRing ring(cell_.scanner.queue_profiles, info->max_points);
-  AcquisitionOptions options;
-  options.realtime = RealtimeOf(cell_.realtime);
-  Acquisition acquisition(**source, *info, ring, clock_, options);
-  if (auto started = acquisition.Start(); !started) {
-    if (options.realtime.required && started.error().message.rfind("[realtime]", 0) == 0) {
-      spdlog::error("{}", started.error().message);
-      exit_code_ = hal::ExitCode(started.error().kind);
-      return false;
-    }
-    ScannerIsAway(started.error().message);
-    return true;
-  }
-  spdlog::info("scanner: {} {}, firmware {}, up to {} points a profile, ring of {} profiles",
-               info->model, info->serial, info->firmware, info->max_points, ring.capacity());
-  if (!acquisition.realtime_note().empty()) {
-    alarms_.board().Begin(AlarmCode::kNoRealtime, acquisition.realtime_note());
-  }
-  alarms_.board().End(AlarmCode::kScannerAway);
-  scanner_problem_.clear();
-  retry_ = kFirstRetry;
-  notify_.Status("scanner connected, waiting for a scan");
-  const CellEnd end = loop.Run(acquisition, ring, *info);
-  acquisition.Stop();
-  const AcquisitionCounters& counters = acquisition.counters();
-  spdlog::info("scanner: {} profiles, {} dropped, {} missing, ring peak {} of {}",
-               counters.profiles.load(), counters.dropped_profiles.load(),
-               counters.missing_profiles.load(), counters.queue_peak.load(), ring.capacity());
-  if (const double ppm = counters.clock_drift_ppm; !std::isnan(ppm)) {
-    spdlog::info("scanner: its clock runs {:.1f} ppm {}", std::abs(ppm), ppm < 0 ? "slow" : "fast");
-  }
-  const std::string remarks = (*source)->Remarks();
-  if (!remarks.empty()) alarms_.board().Begin(AlarmCode::kScannerRemarks, remarks);
-  switch (end) {
-    case CellEnd::kSourceFault:
-      ScannerIsAway(acquisition.fault().message);
-      return true;
-    case CellEnd::kStopped:
-    case CellEnd::kPartsDone:
-    case CellEnd::kSourceEnd:
-      break;
-  }
-  return false;
-}
-
-void Daemon::Impl::ScannerIsAway(const std::string& why) {
-  // Once for each reason: an unplugged scanner must not fill the log.
-  if (why != scanner_problem_) {
-    spdlog::warn("no scanner: {}; trying again every {} s at most", why,
-                 kLongestRetry.count() / 1000);
-  }
-  alarms_.board().Begin(AlarmCode::kScannerAway, why);
-  scanner_problem_ = why;
-  notify_.Status("no scanner: " + why);
-  board_.Update([&](CellSnapshot& s) {
-    s.phase = CellPhase::kNoScanner;
-    s.scanner = why;
-  });
-}
-
-void Daemon::Impl::WaitForRetry(CellLoop& loop) {
-  const auto until = clock_.Now() + retry_;
-  while (!g_stop && !next_ && clock_.Now() < until) {
-    loop.Tend();
-    clock_.SleepUntil(std::min(until, clock_.Now() + std::chrono::nanoseconds(kLoopPeriod)));
-  }
-  retry_ = std::min<std::chrono::milliseconds>(retry_ * 2, kLongestRetry);
 }
 
 void Daemon::Impl::BenderHeard(const BenderReading& heard) {
@@ -444,7 +307,7 @@ void Daemon::Impl::BenderHeard(const BenderReading& heard) {
 
 // What the PLC says now, of the next scan: its part, and what it asks for.
 void Daemon::Impl::OrdersHeard(const hal::PlcOrders& orders) {
-  if (plc_.Heard(orders)) acknowledges_ = true;
+  if (plc_.Heard(orders)) requests_.PlcAcknowledges();
   if (parts_.Set(orders)) ShowLot();
 }
 
@@ -458,47 +321,17 @@ void Daemon::Impl::TellPlc() {
   reporter_.Set(plc_.Report(cell.phase, parts_.number(), plc_.holds() || cell.lot.held));
 }
 
-// Between two parts: a commit that runs must not keep the cell's thread waiting.
-void Daemon::Impl::AcknowledgeForPlc() {
-  if (!std::exchange(acknowledges_, false)) return;
-  const auto unlocked = desk_->Acknowledge("the PLC");
-  spdlog::warn("the PLC acknowledges all alarms{}",
-               unlocked ? "" : ", but corrections stay locked: " + unlocked.error().message);
-  if (!unlocked) return;
-  alarms_.board().Acknowledge();
-  plc_.Acknowledged();
-}
-
-void Daemon::Impl::ServePeople() {
-  TakeHangUp();
+// While nothing is scanned or decided; what it returns: CellPorts::between_parts.
+std::string Daemon::Impl::BetweenParts(bool correction_waits) {
+  // New settings would take a correction that waits away; it ends by itself.
+  if (!correction_waits) TakeHangUp();
   upkeep_.Do(*desk_);
-  AcknowledgeForPlc();
+  const Requests::Served served = requests_.Serve(*desk_, correction_waits);
+  if (served.any) ShowLot();
   ShowLock();
   alarms_.Look(board_.Get());
   keeper_.KeepAlarms(alarms_.TakeNews());
-  SetterDesk desk({[this](std::uint32_t number) { return parts_.Of(number); }, desk_.get(),
-                   [this](const PartPlan& part) { return keeper_.Lot(part); },
-                   [this](const PartPlan& part, const pipeline::LotState& lot) {
-                     return keeper_.SetLot(part, lot);
-                   },
-                   store_.requests_log()});
-  if (parts_.is_known() && plc_.AsksForLot()) {
-    const SetterAnswer answer =
-        desk.Grant({SetterWish::kNewLot, "the PLC", UtcText(SystemMoment().unix_ms), 0});
-    spdlog::warn("the PLC asked for a new lot: {}{}", answer.error ? "refused, " : "", answer.text);
-    if (!answer.error) plc_.LotBegun();
-    ShowLot();
-  }
-  SetterBox(store_.directory()).Serve([&](const SetterRequest& request) {
-    const SetterAnswer answer = desk.Grant(request);
-    if (request.wish == SetterWish::kAcknowledge && !answer.error) alarms_.board().Acknowledge();
-    const std::string of_part =
-        request.part_number == 0 ? "" : " of part " + std::to_string(request.part_number);
-    spdlog::warn("{} asked for '{}'{}: {}{}", request.who, Name(request.wish), of_part,
-                 answer.error ? "refused, " : "", answer.text);
-    ShowLot();
-    return answer;
-  });
+  return served.in_the_way_of;
 }
 
 // Somebody wants the settings to be read again: between two parts, while nothing waits. Files that

@@ -132,7 +132,8 @@ hal::Result<SetterAnswer> SetterBox::Ask(SetterWish wish, std::uint32_t part_num
   return read;
 }
 
-void SetterBox::Serve(const std::function<SetterAnswer(const SetterRequest&)>& grant) const {
+void SetterBox::Serve(const std::function<bool(const SetterRequest&)>& may_be_granted,
+                      const std::function<SetterAnswer(const SetterRequest&)>& grant) const {
   std::error_code error;
   std::vector<fs::path> waiting;
   for (fs::directory_iterator it(box_, error), end; !error && it != end; it.increment(error)) {
@@ -141,6 +142,7 @@ void SetterBox::Serve(const std::function<SetterAnswer(const SetterRequest&)>& g
   std::sort(waiting.begin(), waiting.end());  // by their time
   for (const fs::path& file : waiting) {
     const auto request = ReadRequest(file);
+    if (request && !may_be_granted(*request)) continue;
     // Gone before it is granted: what is granted twice would be sent twice.
     if (!fs::remove(file, error)) continue;
     const SetterAnswer answer =

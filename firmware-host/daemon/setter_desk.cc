@@ -40,6 +40,10 @@ std::optional<SetterWish> WishNamed(const std::string& name) {
   return std::nullopt;
 }
 
+bool EndsWaiting(SetterWish wish) {
+  return wish != SetterWish::kAcknowledge && wish != SetterWish::kReleaseLot;
+}
+
 SetterAnswer SetterDesk::Grant(const SetterRequest& request) {
   if (auto logged = Log(request, "asked"); !logged) return No(logged.error());
   SetterAnswer answer = Do(request);

@@ -27,6 +27,9 @@ enum class SetterWish : std::uint8_t {
 // "lot new", "lot hold", "lot release", "undo", "first-program", "acknowledge"
 const char* Name(SetterWish wish);
 std::optional<SetterWish> WishNamed(const std::string& name);
+// It changes the lot or the program that a correction was decided by: one that waits for the bender
+// must not be sent after it.
+bool EndsWaiting(SetterWish wish);
 
 struct SetterRequest {
   SetterWish wish = SetterWish::kNewLot;

@@ -150,6 +150,29 @@ TEST(LotsCell, AHeldLotSendsNothingUntilItIsReleased) {
   EXPECT_THAT(cell.RequestsLog(), HasSubstr("\"who\":\""));
 }
 
+// Somebody at the machine is not kept waiting by a bender that bends: what a correction that waits
+// does not touch is granted, and it is given up for the rest.
+TEST(LotsCell, ACorrectionThatWaitsKeepsNobodyWaiting) {
+  LotCell cell;
+  cell.profile_spacing_mm = 2;
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  cell.Misbehave("mode bending");
+  cell.Scan(tube, 1, "waiting");
+  const Ran seen = cell.Ask("acknowledge");
+  EXPECT_EQ(seen.code, 0) << seen.err;
+  EXPECT_TRUE(cell.Becomes("/last_part/end", "waiting"));
+  const Ran held = cell.Ask("lot hold");
+  EXPECT_EQ(held.code, 0) << held.err;
+  const auto given_up = cell.Result(1, "refused");
+  ASSERT_TRUE(given_up && given_up->bender);
+  EXPECT_THAT(given_up->bender->reason, HasSubstr("asked for 'lot hold'"));
+  EXPECT_TRUE(cell.Becomes("/lot/held", true));
+  cell.Misbehave("mode idle");
+  cell.AwaitALook();
+  EXPECT_EQ(cell.bender().commits_accepted(), 0u);
+}
+
 TEST(LotsCell, UndoBringsBackTheProgramBeforeAndHoldsTheLot) {
   LotCell cell;
   cell.profile_spacing_mm = 2;
