@@ -22,7 +22,7 @@ failed=0
 while read -r file name number unit its_unit; do
   # `name = 1u << 20;`, `name{60};`, `name = std::size_t{1} << 30;`, `name = 5000ms;`, `Name=10`
   value=$(sed -nE "s/^(.*[ :])?$name *(=|\{) *(.*)\$/\3/p" "$top/$file" | head -n 1 |
-    sed -E "s/[;}] *(\/\/.*)?\$//; s/'//g; s/[a-z_:]+\{([0-9]+)\}/\1/g; s/([0-9])[a-zA-Z]+/\1/g")
+    sed -E "s/[;}]+ *(\/\/.*)?\$//; s/'//g; s/[a-z_:]+\{([0-9]+)\}/\1/g; s/([0-9])[a-zA-Z]+/\1/g")
   if [ -z "$value" ]; then
     echo "$1: $file has no $name" >&2
     failed=1
