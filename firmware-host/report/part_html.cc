@@ -10,6 +10,7 @@
 #include "firmware-host/report/unrolled_svg.h"
 #include "firmware-host/result/words.h"
 #include "firmware-host/text/result_text.h"
+#include "firmware-host/text/shown_value.h"
 #include "firmware-host/text/table.h"
 #include "hal/spine.h"
 

@@ -6,10 +6,11 @@
 #include <map>
 
 #include "firmware-host/console/printable.h"
-#include "firmware-host/console/wrap.h"
 #include "firmware-host/result/words.h"
+#include "firmware-host/text/findings_text.h"
+#include "firmware-host/text/sentence.h"
+#include "firmware-host/text/shown_value.h"
 #include "firmware-host/text/table.h"
-#include "hal/spine.h"
 #include "pipeline/math/text.h"
 #include "pipeline/tube/row_names.h"
 
@@ -19,14 +20,7 @@ namespace {
 using pipeline::RowValueKind;
 using pipeline::ToleranceState;
 
-// Decimals that a person reads: the scanner's bound is some 0.02 mm and 0.005 degree.
-constexpr int kDecimals = 3;
-// 1 sigma from which on a number does not tell where it is: what no bender could use.
-constexpr double kUnknownDeg = 5;
-constexpr double kUnknownMm = 0.3;  // a straight of nothing is well known to be short
 constexpr std::size_t kMostTogether = 6;
-constexpr std::size_t kHanging = 4;  // of the further lines of a sentence
-
 struct Mark {
   const char* text;
   Style style;
@@ -46,40 +40,9 @@ Mark MarkOf(ToleranceState state) {
   return {"-", Style::kFaint};
 }
 
-// A sentence in lines that `columns` hold; 0: in one.
-std::string Line(const std::string& text, Style style, bool colour, std::size_t columns) {
-  if (columns == 0) return "  " + Paint(Printable(text), style, colour) + "\n";
-  std::string out, indent = "  ";
-  for (const std::string& line :
-       WrapWords(Printable(text), columns - std::min(columns, kHanging))) {
-    out += indent + Paint(line, style, colour) + "\n";
-    indent = std::string(kHanging, ' ');
-  }
-  return out;
-}
-
-std::string Plural(std::size_t count, const char* noun) {
-  return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
-}
-
 // Sigma of row i, NaN when there is none.
 double SigmaOf(const hal::BendProgram& sigma, std::size_t i, double hal::BendRow::*value) {
   return i < sigma.rows.size() ? sigma.rows[i].*value : std::nan("");
-}
-
-bool IsUnknown(RowValueKind kind, double value, double sigma) {
-  const bool beyond = sigma > std::abs(value);
-  switch (kind) {
-    case RowValueKind::kLength:
-      return beyond && sigma > kUnknownMm;
-    case RowValueKind::kRotation:
-      return sigma > kUnknownDeg;
-    case RowValueKind::kAngle:
-      return beyond || sigma > kUnknownDeg;
-    case RowValueKind::kBendRadius:
-      return beyond;
-  }
-  return false;
 }
 
 Cell ValueCell(const ShownValue& shown) {
@@ -122,11 +85,6 @@ std::string ShortName(const pipeline::RowValue& value) {
   return kLetters[static_cast<std::size_t>(value.kind)] + std::to_string(value.row + 1);
 }
 
-// Below a table, which has 80 columns in any case.
-std::string Below(const std::string& sentence) {
-  return Line(sentence, Style::kPlain, false, kPlainColumns);
-}
-
 std::string TogetherText(const std::vector<std::string>& lines) {
   std::string out;
   for (const std::string& line : lines) out += Below(line);
@@ -158,132 +116,7 @@ bool Refused(const pipeline::InterlockReport& report) {
                       [](const pipeline::Interlock& check) { return check.passed; });
 }
 
-std::string FitText(const pipeline::Measurement& m) {
-  std::string out = Below(
-      "pipe radius " +
-      Fixed(m.tube.pipe_radius_mm, SigmaDecimals(m.pipe_radius_sigma_mm, kDecimals)) + " +- " +
-      ShowSigma(m.pipe_radius_sigma_mm) + " mm; " +
-      (m.tube.program.rows.empty() ? "" : Plural(m.tube.program.bend_count(), "bend") + "; ") +
-      "+- is 1 sigma");
-  out +=
-      Below("fit: " + Plural(m.fit.samples, "sample") + ", " + Plural(m.fit.outliers, "outlier") +
-            "; distance median " + Fixed(m.fit.median_abs_distance_mm, kDecimals) + ", rms " +
-            Fixed(m.fit.rms_distance_mm, kDecimals) + ", 95 % below " +
-            Fixed(m.fit.p95_abs_distance_mm, kDecimals) + " mm");
-  if (m.coverage > 0) {
-    out += Below("coverage " + Fixed(100 * m.coverage, 1) + " % of the spine, longest gap " +
-                 Fixed(m.longest_gap_mm, 1) + " mm");
-  }
-  return out;
-}
-
-std::string BendShapesText(const std::vector<pipeline::BendShape>& shapes) {
-  std::string out;
-  for (std::size_t i = 0; i < shapes.size(); ++i) {
-    const pipeline::BendShape& shape = shapes[i];
-    out += Below("bend " + std::to_string(i + 1) + ": ovality " + Fixed(shape.ovality_percent, 2) +
-                 " +- " + Fixed(shape.ovality_sigma_percent, 2) + " %, outer wall sunk in by " +
-                 Fixed(shape.outer_wall_mm, kDecimals) + " +- " +
-                 Fixed(shape.outer_wall_sigma_mm, kDecimals) + " mm");
-  }
-  return out;
-}
-
-// What a person at the machine should know of the tube's form: what is beyond its own sigma.
-std::string FormText(const pipeline::Measurement& m) {
-  std::string out;
-  const pipeline::StraightForm* worst = nullptr;
-  for (const pipeline::StraightForm& straight : m.straights) {
-    if (straight.length_mm > 0 && (!worst || straight.height_mm > worst->height_mm)) {
-      worst = &straight;
-    }
-  }
-  if (worst && worst->height_mm > 3 * worst->sigma_mm) {
-    out += Below("straightness: " + Fixed(worst->height_mm, kDecimals) + " +- " +
-                 Fixed(worst->sigma_mm, kDecimals) + " mm on " + Fixed(worst->length_mm, 0) +
-                 " mm (L/" + Fixed(worst->length_mm / worst->height_mm, 0) + "), the worst, row " +
-                 std::to_string(worst - m.straights.data() + 1));
-  }
-  if (!m.bend_easings.empty()) {
-    std::string lengths;
-    for (std::size_t i = 0; i < m.bend_easings.size(); ++i) {
-      lengths += (i == 0 ? " " : ", ") + Fixed(m.bend_easings[i].length_mm, 1);
-    }
-    out += Below("bends ease in and out over" + lengths + " mm");
-  }
-  for (const pipeline::DentFound& dent : m.dents) {
-    out +=
-        Below("dent: " + Fixed(dent.depth_mm, 2) + " +- " + Fixed(dent.sigma_mm, 2) + " mm deep, " +
-              Fixed(dent.area_mm2, 1) + " +- " + Fixed(dent.area_sigma_mm2, 1) +
-              " mm2 where half as deep, at " + Fixed(dent.along_mm, 1) + " +- " +
-              Fixed(dent.along_sigma_mm, 1) + " mm along the spine, " + Fixed(dent.around_deg, 1) +
-              " +- " + Fixed(dent.around_sigma_deg, 1) + " degrees around");
-  }
-  for (std::size_t i = 0; i < m.passes.size(); ++i) {
-    out += Below("pass " + std::to_string(i + 1) + ": moved by " +
-                 Fixed(m.passes[i].move_mm.norm(), kDecimals) + " mm and " +
-                 Fixed(m.passes[i].turn_deg.norm(), kDecimals) + " degrees to meet the others");
-  }
-  return out;
-}
-
-// Ends that are certainly not square (5 sigma), holes and slots.
-std::string FeaturesText(const pipeline::Measurement& m) {
-  std::string out;
-  const auto degrees = [](double value, double sigma) {
-    return Fixed(value, 2) + " +- " + Fixed(sigma, 2) + " degrees";
-  };
-  const auto mm = [](double value, double sigma) {
-    return Fixed(value, kDecimals) + " +- " + Fixed(sigma, kDecimals) + " mm";
-  };
-  for (const auto* end : {&m.features.first_end, &m.features.last_end}) {
-    if (!*end || (*end)->cut.obliquity_deg < 5 * (*end)->obliquity_sigma_deg) continue;
-    out += Below(std::string(end == &m.features.first_end ? "first" : "last") + " end: cut " +
-                 degrees((*end)->cut.obliquity_deg, (*end)->obliquity_sigma_deg) +
-                 " oblique, longest at " +
-                 degrees((*end)->cut.around_deg, (*end)->around_sigma_deg) + " around");
-  }
-  for (const auto* end : {&m.first_end, &m.last_end}) {
-    if (end->profile.empty()) continue;
-    const pipeline::RadiusAt& widest = end->Widest();
-    const bool is_bead = end->is_bead();
-    out += Below(std::string(end == &m.first_end ? "first" : "last") +
-                 " end: " + (is_bead ? "bead" : "wider") + " from " +
-                 mm(end->begins_mm, end->begins_sigma_mm) +
-                 (is_bead ? " to " + mm(end->returns_mm, end->returns_sigma_mm) : "") +
-                 " before its end, radius up to " + mm(widest.radius_mm, widest.sigma_mm));
-  }
-  const double length_mm = hal::SpineLength(m.tube.program);
-  for (const pipeline::OpeningFound& found : m.features.openings) {
-    const hal::WallOpening& opening = found.opening;
-    const bool from_end = opening.along_mm > 0.5 * length_mm;
-    std::string size = mm(opening.width_mm, found.sigma.width_mm);
-    if (!opening.is_hole()) {
-      size = mm(opening.length_mm, found.sigma.length_mm) + " long, " + size + " wide, axis at " +
-             degrees(opening.axis_deg, found.sigma.axis_deg);
-    }
-    if (opening.lean_along_deg != 0 || opening.lean_around_deg != 0) {
-      size += ", leaning " + degrees(opening.lean_along_deg, found.sigma.lean_along_deg) +
-              " along and " + degrees(opening.lean_around_deg, found.sigma.lean_around_deg) +
-              " around";
-    }
-    out +=
-        Below((opening.is_hole() ? "hole: " : "slot: ") + size + ", " +
-              mm(from_end ? length_mm - opening.along_mm : opening.along_mm, found.sigma.along_mm) +
-              (from_end ? " from the last end, " : " from the first end, ") +
-              degrees(opening.around_deg, found.sigma.around_deg) + " around");
-  }
-  return out;
-}
-
 }  // namespace
-
-ShownValue ShowValue(RowValueKind kind, double value, double sigma) {
-  const bool is_known = !IsUnknown(kind, value, sigma);
-  return {(is_known ? "" : "~") + Fixed(value, SigmaDecimals(sigma, kDecimals)), is_known};
-}
-
-std::string ShowSigma(double sigma) { return Fixed(sigma, SigmaDecimals(sigma, kDecimals)); }
 
 std::vector<std::string> TogetherLines(const pipeline::JointUncertainty& joint, std::size_t bends) {
   std::vector<std::string> lines;
@@ -400,7 +233,7 @@ std::string MeasurementText(const pipeline::Measurement& m, bool colour) {
   std::string out = rows.empty() ? "  no rows: see the spine\n" : table.Render(colour);
   if (unknown) out += std::string("  ") + kUnknownLegend + "\n";
   return out + TogetherText(TogetherLines(m.joint, m.tube.program.bend_count())) + "\n" +
-         FitText(m) + BendShapesText(m.bend_shapes) + FormText(m) + FeaturesText(m);
+         FindingsText(m);
 }
 
 std::string ComparisonText(const RunResult& result, bool colour) {
@@ -488,27 +321,28 @@ std::string RunText(const RunResult& result, bool colour, std::size_t columns) {
   std::string notes;
   if (result.inspection) {
     for (const auto& reason : result.inspection->reasons) {
-      notes += Line(reason, Style::kPlain, colour, columns);
+      notes += Sentence(reason, Style::kPlain, colour, columns);
     }
     if (!result.inspection->direction.settled()) {
-      notes += Line(result.inspection->direction.message, Style::kBad, colour, columns);
+      notes += Sentence(result.inspection->direction.message, Style::kBad, colour, columns);
     }
   }
   if (result.interlocks) {
     for (const auto& check : result.interlocks->checks) {
-      if (!check.passed) notes += Line("refused: " + check.sentence, Style::kBad, colour, columns);
+      if (!check.passed)
+        notes += Sentence("refused: " + check.sentence, Style::kBad, colour, columns);
     }
   }
   if (result.correction) {
     if (const std::string forecast = ForecastLine(result); !forecast.empty()) {
-      notes += Line(forecast, Style::kPlain, colour, columns);
+      notes += Sentence(forecast, Style::kPlain, colour, columns);
     }
     for (const auto& notice : result.correction->notices) {
-      notes += Line("note: " + notice, Style::kPlain, colour, columns);
+      notes += Sentence("note: " + notice, Style::kPlain, colour, columns);
     }
   }
   for (const auto& warning : result.measurement.warnings) {
-    notes += Line("warning: " + warning, Style::kWarning, colour, columns);
+    notes += Sentence("warning: " + warning, Style::kWarning, colour, columns);
   }
   return notes.empty() ? out : out + "\n" + notes;
 }

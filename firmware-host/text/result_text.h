@@ -10,16 +10,6 @@
 
 namespace bendloop::host {
 
-// How a measured value is shown, on a terminal as in the report.
-struct ShownValue {
-  std::string text;      // to the digits that its sigma supports, "~" before what is not known
-  bool is_known = true;  // else kUnknownLegend belongs below
-};
-ShownValue ShowValue(pipeline::RowValueKind kind, double value, double sigma);
-std::string ShowSigma(double sigma);
-inline constexpr const char* kUnknownLegend =
-    "~ not known: 1 sigma is more than the value, or more than 5 degrees";
-
 // One sentence for each run of bends whose values are hardly told apart though it is known how the
 // tube goes on behind them; rows as in the tables.
 std::vector<std::string> TogetherLines(const pipeline::JointUncertainty& joint, std::size_t bends);
