@@ -215,7 +215,7 @@ std::optional<Evidence> LookAtLines(std::span<const EndSample> samples, double r
   std::vector<bool> seen(kCut.sectors);
   std::vector<double> gaps_mm;
   std::size_t most = 0;
-  for (auto& [pass, own] : passes) {
+  for (const auto& [pass, own] : passes) {
     const auto brackets = FindLineBrackets(own, window_mm, smear_mm);
     most = std::max(most, brackets.size());
     for (const LineBracket& lines : brackets) {
@@ -287,7 +287,13 @@ std::vector<EndSample> SamplesNear(const hal::Tube& tube, bool at_start, double 
   const double r_mm = tube.pipe_radius_mm, reach_mm = kSampling.on_surface * sigma_mm;
   const double beyond_mm = kCut.beyond * r_mm;
   const double around_mm = std::hypot(std::max(window_mm + r_mm, beyond_mm), 1.5 * r_mm);
-  std::vector<EndSample> samples;
+  // Of all of them; around the tube only of those that are taken.
+  struct Near {
+    double x, y, at_mm;
+    unsigned pass;
+  };
+  std::vector<Near> all;
+  const double least_mm = std::max(0.0, r_mm - reach_mm), most_mm = r_mm + reach_mm;
   for (const PointBlock& block : blocks) {
     const double near_mm = around_mm + block.half_diagonal_mm;
     if ((block.center_mm - end).squaredNorm() > near_mm * near_mm) continue;
@@ -296,15 +302,17 @@ std::vector<EndSample> SamplesNear(const hal::Tube& tube, bool at_start, double 
       const double at_mm = from.dot(outward);
       if (at_mm < -window_mm - r_mm || at_mm > beyond_mm || at_mm < -straight.length_mm) continue;
       const double x = from.dot(zero), y = from.dot(quarter);
-      if (std::abs(std::hypot(x, y) - r_mm) > reach_mm) continue;
+      const double square = x * x + y * y;
+      if (square > most_mm * most_mm || square < least_mm * least_mm) continue;
       const bool known = i < block.to_sensor.size() && block.to_sensor[i].known();
-      samples.push_back(
-          {std::atan2(y, x), at_mm, known ? PassOf(block.to_sensor[i]) : kMostPasses});
+      all.push_back({x, y, at_mm, known ? PassOf(block.to_sensor[i]) : kMostPasses});
     }
   }
-  const std::size_t stride = StrideTo(samples.size(), kCut.enough_of_lines);
-  for (std::size_t i = 0; i * stride < samples.size(); ++i) samples[i] = samples[i * stride];
-  samples.resize((samples.size() + stride - 1) / stride);
+  std::vector<EndSample> samples;
+  const std::size_t stride = StrideTo(all.size(), kCut.enough_of_lines);
+  for (std::size_t i = 0; i < all.size(); i += stride) {
+    samples.push_back({std::atan2(all[i].y, all[i].x), all[i].at_mm, all[i].pass});
+  }
   return samples;
 }
 

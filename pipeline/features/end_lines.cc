@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/features/end_lines.h"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -70,33 +71,63 @@ std::optional<LinePattern> PatternOf(std::span<const double> lines) {
   return std::nullopt;
 }
 
-// The strip of a pass in which samples lie, as a part of all.
+// The samples of a pass in the narrowest strips; wider ones are several of these.
 class Strips {
  public:
+  // So many that each number of strips to try is a part of it.
+  static constexpr std::size_t kNarrowest = 192;
+
   explicit Strips(std::span<const EndSample> samples) {
-    double cosine = 0, sine = 0;
+    std::vector<Eigen::Vector2d> directions;
+    directions.reserve(samples.size());
+    Eigen::Vector2d view = Eigen::Vector2d::Zero();
     for (const EndSample& sample : samples) {
-      cosine += std::cos(sample.around_rad);
-      sine += std::sin(sample.around_rad);
+      view += directions.emplace_back(std::cos(sample.around_rad), std::sin(sample.around_rad));
     }
-    const double size = std::hypot(cosine, sine);
-    from_one_side_ = size > kLines.one_sided * static_cast<double>(samples.size());
-    view_rad_ = std::atan2(sine, cosine);
+    from_one_side_ = view.norm() > kLines.one_sided * static_cast<double>(samples.size());
+    view.normalize();
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const double place = PlaceOf(samples[i], view, directions[i]);
+      if (place < 0) continue;
+      const auto k = static_cast<std::size_t>(place * static_cast<double>(kNarrowest));
+      strips_[std::min(k, kNarrowest - 1)].push_back(samples[i]);
+    }
   }
-  // [0, 1): rays lie evenly there. Less than 0: at the limb.
-  double PlaceOf(double around_rad) const {
-    if (!from_one_side_) {
-      const double turn = around_rad * 0.5 / std::numbers::pi;
-      return turn - std::floor(turn);
+  // The samples of strip `k` of `count`, by place along the tube.
+  std::vector<EndSample> Of(std::size_t k, std::size_t count) {
+    const std::size_t together = kNarrowest / count;
+    std::vector<EndSample> strip = Sorted(k * together);
+    for (std::size_t i = 1; i < together; ++i) {
+      const std::vector<EndSample>& next = Sorted(k * together + i);
+      const auto middle = static_cast<std::ptrdiff_t>(strip.size());
+      strip.insert(strip.end(), next.begin(), next.end());
+      std::inplace_merge(strip.begin(), strip.begin() + middle, strip.end(), IsBefore);
     }
-    const double off = around_rad - view_rad_;
-    const double aside = std::sin(off) / kLines.limb;
-    return std::cos(off) > 0 && std::abs(aside) < 1 ? 0.5 + 0.5 * aside : -1.0;
+    return strip;
   }
 
  private:
+  static bool IsBefore(const EndSample& a, const EndSample& b) { return a.beyond_mm < b.beyond_mm; }
+  // When they are asked for: of scattered samples the first few say that they are no lines.
+  const std::vector<EndSample>& Sorted(std::size_t k) {
+    if (!is_sorted_[k]) std::sort(strips_[k].begin(), strips_[k].end(), IsBefore);
+    is_sorted_[k] = true;
+    return strips_[k];
+  }
+  // [0, 1): rays lie evenly there. Less than 0: at the limb.
+  double PlaceOf(const EndSample& sample, const Eigen::Vector2d& view,
+                 const Eigen::Vector2d& direction) const {
+    if (!from_one_side_) {
+      const double turn = sample.around_rad * 0.5 / std::numbers::pi;
+      return turn - std::floor(turn);
+    }
+    const double aside = (view.x() * direction.y() - view.y() * direction.x()) / kLines.limb;
+    return view.dot(direction) > 0 && std::abs(aside) < 1 ? 0.5 + 0.5 * aside : -1.0;
+  }
+
   bool from_one_side_ = true;
-  double view_rad_ = 0;
+  std::array<std::vector<EndSample>, kNarrowest> strips_;
+  std::array<bool, kNarrowest> is_sorted_{};
 };
 
 // Lines of a strip, the last ones only. `strip`: by place along the tube.
@@ -205,27 +236,23 @@ std::optional<LinePattern> FindLinePattern(std::span<const double> at) {
   return pattern;
 }
 
-std::vector<LineBracket> FindLineBrackets(std::span<EndSample> samples, double window_mm,
+std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, double window_mm,
                                           double smear_mm) {
-  const Strips strips(samples);
-  std::sort(samples.begin(), samples.end(),
-            [](const EndSample& a, const EndSample& b) { return a.beyond_mm < b.beyond_mm; });
+  Strips strips(samples);
   for (const std::size_t count : kLines.strips) {
-    std::vector<std::vector<EndSample>> strip(count);
-    for (const EndSample& sample : samples) {
-      const double place = strips.PlaceOf(sample.around_rad);
-      if (place < 0) continue;
-      const auto k = static_cast<std::size_t>(place * static_cast<double>(count));
-      strip[std::min(k, count - 1)].push_back(sample);
-    }
     std::vector<LineBracket> brackets;
     std::size_t with_samples = 0;
-    for (std::vector<EndSample>& own : strip) {
-      if (own.empty()) continue;
-      const double from_mm = own.back().beyond_mm - window_mm;
-      own.erase(own.begin(), std::find_if(own.begin(), own.end(), [&](const EndSample& sample) {
-                  return sample.beyond_mm >= from_mm;
-                }));
+    // As soon as too many are not even, the others need no look.
+    const double most_uneven = (1.0 - kLines.least_even) * static_cast<double>(count);
+    for (std::size_t k = 0; k < count; ++k) {
+      if (static_cast<double>(with_samples - brackets.size()) > most_uneven) break;
+      const std::vector<EndSample> strip = strips.Of(k, count);
+      if (strip.empty()) continue;
+      const double from_mm = strip.back().beyond_mm - window_mm;
+      const auto first = std::find_if(strip.begin(), strip.end(), [&](const EndSample& sample) {
+        return sample.beyond_mm >= from_mm;
+      });
+      const std::span<const EndSample> own(first, strip.end());
       if (own.size() < kLines.least_lines) continue;
       ++with_samples;
       if (const auto bracket = BracketOf(own, smear_mm)) brackets.push_back(*bracket);

@@ -36,9 +36,9 @@ struct LinePattern {
 std::optional<LinePattern> FindLinePattern(std::span<const double> at);
 
 // Of one pass of the scan, in as many strips as its rays tell apart. None: these samples are not
-// those of laser lines. `samples`: changes their order. `window_mm`: from the border; `smear_mm`: 1
-// sigma by which noise displaces a sample.
-std::vector<LineBracket> FindLineBrackets(std::span<EndSample> samples, double window_mm,
+// those of laser lines. `window_mm`: from the border; `smear_mm`: 1 sigma by which noise displaces
+// a sample.
+std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, double window_mm,
                                           double smear_mm);
 
 }  // namespace bendloop::pipeline

@@ -60,18 +60,18 @@ std::vector<EndPoint> PointsOf(const PlainEnd& end, double r_mm, double length_m
   return points;
 }
 
+// Radii of the points of a place along the axis, side by side.
+struct Place {
+  std::array<double, kProfileSides> count{}, sum_mm{};
+  double points = 0;
+};
+
 // A place with its radius: the mean of its sides, whose scatter says how sure it is.
-std::optional<RadiusAt> RadiusOf(double from_end_mm, std::span<const EndPoint> points,
-                                 double noise_mm) {
-  std::array<double, kProfileSides> count{}, sum{};
-  for (const EndPoint& point : points) {
-    count[point.side] += 1;
-    sum[point.side] += point.radius_mm;
-  }
+std::optional<RadiusAt> RadiusOf(double from_end_mm, const Place& place, double noise_mm) {
   double sides = 0, mean = 0, square = 0;
   for (std::size_t i = 0; i < kProfileSides; ++i) {
-    if (count[i] < kProfile.least_of_side) continue;
-    const double radius_mm = sum[i] / count[i];
+    if (place.count[i] < kProfile.least_of_side) continue;
+    const double radius_mm = place.sum_mm[i] / place.count[i];
     sides += 1;
     mean += radius_mm;
     square += radius_mm * radius_mm;
@@ -79,25 +79,26 @@ std::optional<RadiusAt> RadiusOf(double from_end_mm, std::span<const EndPoint> p
   if (sides < kProfile.least_sides) return std::nullopt;
   mean /= sides;
   const double variance = std::max(0.0, square / sides - mean * mean) / (sides - 1);
-  const double least = noise_mm * noise_mm / static_cast<double>(points.size());
+  const double least = noise_mm * noise_mm / place.points;
   return RadiusAt{from_end_mm, mean, std::sqrt(std::max(variance, least))};
 }
 
-std::vector<RadiusAt> Radii(std::vector<EndPoint> points, double r_mm, double noise_mm) {
-  std::sort(points.begin(), points.end(),
-            [](const EndPoint& a, const EndPoint& b) { return a.from_end_mm < b.from_end_mm; });
-  const double far_mm = points.back().from_end_mm;
+std::vector<RadiusAt> Radii(std::span<const EndPoint> points, double r_mm, double noise_mm) {
+  double far_mm = 0;
+  for (const EndPoint& point : points) far_mm = std::max(far_mm, point.from_end_mm);
   const double place_mm = std::max(kProfile.place * r_mm,
                                    kProfile.points * far_mm / static_cast<double>(points.size()));
+  std::vector<Place> places(static_cast<std::size_t>(far_mm / place_mm) + 1);
+  for (const EndPoint& point : points) {
+    Place& place = places[static_cast<std::size_t>(point.from_end_mm / place_mm)];
+    place.count[point.side] += 1;
+    place.sum_mm[point.side] += point.radius_mm;
+    place.points += 1;
+  }
   std::vector<RadiusAt> radii;
-  std::size_t first = 0;
-  for (double at_mm = 0; first < points.size(); at_mm += place_mm) {
-    std::size_t last = first;
-    while (last < points.size() && points[last].from_end_mm < at_mm + place_mm) ++last;
-    const auto radius =
-        RadiusOf(at_mm + 0.5 * place_mm, std::span(points).subspan(first, last - first), noise_mm);
-    if (radius) radii.push_back(*radius);
-    first = last;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const double middle_mm = (static_cast<double>(i) + 0.5) * place_mm;
+    if (const auto radius = RadiusOf(middle_mm, places[i], noise_mm)) radii.push_back(*radius);
   }
   return radii;
 }
@@ -143,9 +144,9 @@ Crossing FlankFoot(std::span<const RadiusAt> radii, std::size_t foot, std::size_
 
 void MeasureEndProfile(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
                        double end_sigma_mm, std::span<const PointBlock> near, EndForm& form) {
-  std::vector<EndPoint> points = PointsOf(end, pipe_radius_mm, form.length_mm, near);
+  const std::vector<EndPoint> points = PointsOf(end, pipe_radius_mm, form.length_mm, near);
   if (points.empty()) return;
-  const std::vector<RadiusAt> radii = Radii(std::move(points), pipe_radius_mm, noise_mm);
+  const std::vector<RadiusAt> radii = Radii(points, pipe_radius_mm, noise_mm);
   const auto is_wider = [&](const RadiusAt& at) {
     return at.radius_mm - pipe_radius_mm >
            std::max(kProfile.wider * pipe_radius_mm, kProfile.wider_sigmas * at.sigma_mm);

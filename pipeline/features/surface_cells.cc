@@ -11,6 +11,8 @@
 #include "hal/angles.h"
 #include "hal/tube_features.h"
 #include "pipeline/fit/nearest_lanes.h"
+#include "pipeline/math/circle_sectors.h"
+#include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -39,88 +41,125 @@ struct Grid {
   double row_mm = 0;
   std::vector<std::uint32_t> count;
 
+  // `column`: anywhere in turns that go on.
   std::size_t At(int row, int column) const {
+    if (column < 0 || column >= columns) column = (column % columns + columns) % columns;
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
-           static_cast<std::size_t>((column % columns + columns) % columns);
+           static_cast<std::size_t>(column);
   }
   // Four cells in one.
   Grid Coarser() const {
     Grid coarse{rows / 2, columns / 2, 2.0 * row_mm, {}};
-    coarse.count.assign(
-        static_cast<std::size_t>(coarse.rows) * static_cast<std::size_t>(coarse.columns), 0);
-    for (int row = 0; row < 2 * coarse.rows; ++row) {
-      for (int column = 0; column < columns; ++column) {
-        coarse.count[coarse.At(row / 2, column / 2)] += count[At(row, column)];
+    coarse.count.reserve(static_cast<std::size_t>(coarse.rows) *
+                         static_cast<std::size_t>(coarse.columns));
+    for (int row = 0; row < coarse.rows; ++row) {
+      const std::uint32_t* first = &count[At(2 * row, 0)];
+      const std::uint32_t* second = &count[At(2 * row + 1, 0)];
+      for (int column = 0; column < 2 * coarse.columns; column += 2) {
+        coarse.count.push_back(first[column] + first[column + 1] + second[column] +
+                               second[column + 1]);
       }
     }
     return coarse;
   }
 };
 
+// The cells of a batch's points, as if all were nearest to one segment. [mm], where nothing is
+// said.
+struct CellLoop {
+  double r_mm = 0;
+  double from_start_mm = 0;   // of the segment
+  double bend_radius_mm = 0;  // 0: a line
+  double turned = 0;          // of a turn: its normal, in the turn that goes on
+  double rows_per_mm = 0, rows = 0, columns = 0;
+};
+
+// Less than 0: in none. Without a branch, so that several points are taken at once.
+BENDLOOP_LOOP void FindCellsBody(const CellLoop& of, const LocalLanes& local,
+                                 const double* along_mm, std::size_t count, double* cell) {
+  constexpr double kPerTurn = 0.5 / std::numbers::pi;
+  // Of its own, so that nobody thinks that `cell` changes them.
+  const auto [r_mm, from_start_mm, bend_mm, turned, rows_per_mm, rows, columns] = of;
+  const double inside_mm = -kCells.inside * r_mm, outside_mm = kCells.outside * r_mm;
+  const double last = columns - 1.0;
+  const double of_arc = bend_mm > 0 ? 1.0 : 0.0, of_line = 1.0 - of_arc;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double off_mm = local.distance[i] - r_mm;
+    const double row = (from_start_mm + along_mm[i]) * rows_per_mm;
+    // Right-handed about the feed from the segment's normal; an arc's y counts from its centre.
+    const double from_center_mm =
+        std::sqrt(local.x[i] * local.x[i] + local.y[i] * local.y[i]) - bend_mm;
+    const double outward = of_arc * from_center_mm - of_line * local.y[i];
+    double turn = RoughTurn(outward, local.z[i]) * kPerTurn + turned;
+    turn = turn < 0 ? turn + 1.0 : turn;
+    turn = turn < 1 ? turn : turn - 1.0;
+    const double column = static_cast<double>(static_cast<int>(turn * columns));
+    double at = row >= 0 ? row : -1.0;
+    at = row < rows ? at : -1.0;
+    at = off_mm > inside_mm ? at : -1.0;
+    at = off_mm < outside_mm ? at : -1.0;
+    const double before = static_cast<double>(static_cast<int>(at)) * columns;
+    const double whole = column < last ? column : last;
+    cell[i] = before + whole;
+  }
+}
+BENDLOOP_MULTIVERSION(void, FindCells,
+                      (const CellLoop& of, const LocalLanes& local, const double* along_mm,
+                       std::size_t count, double* cell),
+                      (of, local, along_mm, count, cell))
+
 // Counts the points of blocks.
 class Counter {
  public:
   Counter(const hal::Tube& tube, Grid grid)
-      : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
-        frames_(SegmentFrames(segments_, tube.pipe_radius_mm)),
-        r_mm_(tube.pipe_radius_mm),
+      : r_mm_(tube.pipe_radius_mm),
+        frames_(SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT), r_mm_)),
         grid_(std::move(grid)) {
+    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
     // Each segment's own normal, in the turn that goes on over all of them.
-    for (std::size_t k = 0; k < segments_.size(); ++k) {
-      double turn = 0;
+    double turn_deg = 0;
+    for (std::size_t k = 0; k < segments.size(); ++k) {
       if (k > 0) {
-        turn = turn_.back() + hal::kRadiansPerDegree * hal::AroundDeg(segments_[k - 1].normal,
-                                                                      segments_[k].tangent,
-                                                                      segments_[k].normal);
+        turn_deg += hal::AroundDeg(segments[k - 1].normal, segments[k].tangent, segments[k].normal);
       }
-      turn_.push_back(turn);
+      loops_.push_back({r_mm_, segments[k].from_start_mm, frames_[k].bend_radius_mm,
+                        turn_deg / 360.0 - std::floor(turn_deg / 360.0), 1.0 / grid_.row_mm,
+                        static_cast<double>(grid_.rows), static_cast<double>(grid_.columns)});
     }
   }
 
   void Add(const PointBlock& block) {
     CandidateSegments(block, frames_, 2.0 * r_mm_, candidates_);
     if (candidates_.empty()) return;
-    along_mm_.resize(std::max(along_mm_.size(), candidates_.size()));
+    cells_.resize(std::max(cells_.size(), candidates_.size()));
     for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
       const std::size_t count = std::min(kBatch, block.points.size() - first);
       nearest_.Find(block.points.subspan(first, count), frames_, r_mm_, candidates_);
       for (std::size_t c = 0; c < candidates_.size(); ++c) {
-        const SegmentFrame& frame = frames_[static_cast<std::size_t>(candidates_[c])];
-        if (frame.bend_radius_mm > 0) AlongArc(frame, nearest_.Local(c), count, along_mm_[c]);
+        const auto k = static_cast<std::size_t>(candidates_[c]);
+        const LocalLanes& local = nearest_.Local(c);
+        const bool is_arc = frames_[k].bend_radius_mm > 0;
+        if (is_arc) AlongArc(frames_[k], local, count, along_mm_);
+        FindCells(loops_[k], local, is_arc ? along_mm_.data() : local.x.data(), count,
+                  cells_[c].data());
       }
-      for (std::size_t i = 0; i < count; ++i) Add(i);
+      for (std::size_t i = 0; i < count; ++i) {
+        const double cell = cells_[nearest_.Candidate(i)][i];
+        if (cell >= 0) ++grid_.count[static_cast<std::size_t>(cell)];
+      }
     }
   }
   const Grid& grid() const { return grid_; }
 
  private:
-  void Add(std::size_t i) {
-    const std::size_t c = nearest_.Candidate(i);
-    const auto k = static_cast<std::size_t>(candidates_[c]);
-    const LocalLanes& local = nearest_.Local(c);
-    const double off_mm = local.distance[i] - r_mm_;
-    if (!(off_mm > -kCells.inside * r_mm_ && off_mm < kCells.outside * r_mm_)) return;
-    const bool is_arc = frames_[k].bend_radius_mm > 0;
-    const double along_mm = segments_[k].from_start_mm + (is_arc ? along_mm_[c][i] : local.x[i]);
-    const double row = along_mm / grid_.row_mm;
-    if (!(row >= 0 && row < grid_.rows)) return;
-    // Right-handed about the feed from the segment's normal; an arc's y counts from its centre.
-    const double outward =
-        is_arc ? std::hypot(local.x[i], local.y[i]) - frames_[k].bend_radius_mm : -local.y[i];
-    const double turn = (std::atan2(outward, local.z[i]) + turn_[k]) * kPerTurn;
-    const int column = static_cast<int>((turn - std::floor(turn)) * grid_.columns);
-    ++grid_.count[grid_.At(static_cast<int>(row), column)];
-  }
-
-  static constexpr double kPerTurn = 0.5 / std::numbers::pi;
-  std::vector<hal::SpineSegment> segments_;
-  std::vector<SegmentFrame> frames_;
-  std::vector<double> turn_;
   double r_mm_;
+  std::vector<SegmentFrame> frames_;
   Grid grid_;
+  std::vector<CellLoop> loops_;
   std::vector<std::int32_t> candidates_;
   NearestLanes nearest_;
-  std::vector<std::array<double, kBatch>> along_mm_;
+  std::array<double, kBatch> along_mm_{};
+  std::vector<std::array<double, kBatch>> cells_;
 };
 
 // Cells that touch each other and are empty.
@@ -131,16 +170,32 @@ struct Void {
 
 class VoidSearch {
  public:
-  explicit VoidSearch(const Grid& grid) : grid_(grid), is_empty_(grid.count.size()) {
-    // A cell between two that are not is no void: laser lines leave single cells out.
-    const auto has = [&](int row, int column) {
-      return row >= 0 && row < grid_.rows && grid_.count[grid_.At(row, column)] > 0;
+  explicit VoidSearch(const Grid& grid)
+      : grid_(grid),
+        is_empty_(grid.count.size()),
+        columns_(static_cast<std::size_t>(grid.columns)) {
+    // A cell between two that are not is no void: laser lines leave single cells out. Each row with
+    // the column before its first and that after its last.
+    std::vector<unsigned char> before(columns_ + 2), here(columns_ + 2), after(columns_ + 2);
+    const auto read = [&](int row, std::vector<unsigned char>& has) {
+      if (row >= grid_.rows) {
+        std::fill(has.begin(), has.end(), 0);
+        return;
+      }
+      const std::uint32_t* count = &grid_.count[grid_.At(row, 0)];
+      for (std::size_t k = 0; k < columns_; ++k) has[k + 1] = count[k] > 0;
+      has.front() = has[columns_];
+      has.back() = has[1];
     };
+    read(0, after);
     for (int row = 0; row < grid_.rows; ++row) {
-      for (int column = 0; column < grid_.columns; ++column) {
-        is_empty_[grid_.At(row, column)] = !has(row, column) &&
-                                           !(has(row - 1, column) && has(row + 1, column)) &&
-                                           !(has(row, column - 1) && has(row, column + 1));
+      before.swap(here);
+      here.swap(after);
+      read(row + 1, after);
+      unsigned char* empty = &is_empty_[grid_.At(row, 0)];
+      for (std::size_t k = 0; k < columns_; ++k) {
+        const int has = here[k + 1] | (before[k + 1] & after[k + 1]) | (here[k] & here[k + 2]);
+        empty[k] = static_cast<unsigned char>(has ^ 1);
       }
     }
   }
@@ -148,51 +203,75 @@ class VoidSearch {
   std::vector<Void> Find() {
     std::vector<Void> voids;
     for (int row = 1; row + 1 < grid_.rows; ++row) {
-      for (int column = 0; column < grid_.columns; ++column) {
-        if (!is_empty_[grid_.At(row, column)]) continue;
-        if (const auto found = TakeFrom(row, column)) voids.push_back(*found);
+      const auto first = is_empty_.begin() + static_cast<std::ptrdiff_t>(grid_.At(row, 0));
+      const auto end = first + grid_.columns;
+      for (auto at = std::find(first, end, 1); at != end; at = std::find(at, end, 1)) {
+        if (const auto found = TakeFrom(row, static_cast<int>(at - first))) voids.push_back(*found);
       }
     }
     return voids;
   }
 
  private:
-  struct Place {
-    int row, column;  // the column may be beyond the turn
+  // Cells of a row one beside the other; columns may be beyond the turn.
+  struct Run {
+    int row, first, last;
   };
+
+  bool Take(int row, int column) {
+    unsigned char& cell = is_empty_[grid_.At(row, column)];
+    const bool was_empty = cell != 0;
+    cell = 0;
+    return was_empty;
+  }
+  // Takes the run of a cell that is one of it and taken.
+  void TakeRun(int row, int column) {
+    Run run{row, column, column};
+    while (Take(row, run.first - 1)) --run.first;
+    while (Take(row, run.last + 1)) ++run.last;
+    runs_.push_back(run);
+  }
 
   // Takes out all that are joined to this one, and says whether they are a place worth a look.
   std::optional<Void> TakeFrom(int row, int column) {
-    cells_.assign(1, {row, column});
-    is_empty_[grid_.At(row, column)] = false;
-    Place low{row, column}, high = low;
-    for (std::size_t i = 0; i < cells_.size(); ++i) {
-      const Place at = cells_[i];
-      low = {std::min(low.row, at.row), std::min(low.column, at.column)};
-      high = {std::max(high.row, at.row), std::max(high.column, at.column)};
-      for (const Place& to : {Place{at.row - 1, at.column}, Place{at.row + 1, at.column},
-                              Place{at.row, at.column - 1}, Place{at.row, at.column + 1}}) {
-        if (to.row < 0 || to.row >= grid_.rows || !is_empty_[grid_.At(to.row, to.column)]) continue;
-        is_empty_[grid_.At(to.row, to.column)] = false;
-        cells_.push_back(to);
+    runs_.clear();
+    Take(row, column);
+    TakeRun(row, column);
+    Run all = runs_.front();
+    int last_row = row, cells = 0;
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      const Run run = runs_[i];
+      all = {std::min(all.row, run.row), std::min(all.first, run.first),
+             std::max(all.last, run.last)};
+      last_row = std::max(last_row, run.row);
+      cells += run.last - run.first + 1;
+      for (const int beside : {run.row - 1, run.row + 1}) {
+        if (beside < 0 || beside >= grid_.rows) continue;
+        for (int k = run.first; k <= run.last; ++k) {
+          if (!Take(beside, k)) continue;
+          TakeRun(beside, k);
+          k = runs_.back().last;
+        }
       }
     }
-    const int rows = high.row - low.row + 1, columns = high.column - low.column + 1;
+    const int rows = last_row - all.row + 1, columns = all.last - all.first + 1;
     // At an end, all around, or nowhere as wide as two cells: nobody looked there.
-    if (low.row == 0 || high.row + 1 == grid_.rows || 2 * columns > grid_.columns) return {};
-    if (rows < 2 || columns < 2 || cells_.size() < 4 || !IsAmongOthers()) return {};
-    return Void{0.5 * (low.row + high.row + 1), 0.5 * (low.column + high.column + 1),
+    if (all.row == 0 || last_row + 1 == grid_.rows || 2 * columns > grid_.columns) return {};
+    if (rows < 2 || columns < 2 || cells < 4 || !IsAmongOthers(cells)) return {};
+    return Void{0.5 * (all.row + last_row + 1), 0.5 * (all.first + all.last + 1),
                 static_cast<double>(rows), static_cast<double>(columns)};
   }
 
   // Whether the cells around have points, and so many that here they are missing.
-  bool IsAmongOthers() const {
+  bool IsAmongOthers(int cells) const {
     std::vector<std::size_t> own, around;
-    for (const Place& at : cells_) own.push_back(grid_.At(at.row, at.column));
+    for (const Run& run : runs_) {
+      for (int k = run.first; k <= run.last; ++k) own.push_back(grid_.At(run.row, k));
+    }
     std::sort(own.begin(), own.end());
-    for (const Place& at : cells_) {
-      for (int row = at.row - 1; row <= at.row + 1; ++row) {
-        for (int column = at.column - 1; column <= at.column + 1; ++column) {
+    for (const Run& run : runs_) {
+      for (int row = run.row - 1; row <= run.row + 1; ++row) {
+        for (int column = run.first - 1; column <= run.last + 1; ++column) {
           const std::size_t cell = grid_.At(row, column);
           if (!std::binary_search(own.begin(), own.end(), cell)) around.push_back(cell);
         }
@@ -207,12 +286,13 @@ class VoidSearch {
     }
     const auto n = static_cast<double>(around.size());
     return with_points >= kCells.least_around_it * n &&
-           static_cast<double>(cells_.size()) * points / n >= kCells.least_missing;
+           static_cast<double>(cells) * points / n >= kCells.least_missing;
   }
 
   const Grid& grid_;
-  std::vector<bool> is_empty_;
-  std::vector<Place> cells_;
+  std::vector<unsigned char> is_empty_;
+  std::size_t columns_;
+  std::vector<Run> runs_;
 };
 
 Grid Count(const hal::Tube& tube, std::span<const PointBlock> blocks, const Grid& empty,

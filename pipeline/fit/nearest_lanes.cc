@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "pipeline/math/circle_sectors.h"
 #include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
@@ -11,24 +12,11 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-// Arc tangent of a quotient of 0 to 1: minimax polynomial, error below 1e-5.
-BENDLOOP_LOOP double ArcTangent(double q) {
-  const double s = q * q;
-  return q * (0.999977 +
-              s * (-0.332623 + s * (0.193541 + s * (-0.116429 + s * (0.052647 - 0.011719 * s)))));
-}
-
 BENDLOOP_LOOP void TurnsBody(const LocalLanes& local, std::size_t count, double opposite,
                              double angle, double bend_radius_mm, double* along_mm) {
   for (std::size_t i = 0; i < count; ++i) {
     // From the centre the arc begins at -y and turns towards x.
-    const double x = local.x[i], y = -local.y[i];
-    const double ax = std::abs(x), ay = std::abs(y);
-    const double most = ax > ay ? ax : ay, least = ax > ay ? ay : ax;
-    double turn = ArcTangent(least / (most > 0 ? most : 1.0));
-    turn = ax > ay ? 0.5 * kPi - turn : turn;
-    turn = y < 0 ? kPi - turn : turn;
-    turn = x < 0 ? -turn : turn;
+    double turn = RoughTurn(local.x[i], -local.y[i]);
     turn = turn < opposite ? turn + 2.0 * kPi : turn;
     turn = turn > 0 ? turn : 0.0;
     along_mm[i] = bend_radius_mm * (turn < angle ? turn : angle);
