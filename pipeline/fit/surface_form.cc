@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "hal/tube_features.h"
+#include "pipeline/fit/long_bends.h"
 #include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/circle_sectors.h"
@@ -28,12 +29,8 @@ struct FormSettings {
   double beside_bend = 0.5;
   // [of r_P] Shorter ones have no straightness.
   double shortest = 2.5;
-  // [sigma] and [of r_P] Together: further off is a dent or a flier and tells of no bow.
-  double bow_sigmas = 4.0, most_bow = 0.04;
   // A straight with fewer points has none either.
   double least_points = 60;
-  // [of r_P] 1 sigma of what bows are expected to be: keeps apart what one side does not tell.
-  double usual_bow = 0.1;
   // [of r_P] Of a cell of the surface along the spine; around it is a sixteenth of the turn.
   double cell = 0.5;
   // [of r_P] A dent is this deep at least, and [sigma] of what all cells scatter by.
@@ -73,96 +70,6 @@ struct Cells {
     count[at] += 1;
     sum_mm[at] += distance_mm;
   }
-};
-
-// Legendre polynomials of the straight's length: place, direction, bow and S of its spine.
-std::array<double, 4> Modes(double t) {
-  return {1.0, t, 1.5 * t * t - 0.5, (2.5 * t * t - 1.5) * t};
-}
-constexpr int kModes = 4;
-constexpr int kAcross = 2 * kModes;    // in y and z
-constexpr int kNumbers = kAcross + 3;  // pipe radius and oval section
-using Numbers = Eigen::Matrix<double, kNumbers, 1>;
-
-Numbers RowOf(double t, double oy, double oz) {
-  Numbers row;
-  const auto modes = Modes(t);
-  for (int k = 0; k < kModes; ++k) {
-    row[2 * k] = modes[static_cast<std::size_t>(k)] * oy;
-    row[2 * k + 1] = modes[static_cast<std::size_t>(k)] * oz;
-  }
-  row[kAcross] = 1.0;
-  row[kAcross + 1] = oy * oy - oz * oz;
-  row[kAcross + 2] = 2.0 * oy * oz;
-  return row;
-}
-
-// Least squares of a straight's long bends.
-class LongBends {
- public:
-  LongBends(const SegmentPoints& points, double low_mm, double high_mm, double pipe_radius_mm,
-            double noise_mm)
-      : middle_mm_(0.5 * (low_mm + high_mm)), half_mm_(0.5 * (high_mm - low_mm)) {
-    // A bow of L/300 of a straight of 40 pipe radii is within it.
-    const double limit_mm = kForm.bow_sigmas * noise_mm +
-                            std::max(kForm.most_bow * pipe_radius_mm, (high_mm - low_mm) / 300.0);
-    const double prior = std::pow(noise_mm / (kForm.usual_bow * pipe_radius_mm), 2);
-    // The second time without what the bends do not explain.
-    for (const bool again : {false, true}) {
-      Matrix matrix = Matrix::Identity() * prior;
-      Numbers right = Numbers::Zero();
-      for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
-        const double t = (points.x[i] - middle_mm_) / half_mm_;
-        if (std::abs(t) > 1.0 || std::abs(points.distance[i]) > limit_mm) continue;
-        const double rho = std::max(1e-9, std::hypot(points.y[i], points.z[i]));
-        const Numbers row = RowOf(t, points.y[i] / rho, points.z[i] / rho);
-        const double off_mm = rho - pipe_radius_mm;
-        if (again && std::abs(off_mm - row.dot(numbers_)) > kForm.bow_sigmas * noise_mm) continue;
-        matrix.selfadjointView<Eigen::Lower>().rankUpdate(row);
-        right += off_mm * row;
-      }
-      const Matrix full = matrix.selfadjointView<Eigen::Lower>();
-      covariance_ = Inverse(full) * noise_mm * noise_mm;
-      numbers_ = SolveSymmetric(full, right);
-    }
-  }
-
-  double OffMm(double along_mm, double oy, double oz) const {
-    return RowOf(std::clamp((along_mm - middle_mm_) / half_mm_, -1.0, 1.0), oy, oz).dot(numbers_);
-  }
-  // The spine beside its best-fit line, along its principal direction.
-  StraightForm Form(double design_effect) const {
-    constexpr int kPlaces = 33;
-    const auto at = [](int i) { return Modes(2.0 * i / (kPlaces - 1) - 1.0); };
-    Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
-    for (int i = 0; i < kPlaces; ++i) {
-      const Eigen::Vector2d off =
-          at(i)[2] * numbers_.segment<2>(4) + at(i)[3] * numbers_.segment<2>(6);
-      spread += off * off.transpose();
-    }
-    Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen;
-    eigen.computeDirect(spread);
-    const Eigen::Vector2d direction = eigen.eigenvectors().col(1);
-    Eigen::Vector4d low = Eigen::Vector4d::Zero(), high = Eigen::Vector4d::Zero();
-    double lowest = 1e300, highest = -1e300;
-    for (int i = 0; i < kPlaces; ++i) {
-      Eigen::Vector4d weights;
-      weights << at(i)[2] * direction, at(i)[3] * direction;
-      const double off = weights.dot(numbers_.segment<4>(4));
-      if (off < lowest) low = weights, lowest = off;
-      if (off > highest) high = weights, highest = off;
-    }
-    const Eigen::Vector4d weights = high - low;
-    const double variance = weights.dot(covariance_.block<4, 4>(4, 4) * weights);
-    return {highest - lowest, std::sqrt(design_effect * variance), 2.0 * half_mm_};
-  }
-
- private:
-  using Matrix = Eigen::Matrix<double, kNumbers, kNumbers>;
-
-  double middle_mm_, half_mm_;
-  Numbers numbers_ = Numbers::Zero();
-  Matrix covariance_ = Matrix::Zero();
 };
 
 // The sides of a straight: what is beyond noise of their mean distances all along it, without what

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "pipeline/math/product_sums.h"
 #include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
@@ -119,39 +120,7 @@ constexpr std::array<double, kBatch> kAlike = [] {
 }();
 
 template <int kFunctions>
-struct Sums {
-  alignas(32) double functions[kFunctions][kBatch];
-  alignas(32) double weight[kBatch];
-  alignas(32) double weighted[kBatch];
-  double sum[kFunctions][kFunctions] = {};  // lower triangle
-};
-
-// Four sums at a time, so that none waits for another.
-template <int kFunctions>
-BENDLOOP_LOOP void AddProducts(Sums<kFunctions>& sums) {
-  for (int j = 0; j < kFunctions; ++j) {
-    const double* fj = sums.functions[j];
-    for (std::size_t l = 0; l < kBatch; ++l) sums.weighted[l] = fj[l] * sums.weight[l];
-    for (int i = j; i < kFunctions; i += 4) {
-      const double* f0 = sums.functions[i];
-      const double* f1 = sums.functions[std::min(i + 1, kFunctions - 1)];
-      const double* f2 = sums.functions[std::min(i + 2, kFunctions - 1)];
-      const double* f3 = sums.functions[std::min(i + 3, kFunctions - 1)];
-      double s0 = 0, s1 = 0, s2 = 0, s3 = 0;
-#pragma omp simd reduction(+ : s0, s1, s2, s3)
-      for (std::size_t l = 0; l < kBatch; ++l) {
-        s0 += f0[l] * sums.weighted[l];
-        s1 += f1[l] * sums.weighted[l];
-        s2 += f2[l] * sums.weighted[l];
-        s3 += f3[l] * sums.weighted[l];
-      }
-      sums.sum[i][j] += s0;
-      if (i + 1 < kFunctions) sums.sum[i + 1][j] += s1;
-      if (i + 2 < kFunctions) sums.sum[i + 2][j] += s2;
-      if (i + 3 < kFunctions) sums.sum[i + 3][j] += s3;
-    }
-  }
-}
+using Sums = ProductSums<kFunctions, kBatch>;
 
 enum LineFunction { kOy, kOz, kXOy, kXOz, kLineOne, kLineDistance, kLineFunctions };
 
@@ -171,7 +140,7 @@ BENDLOOP_LOOP void AddLineBody(const Batch& p, double pipe_radius_mm, double inv
     f[kLineDistance][l] = distance - pipe_radius_mm;
     sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
-  AddProducts<kLineFunctions>(sums);
+  AddProducts(sums);
 }
 BENDLOOP_MULTIVERSION(void, AddLine,
                       (const Batch& p, double pipe_radius_mm, double inverse_sigma,
@@ -203,7 +172,7 @@ BENDLOOP_LOOP void AddArcBody(const Batch& p, double bend_radius_mm, double pipe
     f[kArcDistance][l] = distance - pipe_radius_mm;
     sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
-  AddProducts<kArcFunctions>(sums);
+  AddProducts(sums);
 }
 BENDLOOP_MULTIVERSION(void, AddArc,
                       (const Batch& p, double bend_radius_mm, double pipe_radius_mm,
@@ -343,7 +312,7 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
                          oval.bump * bump * quadrant + oval.collapse * outer;
     sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
-  AddProducts<kOvalFunctions>(sums);
+  AddProducts(sums);
 }
 BENDLOOP_MULTIVERSION(void, AddOvalArc,
                       (const Batch& p, const OvalBend& oval, double inverse_sigma,
