@@ -104,8 +104,10 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
                    .workers = workers};
   final.weights = WeighByIncidence(structure.tube, structure.flattening, structure.sigma_mm,
                                    final.options.reach_mm, tube.blocks, workers);
-  final.options.easing = FindEasing(structure, tube.blocks, final.options);
-  BowedSolution solution = SolveWithBows(structure.tube, tube.blocks, final.options);
+  FoundEasing found = FindEasing(structure, tube.blocks, final.options);
+  final.options.easing = std::move(found.easing);
+  BowedSolution solution =
+      SolveWithBows(structure.tube, tube.blocks, final.options, std::move(found.sharp));
   tube.structure.margin =
       std::min(structure.margin, ReviseBends(tube.blocks, final.options, nominal_bends, solution));
   TryOneDie(tube.blocks, final.options, solution);

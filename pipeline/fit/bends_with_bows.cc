@@ -163,13 +163,15 @@ BowedSolution Solved(const ControlPolygon& corners, std::span<const PointBlock> 
   tube->pipe_radius_mm = pipe_radius_mm;
   SurfaceFit start;
   start.tube = *tube;
-  options.easing = FindEasing(start, blocks, options);
-  return SolveWithBows(*tube, blocks, options);
+  FoundEasing found = FindEasing(start, blocks, options);
+  options.easing = std::move(found.easing);
+  return SolveWithBows(*tube, blocks, options, std::move(found.sharp));
 }
 
 BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
-                    const SurfaceFitOptions& options) {
-  BowedSolution solution{FitSurface(start, blocks, options), {}, std::nullopt};
+                    const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
+  BowedSolution solution{
+      straight ? std::move(*straight) : FitSurface(start, blocks, options), {}, std::nullopt};
   solution.bows = FitBows(blocks, options, solution.fit);
   if (!solution.bows.is_pulled_aside) return solution;
   solution.undented =
@@ -179,7 +181,7 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
   from_there.easing = solution.fit.easing;
   if (from_there.easing.empty()) {
     // What dents hid.
-    from_there.easing = FindEasing(solution.fit, *solution.undented, from_there);
+    from_there.easing = FindEasing(solution.fit, *solution.undented, from_there).easing;
   }
   solution.fit = FitSurface(start, *solution.undented, from_there);
   solution.bows = FitBows(*solution.undented, from_there, solution.fit);
@@ -189,8 +191,8 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
 }  // namespace
 
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
-                            const SurfaceFitOptions& options) {
-  BowedSolution solution = Solve(start, blocks, options);
+                            const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
+  BowedSolution solution = Solve(start, blocks, options, std::move(straight));
   const auto& bows = solution.bows.state.bows;
   const bool is_bowed =
       std::any_of(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
@@ -200,7 +202,7 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
   const double easing_mm = kRevise.easing * solution.fit.tube.pipe_radius_mm;
   SurfaceFitOptions with_easing = options;
   with_easing.easing.variance_mm2.assign(bends, easing_mm * easing_mm);
-  BowedSolution eased = Solve(solution.fit.tube, blocks, with_easing);
+  BowedSolution eased = Solve(solution.fit.tube, blocks, with_easing, std::nullopt);
   const double worth = std::max(1.0, std::min(eased.bows.worth, solution.bows.worth));
   const bool is_eased =
       GainOf(eased, solution, blocks, options.reach_mm) > worth * kRevise.insist * kRevise.insist;

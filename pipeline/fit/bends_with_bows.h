@@ -17,8 +17,10 @@ struct BowedSolution {
   BowedFit bows;
   std::optional<OwnedBlocks> undented;  // none: there are no dents
 };
+// `straight`: what FitSurface() makes of these, if it is known.
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
-                            const SurfaceFitOptions& options);
+                            const SurfaceFitOptions& options,
+                            std::optional<SurfaceFit> straight = std::nullopt);
 
 // How much better the points, and the number of bends, speak for `a` [twice the logarithm of the
 // odds].

@@ -105,12 +105,14 @@ class BowedTube {
     places_ = SumPlaces(spine_, frames_, r_mm_, kBowed.place * r_mm_, blocks, options_.reach_mm,
                         sigma_mm, state_.bows);
     SetNoise();
+    SumKnown();
     worth_ = {1.0, 1.0};
   }
 
   // `with_bows`: or as if all straights were straight.
   void Solve(bool with_bows) {
     for (int i = 0; i < kBowed.steps; ++i) {
+      const std::array<double, 2> worth = worth_;
       Assemble(with_bows);
       const Eigen::VectorXd range = Ranges();
       Eigen::MatrixXd informed = matrix_;
@@ -125,6 +127,7 @@ class BowedTube {
                  scale.asDiagonal();
       step_ = inverse_ * right_;
       SetWorth();
+      if (worth_ == worth) break;  // as it would be again
     }
   }
 
@@ -292,9 +295,12 @@ class BowedTube {
     noise_mm2_ = std::max(1e-12, squares_mm2 / std::max(1.0, weight));
   }
 
-  void Assemble(bool with_bows) {
-    for (Eigen::MatrixXd& known : known_) known.setZero(size_, size_);
-    right_.setZero(size_);
+  // What the samples say, straights and bends apart, as if all of them were worth their number.
+  void SumKnown() {
+    for (Known& known : known_) {
+      known.information.setZero(size_, size_);
+      known.right.setZero(size_);
+    }
     std::size_t next = 0;
     for (std::size_t k = 0; k < frames_.size(); ++k) {
       CondensedSum whole = CondensedSum::Zero();
@@ -302,11 +308,10 @@ class BowedTube {
       for (; next < places_.size() && places_[next].segment == k; ++next) {
         whole += places_[next].sum;
       }
-      const double worth = 1.0 / worth_[ClassOf(k)];
       const Eigen::MatrixXd& motion = motions_[k];
-      Eigen::MatrixXd& known = known_[ClassOf(k)];
-      known += worth * TransposeProduct(motion, Product(InformationOf(whole), motion));
-      right_.noalias() -= worth * motion.transpose() * PullOf(whole);
+      auto& [information, right] = known_[ClassOf(k)];
+      information += TransposeProduct(motion, Product(InformationOf(whole), motion));
+      right.noalias() -= motion.transpose() * PullOf(whole);
       if (own_[k] < 0) continue;
       BowMotion with_motion = BowMotion::Zero();
       Eigen::Matrix4d with_itself = Eigen::Matrix4d::Zero();
@@ -318,13 +323,17 @@ class BowedTube {
         with_itself += field.transpose() * felt;
         pull += field.transpose() * PullOf(places_[i].sum);
       }
-      const Eigen::MatrixXd cross = worth * TransposeProduct(motion, with_motion);
-      known.middleCols<kBowModes>(own_[k]) += cross;
-      known.middleRows<kBowModes>(own_[k]) += cross.transpose();
-      known.block<kBowModes, kBowModes>(own_[k], own_[k]) += worth * with_itself;
-      right_.segment<kBowModes>(own_[k]) -= worth * pull;
+      const Eigen::MatrixXd cross = TransposeProduct(motion, with_motion);
+      information.middleCols<kBowModes>(own_[k]) += cross;
+      information.middleRows<kBowModes>(own_[k]) += cross.transpose();
+      information.block<kBowModes, kBowModes>(own_[k], own_[k]) += with_itself;
+      right.segment<kBowModes>(own_[k]) -= pull;
     }
-    matrix_ = known_[0] + known_[1];
+  }
+
+  void Assemble(bool with_bows) {
+    matrix_ = known_[0].information / worth_[0] + known_[1].information / worth_[1];
+    right_ = known_[0].right / worth_[0] + known_[1].right / worth_[1];
     AddPriors(with_bows);
   }
 
@@ -387,6 +396,7 @@ class BowedTube {
 
   // How far places still disagree, over what noise does. Those of straights, those of bends.
   void SetWorth() {
+    const std::array<double, 2> worth = worth_;
     std::array<double, 2> chi_square{}, freedom{};
     for (std::size_t i = 0; i < places_.size(); ++i) {
       const std::size_t k = places_[i].segment;
@@ -396,7 +406,7 @@ class BowedTube {
     }
     // What the numbers take of it: the trace of what the places know times the covariance.
     for (const std::size_t c : {std::size_t{0}, std::size_t{1}}) {
-      freedom[c] -= known_[c].cwiseProduct(inverse_).sum();
+      freedom[c] -= known_[c].information.cwiseProduct(inverse_).sum() / worth[c];
     }
     for (const std::size_t c : {std::size_t{0}, std::size_t{1}}) {
       worth_[c] = freedom[c] > 1 ? std::max(1.0, chi_square[c] / freedom[c]) : worth_[0];
@@ -480,7 +490,11 @@ class BowedTube {
   double noise_mm2_ = 0;
   std::array<double, 2> worth_{1.0, 1.0};
   int first_shape_ = 0;
-  std::array<Eigen::MatrixXd, 2> known_;  // information of straights, of bends
+  struct Known {
+    Eigen::MatrixXd information;
+    Eigen::VectorXd right;
+  };
+  std::array<Known, 2> known_;  // of straights, of bends
   Eigen::MatrixXd matrix_, inverse_;
   Eigen::VectorXd right_, step_;
 };

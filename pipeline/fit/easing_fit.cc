@@ -2,6 +2,7 @@
 #include "pipeline/fit/easing_fit.h"
 
 #include <cmath>
+#include <utility>
 
 #include "pipeline/fit/surface_sums.h"
 
@@ -15,9 +16,11 @@ struct EasingSettings {
   double start = 0.3;
   // [sigma] From which on samples insist, as for oval bends.
   double insist = 6.0;
-  // Steps, and what they must have gained by then [variances], for more steps. By trial.
-  int first_steps = 3;
-  double promising = 12.0;
+  // After the first step: of what it made chi square less by, so much may be left to the sharp
+  // tube's where it led well, and so much more is in sight then (0.012 at most over tubes as the
+  // paper's, sharp ones and such that ease over 0.1 to 1.5 r_P). [variances] With less in sight
+  // there is no easing; nor where the second step has gained less. By trial.
+  double well_led = 0.1, further = 0.02, in_sight = 24.0, promising = 12.0;
 };
 constexpr EasingSettings kEasingFit;
 
@@ -30,28 +33,39 @@ double CostOf(const SurfaceFit& fit, double sigma_mm, const SurfaceFitOptions& o
 
 }  // namespace
 
-Easing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> blocks,
-                  SurfaceFitOptions options) {
+FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> blocks,
+                       SurfaceFitOptions options) {
   const std::size_t bends = structure.tube.program.bend_count();
   if (bends == 0) return {};
-  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kEasingFit.points));
+  const std::size_t stride = StrideTo(CountPoints(blocks), kEasingFit.points);
+  const OwnedBlocks few = Thinned(blocks, stride);
   options.easing = {};
-  const SurfaceFit sharp = FitSurface(structure.tube, few, options);
+  SurfaceFit sharp = FitSurface(structure.tube, few, options);
+  const auto none = [&sharp, stride] {
+    return stride > 1 ? FoundEasing{} : FoundEasing{{}, std::move(sharp)};
+  };
   const double start_mm = kEasingFit.start * structure.tube.pipe_radius_mm;
   options.easing.variance_mm2.assign(bends, start_mm * start_mm);
   const auto gain = [&](const SurfaceFit& eased) {
     return CostOf(sharp, eased.sigma_mm, options) - CostOf(eased, eased.sigma_mm, options);
   };
   // Most tubes' bends are sharp, and the first steps show it.
-  const int most_steps = options.max_steps;
-  options.max_steps = kEasingFit.first_steps;
+  const int most_steps = std::exchange(options.max_steps, 1);
   const SurfaceFit first = FitSurface(sharp.tube, few, options);
-  if (gain(first) < kEasingFit.promising * first.design_effect) return {};
-  options.max_steps = most_steps;
+  const double led = (first.start_cost_mm2 - first.cost_mm2) / (first.sigma_mm * first.sigma_mm);
+  const double gained = gain(first);
+  if (gained > -kEasingFit.well_led * led &&
+      gained + kEasingFit.further * led < kEasingFit.in_sight * first.design_effect) {
+    return none();
+  }
   options.easing = first.easing;
-  const SurfaceFit eased = FitSurface(first.tube, few, options);
-  return gain(eased) > kEasingFit.insist * kEasingFit.insist * eased.design_effect ? eased.easing
-                                                                                   : Easing{};
+  const SurfaceFit second = FitSurface(first.tube, few, options);
+  if (gain(second) < kEasingFit.promising * second.design_effect) return none();
+  options.max_steps = most_steps;
+  options.easing = second.easing;
+  const SurfaceFit eased = FitSurface(second.tube, few, options);
+  if (gain(eased) < kEasingFit.insist * kEasingFit.insist * eased.design_effect) return none();
+  return {eased.easing, std::nullopt};
 }
 
 }  // namespace bendloop::pipeline

@@ -186,6 +186,7 @@ class FitOfFew {
       fit_.easing = state_.easing;
       if (i >= options_.max_steps || damping_ > kFit.most_damping) break;
       const double chi_square = state_.ChiSquare(state_.sigma_mm, options_);
+      if (i == 0) fit_.start_cost_mm2 = chi_square * state_.sigma_mm * state_.sigma_mm;
       const double hardly_mm2 = std::max(kFit.hardly, options_.tolerance * chi_square) *
                                 state_.sigma_mm * state_.sigma_mm;
       const Eigen::VectorXd step = NextStep(hardly_mm2);

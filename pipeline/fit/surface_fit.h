@@ -60,6 +60,7 @@ struct SurfaceFit {
   std::size_t used = 0;                         // points with weight
   std::size_t points = 0;                       // all points looked at
   double cost_mm2 = 0;                          // sum of squares, bounded for what is far off
+  double start_cost_mm2 = 0;                    // the same where it began, if the points are few
   double margin = 0;                            // see Measurement::structure_margin
   double occam_penalty = 0;                     // FitPriors::OccamPenalty()
   bool converged = false;

@@ -21,7 +21,7 @@ struct Scanned {
     blocks = {{Eigen::Vector3d::Zero(), 1e3, points_mm}};
     SurfaceFit start;
     start.tube = tube;
-    options.easing = FindEasing(start, blocks, options);
+    options.easing = FindEasing(start, blocks, options).easing;
     solution = SolveWithBows(tube, blocks, options);
   }
   Scanned(const Scanned&) = delete;  // the blocks look at the points
