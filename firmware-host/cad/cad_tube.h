@@ -46,6 +46,7 @@ struct CadTube {
   // Why it is no sequence of lines and arcs; empty: it is one.
   std::vector<std::string> problems;
 
+  bool goes_on = false;  // with another diameter, as another tube of the file
   bool is_ring = false;  // closed: without ends; one of its problems
 
   bool is_bent() const { return !spine.arcs.empty(); }

@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <numbers>
 #include <vector>
@@ -43,6 +44,16 @@ bool IsAlongAxis(const FaceEdge& edge, const Frame& frame, double tolerance_mm) 
   return edge.points.size() == 2 && (d - d.dot(frame.along) * frame.along).norm() < tolerance_mm;
 }
 
+// Two edges along the axis that lie on each other: of two halves that share no edge. The sides of a
+// notch lie on nothing.
+bool LieOnEachOther(const FaceEdge& a, const FaceEdge& b, const Frame& frame, double tolerance_mm) {
+  const Vector3d d = b.points.front() - a.points.front();
+  if (&a == &b || (d - d.dot(frame.along) * frame.along).norm() > tolerance_mm) return false;
+  const auto [a0, a1] = std::minmax(frame.Along(a.points.front()), frame.Along(a.points.back()));
+  const auto [b0, b1] = std::minmax(frame.Along(b.points.front()), frame.Along(b.points.back()));
+  return std::min(a1, b1) - std::max(a0, b0) > tolerance_mm;
+}
+
 // Edges of the piece against what is not of it.
 std::vector<const FaceEdge*> BorderOf(const CadBody& body, const TubePiece& piece,
                                       const Frame& frame, double tolerance_mm) {
@@ -53,10 +64,18 @@ std::vector<const FaceEdge*> BorderOf(const CadBody& body, const TubePiece& piec
     ++times[edge.edge];
     own.push_back(&edge);
   }
-  std::erase_if(own, [&](const FaceEdge* e) {
-    return times[e->edge] > 1 || e->points.size() < 2 || IsAlongAxis(*e, frame, tolerance_mm);
+  std::erase_if(own, [&](const FaceEdge* e) { return times[e->edge] > 1 || e->points.size() < 2; });
+  std::vector<const FaceEdge*> along, border;
+  for (const FaceEdge* e : own) {
+    if (IsAlongAxis(*e, frame, tolerance_mm)) along.push_back(e);
+  }
+  std::copy_if(own.begin(), own.end(), std::back_inserter(border), [&](const FaceEdge* e) {
+    return !IsAlongAxis(*e, frame, tolerance_mm) ||
+           std::none_of(along.begin(), along.end(), [&](const FaceEdge* other) {
+             return LieOnEachOther(*e, *other, frame, tolerance_mm);
+           });
   });
-  return own;
+  return border;
 }
 
 // Edges that meet at their ends, in groups.

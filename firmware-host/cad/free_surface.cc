@@ -179,6 +179,10 @@ SurfaceGuess GuessSurface(const SurfacePatch& patch) {
   return guess;
 }
 
+bool IsPlane(const SurfacePatch& patch) {
+  return patch.samples.size() >= kFewestSamples && GuessSurface(patch).is_plane;
+}
+
 void RecogniseFreeSurface(SurfacePatch& patch) {
   if (patch.kind != PatchKind::kFree || patch.samples.size() < kFewestSamples) return;
   const SurfaceGuess guess = GuessSurface(patch);

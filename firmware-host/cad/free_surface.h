@@ -27,6 +27,9 @@ bool BecomeCylinder(SurfacePatch& patch, const Eigen::Vector3d& axis, const Eige
 bool BecomeTorus(SurfacePatch& patch, const Eigen::Vector3d& axis, const Eigen::Vector3d& at,
                  SurfaceLimit limit);
 
+// Whether a patch is a plane by another name: an end, or a flange's face.
+bool IsPlane(const SurfacePatch& patch);
+
 // A patch of samples that lie on a cylinder or torus within kExactSurfaceMm becomes that cylinder
 // or torus; any other stays as it is. The axis comes from the normals: those of a surface of
 // revolution all meet it, a linear condition on the axis' line coordinates.

@@ -219,6 +219,8 @@ void RecogniseFreeSurfaces(CadBody& body) {
                 std::back_inserter(patches));
       continue;
     }
+    if (std::all_of(cells.begin(), cells.end(), [](const auto* c) { return IsPlane(*c); }))
+      continue;
     auto found = FaceOf(cells);
     std::move(found.begin(), found.end(), std::back_inserter(patches));
   }

@@ -12,7 +12,7 @@ double NearSurfaceMm(double radius_mm);
 
 // The free surfaces of `body` that are cylinders or tori become these: exact ones piece by piece,
 // others by face, or along a face as far as one cylinder or torus goes, all pieces around it
-// together. What is neither stays as it is.
+// together. Planes go, as bendloop-cad tells of no plane. What is none of them stays as it is.
 void RecogniseFreeSurfaces(CadBody& body);
 
 }  // namespace bendloop::host

@@ -175,9 +175,14 @@ hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArgu
   if (auto tube = only([&](const CadTube& t) { return t.is_bent(); }); tube && all_wires) {
     return *tube;
   }
+  const std::string goes_on =
+      std::any_of(tubes.begin(), tubes.end(), [](const CadTube& t) { return t.goes_on; })
+          ? ", some of them parts of one tube that changes its diameter, of which a part file has "
+            "one"
+          : "";
   return hal::Fail(hal::ErrorKind::kUsage, arguments.file + ": holds " +
-                                               std::to_string(tubes.size()) +
-                                               " tubes; choose one by --body:\n" + TubeList(tubes));
+                                               std::to_string(tubes.size()) + " tubes" + goes_on +
+                                               "; choose one by --body:\n" + TubeList(tubes));
 }
 
 // Why the daemon takes no part with these rows; empty: they are no reason against it.
@@ -199,6 +204,12 @@ std::string NotForPartFile(const hal::BendProgram& program) {
 
 double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
 
+// Within (-180, 180] after rounding, too.
+double RoundedTurn(double deg, double unit) {
+  const double rounded = Rounded(deg, unit) + 0.0;
+  return rounded <= -180 ? rounded + 360 : rounded;
+}
+
 // To what a file's rounding leaves: 1e-7 mm, 1e-9 degrees.
 hal::BendProgram RoundedProgram(hal::BendProgram program) {
   constexpr double kPerMm = 1e7, kPerDeg = 1e9;
@@ -217,7 +228,7 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
   const bool from_start = opening.along_mm <= length_mm / 2;
   (from_start ? config.from_start_mm : config.from_end_mm) =
       Rounded(from_start ? opening.along_mm : length_mm - opening.along_mm, 1e-4);
-  config.around_deg = Rounded(opening.around_deg, 1e-3) + 0.0;
+  config.around_deg = RoundedTurn(opening.around_deg, 1e-3);
   config.width_mm = Rounded(opening.width_mm, 1e-4);
   config.length_mm = opening.length_mm > 0 ? Rounded(opening.length_mm, 1e-4) : config.width_mm;
   config.axis_deg = Rounded(opening.axis_deg, 1e-3) + 0.0;
@@ -228,7 +239,7 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
 hal::EndCut ToConfig(const hal::EndCut& cut) {
   constexpr double kMostObliqueDeg = 60;
   if (cut.obliquity_deg > kMostObliqueDeg) return {};
-  return {Rounded(cut.obliquity_deg, 1e-3), Rounded(cut.around_deg, 1e-2) + 0.0};
+  return {Rounded(cut.obliquity_deg, 1e-3), RoundedTurn(cut.around_deg, 1e-2)};
 }
 
 std::string PartText(const Nominal& nominal, const NominalArguments& arguments) {

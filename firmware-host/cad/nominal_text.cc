@@ -27,8 +27,10 @@ std::string EndRemark(const char* which, const TubeEnd& end) {
 }
 
 std::string OpeningRemark(const WallOpening& opening) {
+  // Half a turn is 180 to the decimals that are shown.
+  const double around = opening.around_deg < -179.995 ? 180 : opening.around_deg;
   const std::string where = " at " + Fixed(opening.along_mm, 3) + " mm of the developed length, " +
-                            Fixed(opening.around_deg, 2) + " degrees around";
+                            Fixed(around, 2) + " degrees around";
   if (opening.length_mm == 0) return "hole of " + Fixed(opening.width_mm, 3) + " mm" + where;
   return "slot of " + Fixed(opening.length_mm, 3) + " by " + Fixed(opening.width_mm, 3) + " mm" +
          where + ", its long axis " + Fixed(opening.axis_deg, 2) + " degrees from the tube's";

@@ -24,8 +24,13 @@ constexpr double kMostOfOuter = 0.5;
 // A straight tube is at least so many diameters long; what is shorter is a hole, a nut, a boss.
 constexpr double kFewestDiameters = 2;
 // A free surface that goes on beyond an end by more pipe radii than this is a bend, else the end's
-// form.
-constexpr double kEndFormRadii = 4;
+// form; or by more than the second, where it keeps as near to the axis as an end that is pressed
+// flat, from the middle (pi / 2) or to one side (1.9).
+constexpr double kEndFormRadii = 4, kFlatFormRadii = 20, kFlatAcrossRadii = 2;
+// A straight tube has so much around it [deg]; half a one is the edge of something flat.
+constexpr double kStraightAroundDeg = 270;
+// A tube that goes on with another diameter does so within so many diameters.
+constexpr double kReducerDiameters = 4;
 // A whole torus that has less of its surface is a fillet or a groove.
 constexpr double kRingAroundDeg = 350;
 // So many arcs of a B-spline in a row, without a straight between, are no bends but a free form.
@@ -37,10 +42,6 @@ std::string Text(const char* format, double value) {
   char text[120];
   std::snprintf(text, sizeof text, format, value);
   return text;
-}
-
-bool IsFreeForm(const SurfacePatch& patch) {
-  return patch.kind == PatchKind::kFree && patch.name != "cone" && patch.name != "sphere";
 }
 
 class BodyTubes {
@@ -65,6 +66,7 @@ class BodyTubes {
       if (auto tube = TubeOf(cluster)) tubes.push_back(std::move(*tube));
     }
     KeepLongestOfBroken(tubes);
+    MarkReducers(tubes);
     if (tubes.empty() && ring_radius_mm_ > 0) tubes.push_back(RingOf(ring_radius_mm_));
     if (tubes.empty() && free_forms_ > 0) tubes.push_back(FreeTube());
     return tubes;
@@ -221,7 +223,7 @@ class BodyTubes {
     const bool long_enough = tube.spine.length_mm() >= 2 * kFewestDiameters * tube.pipe_radius_mm;
     // A straight hole through a block is no tube.
     const bool is_bore = outer->concave && body_.kind == BodyKind::kSolid;
-    if (!tube.is_bent() && (is_bore || !long_enough)) return std::nullopt;
+    if (!tube.is_bent() && (is_bore || !long_enough || IsEdgeOfFlat(basis))) return std::nullopt;
     AddGapNotes(basis, tube);
     AddOtherNotes(cluster, *outer, basis, tube);
     return tube;
@@ -277,7 +279,7 @@ class BodyTubes {
       if (piece.widest_gap_mm > MatchToleranceMm(piece.radius_mm)) {
         tube.notes.push_back(Text("a gap of %.3f mm between faces", piece.widest_gap_mm) +
                              (piece.is_arc ? " of a bend" : " of a straight") +
-                             " is taken as tube");
+                             " (a bead, a groove, a nut) is taken as tube");
       }
     }
   }
@@ -292,6 +294,7 @@ class BodyTubes {
       if (const auto cut = CutOf(body_, piece, origin, outward)) Take(*cut, at, end);
     }
     const double plain = at;
+    const std::set<int> others = BentFacesBeside(cluster);
     for (bool grew = true; grew;) {
       grew = false;
       for (const TubeChain* chain : cluster) {
@@ -299,7 +302,7 @@ class BodyTubes {
         for (const int i : chain->pieces) grew |= Extend(PieceOf(i), origin, outward, at, end);
       }
       if (!end.is_plane || end.oblique_deg != 0 || piece.is_arc) continue;
-      const double form = FormEndMm(body_, piece, origin, outward, at);
+      const double form = FormEndMm(body_, piece, origin, outward, at, others);
       grew |= form > at + 1e-6;
       at = std::max(at, form);
     }
@@ -356,29 +359,6 @@ class BodyTubes {
     return farthest;
   }
 
-  // How far the free surface that touches this end goes on, and its name; 0: none touches it.
-  std::pair<double, std::string> FreeBeyond(const TubeChain& chain, const ChainEnd& end) const {
-    const TubePiece& piece = PieceOf(end.piece);
-    const double along = end.at_to ? piece.to : piece.from;
-    const Vector3d at = piece.PointAt(along), t = piece.TangentAt(along);
-    const double tolerance = 2 * MatchToleranceMm(chain.radius_mm);
-    std::pair<double, std::string> beyond{0, ""};
-    for (const SurfacePatch& patch : body_.patches) {
-      if (!IsFreeForm(patch)) continue;
-      double reach = 0;
-      bool touches = false;
-      for (const OrientedPoint& s : patch.samples) {
-        const Vector3d d = s.point - at;
-        const double axial = d.dot(t);
-        touches |= std::abs(axial) < tolerance &&
-                   std::abs((d - axial * t).norm() - chain.radius_mm) < tolerance;
-        reach = std::max(reach, d.norm());
-      }
-      if (touches && reach > beyond.first) beyond = {reach, patch.name};
-    }
-    return beyond;
-  }
-
   void AddProblems(const TubeChain& outer, CadTube& tube) const {
     for (const ChainEnd* end : {&outer.first, &outer.last}) {
       if (end->kink_deg > 0) {
@@ -387,18 +367,74 @@ class BodyTubes {
                  "bender makes",
                  end->kink_deg));
       }
-      const auto [reach, name] = FreeBeyond(outer, *end);
-      if (reach > kEndFormRadii * outer.radius_mm) {
-        tube.problems.push_back("a straight goes on as a " + name +
+      const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, *end);
+      if (form.name.empty()) continue;
+      const double radius = outer.radius_mm;
+      const bool is_form =
+          form.reach_mm <= kEndFormRadii * radius ||
+          (form.reach_mm <= kFlatFormRadii * radius && form.across_mm <= kFlatAcrossRadii * radius);
+      if (!is_form || form.leads_on) {
+        tube.problems.push_back("a straight goes on as a " + form.name +
                                 " that is no cylinder or torus: a bend that is no arc");
-      } else if (reach > 0) {
-        tube.notes.push_back("an end has a form of its own (" + name +
+      } else {
+        tube.notes.push_back("an end has a form of its own (" + form.name +
                              "); the length counts up to where its faces end, if they join");
       }
     }
     std::sort(tube.problems.begin(), tube.problems.end());
     tube.problems.erase(std::unique(tube.problems.begin(), tube.problems.end()),
                         tube.problems.end());
+  }
+
+  // Of bent tubes that do not share this one's axis, as beyond a reducer.
+  std::set<int> BentFacesBeside(const Cluster& cluster) const {
+    std::set<int> faces;
+    for (const TubeChain& chain : chains_) {
+      if (chain.spine.arcs.empty() ||
+          std::find(cluster.begin(), cluster.end(), &chain) != cluster.end()) {
+        continue;
+      }
+      for (const int i : chain.pieces)
+        faces.insert(PieceOf(i).faces.begin(), PieceOf(i).faces.end());
+    }
+    return faces;
+  }
+
+  // Half cylinders beside a bent tube: an end that is pressed flat, a bracket.
+  bool IsEdgeOfFlat(const TubeChain& basis) const {
+    double around = 0;
+    for (const int i : basis.pieces) around = std::max(around, PieceOf(i).around_deg());
+    return around < kStraightAroundDeg &&
+           std::any_of(chains_.begin(), chains_.end(),
+                       [](const TubeChain& chain) { return !chain.spine.arcs.empty(); });
+  }
+
+  // Whether `b` goes on where `a` ends.
+  static bool GoesOnAs(const Spine& a, const Spine& b, double radius_mm) {
+    const Vector3d gap = b.start - a.end, outward = a.end_direction();
+    return outward.cross(b.direction).norm() < 1e-3 && outward.dot(b.direction) > 0 &&
+           gap.cross(outward).norm() < MatchToleranceMm(radius_mm) &&
+           std::abs(gap.dot(outward)) < 2 * kReducerDiameters * radius_mm;
+  }
+
+  // Tubes in line, end to end, with different diameters are one tube that changes its own.
+  static void MarkReducers(std::vector<CadTube>& tubes) {
+    for (CadTube& a : tubes) {
+      for (const CadTube& b : tubes) {
+        if (&a == &b || !a.is_bent() || !b.is_bent()) continue;
+        const double wide = std::max(a.pipe_radius_mm, b.pipe_radius_mm);
+        const Spine a_turned = a.spine.Reversed(), b_turned = b.spine.Reversed();
+        if (!GoesOnAs(a.spine, b.spine, wide) && !GoesOnAs(a.spine, b_turned, wide) &&
+            !GoesOnAs(a_turned, b.spine, wide) && !GoesOnAs(a_turned, b_turned, wide)) {
+          continue;
+        }
+        a.goes_on = true;
+        a.notes.push_back(
+            Text("it goes on with a diameter of %.3f mm (a reducer): the rows are those of this "
+                 "part of it alone",
+                 2 * b.pipe_radius_mm));
+      }
+    }
   }
 
   // The pieces of a tube that is broken by kinks and free bends are one tube.
