@@ -36,6 +36,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "firmware-host/cad/occt/placements.h"
+
 namespace bendloop::cad {
 namespace {
 
@@ -416,6 +418,12 @@ void ReadStep(const std::string& file, Collector& collector) {
   std::ifstream in(file, std::ios::binary);
   SkipMark(in);
   CheckStatus(reader.ChangeReader().ReadStream(file.c_str(), in));
+  const std::string placement = PlacementNotTaken(reader.ChangeReader().StepModel());
+  if (!placement.empty()) {
+    throw std::runtime_error("places a part by an operator (" + placement +
+                             " it) that OpenCASCADE leaves out: mirror or scale the part itself in "
+                             "CAD, or export it alone");
+  }
   const bool has_products = reader.NbRootsForTransfer() > 0 && reader.Transfer(document);
   const Handle(XCAFDoc_ShapeTool) shapes = XCAFDoc_DocumentTool::ShapeTool(document->Main());
   TDF_LabelSequence roots;

@@ -66,6 +66,41 @@ TEST(Foreign, RingsHaveNoEnds) {
   }
 }
 
+// A part placed by an operator, as systems place its mirror image.
+std::string PlacedBy(const std::string& file, const char* scale, const char* third_axis) {
+  std::string text;
+  {
+    std::ifstream in(file);
+    text.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  const std::string what = "ADVANCED_BREP_SHAPE_REPRESENTATION('',(#11,#15),";
+  const std::size_t at = text.find(what);
+  const std::string context =
+      text.substr(at + what.size(), text.find(')', at + what.size()) - at - what.size());
+  const std::string added =
+      "#90000=" + what + context + ");\n#90001=REPRESENTATION_MAP(#11,#90000);\n" +
+      "#90002=CARTESIAN_TRANSFORMATION_OPERATOR_3D('','',$,#90004,#90005,#90006," + scale +
+      ",#90007);\n#90003=MAPPED_ITEM('',#90001,#90002);\n#90004=DIRECTION('',(1.,0.,0.));\n"
+      "#90005=DIRECTION('',(0.,1.,0.));\n#90006=CARTESIAN_POINT('',(5.,6.,7.));\n"
+      "#90007=DIRECTION('',(0.,0.," +
+      third_axis + "));\nENDSEC;\nEND-ISO";
+  const std::string placed = test::Edited(file, what, "SHAPE_REPRESENTATION('',(#11,#90003),");
+  return test::Edited(placed, "ENDSEC;\nEND-ISO", added);
+}
+
+TEST(Foreign, PlacementsThatMirrorOrScaleAreRefused) {
+  const hal::Tube tube = test::DemoTube();
+  const auto placed = [&](const char* scale, const char* third_axis) {
+    return Nominal(PlacedBy(test::WriteStepFile({{"tube", test::Pipe(tube)}}), scale, third_axis));
+  };
+  test::ExpectRows(placed("1.", "1."), tube.program);
+  const auto mirrored = placed("1.", "-1."), scaled = placed("2.", "1.");
+  EXPECT_EQ(mirrored.code, 3) << mirrored.out;
+  EXPECT_THAT(mirrored.err, HasSubstr("#90002 mirrors it"));
+  EXPECT_EQ(scaled.code, 3) << scaled.out;
+  EXPECT_THAT(scaled.err, HasSubstr("#90002 scales it"));
+}
+
 TEST(Foreign, TextsOfFiles) {
   const hal::Tube tube = test::DemoTube();
   const std::string file = test::WriteStepFile({{"tube", test::Pipe(tube)}}, "AP242DIS", "INCH");
