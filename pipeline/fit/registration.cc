@@ -118,6 +118,7 @@ class PassFit {
       offsets_ += step.tail(offsets_.size());
       parameters = TubeParameters(tube, true, {}, easing);
       joint = Linearize(parameters, SpineOf(tube.program, tube.X_WT, easing), 0);
+      if (i == 0 && IsInVain(before, joint)) return false;
     }
     // Both at the noise that is left, which tells more than the noise with the offsets in it.
     const TubeParameters first(fit_.tube, true, {}, fit_.easing);
@@ -136,6 +137,14 @@ class PassFit {
   const Eigen::MatrixXd& covariance() const { return covariance_; }
 
  private:
+  // Whether the first step has made the sum of squares so little less that further ones, which
+  // hardly move anything, will not make it less by as much as is asked for.
+  static bool IsInVain(const Joint& before, const Joint& after) {
+    const double at_same_noise = std::pow(before.sigma_mm / after.sigma_mm, 2);
+    const double half_of_worth = 0.5 * (1.0 + kRegistration.worth);
+    return before.robust * at_same_noise < half_of_worth * after.robust;
+  }
+
   void Take(std::span<const PointBlock> blocks) {
     const std::size_t stride = StrideTo(CountPoints(blocks), kRegistration.points);
     count_.assign(static_cast<std::size_t>(passes_), 0);
@@ -195,9 +204,13 @@ class PassFit {
       joint.weight += weight;
       joint.squares += weight * d * d;
       if (weight <= 0) continue;
-      sums[static_cast<std::size_t>(row.segment) * static_cast<std::size_t>(passes_) + row.pass]
-          .selfadjointView<Eigen::Lower>()
-          .rankUpdate(row.row, weight);
+      LocalSum& sum =
+          sums[static_cast<std::size_t>(row.segment) * static_cast<std::size_t>(passes_) +
+               row.pass];
+      for (Eigen::Index k = 0; k < row.row.size(); ++k) {
+        const double weighted = weight * row.row[k];
+        for (Eigen::Index i = k; i < row.row.size(); ++i) sum(i, k) += weighted * row.row[i];
+      }
     }
     Assemble(parameters, spine, sums, joint);
     return joint;
@@ -209,19 +222,26 @@ class PassFit {
     const auto derivatives = parameters.FrameDerivatives(spine);
     joint.matrix = Eigen::MatrixXd::Zero(all, all);
     joint.right = Eigen::VectorXd::Zero(all);
-    Eigen::MatrixXd to_all(all, kRound + kOffset);
     for (std::size_t k = 0; k < derivatives.size(); ++k) {
+      const Eigen::MatrixXd to_tube = derivatives[k].topRows<kRound>().transpose();
+      LocalSum of_segment = LocalSum::Zero();
       for (int pass = 0; pass < passes_; ++pass) {
         const LocalSum sum =
             sums[k * static_cast<std::size_t>(passes_) + static_cast<std::size_t>(pass)]
                 .selfadjointView<Eigen::Lower>();
         if (sum(kRound - 1, kRound - 1) == 0) continue;
-        to_all.setZero();
-        to_all.topLeftCorner(n, kRound) = derivatives[k].topRows<kRound>().transpose();
-        to_all.block<kOffset, kOffset>(n + kOffset * pass, kRound).setIdentity();
-        joint.matrix += Mapped(to_all, sum.topLeftCorner<kRound + kOffset, kRound + kOffset>());
-        joint.right.noalias() -= to_all * sum.col(kRound + kOffset).head<kRound + kOffset>();
+        of_segment += sum;
+        // An offset is what it is: only what it has to do with the tube is mapped.
+        const int at = n + kOffset * pass;
+        joint.matrix.block<kOffset, kOffset>(at, at) += sum.block<kOffset, kOffset>(kRound, kRound);
+        const Eigen::MatrixXd both = Product(to_tube, sum.block<kRound, kOffset>(0, kRound));
+        joint.matrix.block(0, at, n, kOffset) += both;
+        joint.matrix.block(at, 0, kOffset, n) += both.transpose();
+        joint.right.segment<kOffset>(at) -= sum.col(kRound + kOffset).segment<kOffset>(kRound);
       }
+      joint.matrix.topLeftCorner(n, n) +=
+          Mapped(to_tube, of_segment.topLeftCorner<kRound, kRound>());
+      joint.right.head(n) -= to_tube * of_segment.col(kRound + kOffset).head<kRound>();
     }
     fit_.priors.Add(parameters, parameters.Initial(), joint.sigma_mm, joint.matrix, joint.right);
     // What no point feels stays where it is.
