@@ -15,6 +15,7 @@
 #include "pipeline/features/sampling.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
+#include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -71,7 +72,7 @@ class LogNormalCdf {
     }
   }
   double operator()(double z) const {
-    const double place = (z - kFrom) / kStep;
+    const double place = (z - kFrom) * (1.0 / kStep);
     if (!(place > 0)) return table_.front();
     if (!(place < static_cast<double>(kSize - 1))) return table_.back();
     const auto at = static_cast<std::size_t>(place);
@@ -110,6 +111,32 @@ std::vector<EndSample> Levelled(std::span<const EndSample> samples,
   return level;
 }
 
+// Numbers of several sides side by side, for loops that take some of them at once.
+struct SideLanes {
+  std::vector<double> cosine, sine, at, scale;  // scale: 1 / sigma, negative before the plane
+  std::vector<double> clear;                    // in sigmas, or mean gaps
+
+  void Add(double c, double s, double at_mm, double by) {
+    cosine.push_back(c);
+    sine.push_back(s);
+    at.push_back(at_mm);
+    scale.push_back(by);
+    clear.push_back(0.0);
+  }
+};
+BENDLOOP_LOOP void FindClearBody(double x0, double x1, double x2, double more, std::size_t count,
+                                 const double* cosine, const double* sine, const double* at,
+                                 const double* scale, double* clear) {
+  for (std::size_t i = 0; i < count; ++i) {
+    clear[i] = (x0 + cosine[i] * x1 + sine[i] * x2 - at[i]) * scale[i] + more;
+  }
+}
+BENDLOOP_MULTIVERSION(void, FindClear,
+                      (double x0, double x1, double x2, double more, std::size_t count,
+                       const double* cosine, const double* sine, const double* at,
+                       const double* scale, double* clear),
+                      (x0, x1, x2, more, count, cosine, sine, at, scale, clear))
+
 // A place around the end that says whether the plane lies beyond, or before it.
 struct EndSide {
   double cosine = 1, sine = 0, at_mm = 0;
@@ -146,19 +173,40 @@ struct Evidence {
                        is_beyond ? lines.last_sigma_mm : lines.next_sigma_mm, is_beyond});
     }
   }
+};
+
+// The logarithm of the likelihood of planes.
+class PlaneLikelihood {
+ public:
   // `blur_mm`: laser lines are as uncertain as this, at least.
-  double Log(const Eigen::VectorXd& x, double blur_mm) const {
-    double log = 0;
-    for (const EndSide& side : sides) {
-      const double clear = side.Clear(x) / std::max(side.sigma_mm, blur_mm) + lines_greatest;
-      log += side.is_beyond ? hit(clear) : missed(clear);
+  PlaneLikelihood(const Evidence& evidence, double blur_mm) : evidence_(evidence) {
+    for (const EndSide& side : evidence.sides) {
+      const double scale = 1.0 / std::max(side.sigma_mm, blur_mm);
+      (side.is_beyond ? hits_ : missed_)
+          .Add(side.cosine, side.sine, side.at_mm, side.is_beyond ? scale : -scale);
     }
-    for (const Stop& stop : columns) {
-      const double at_mm = x[0] + stop.cosine * x[1] + stop.sine * x[2];
-      log += (*stops)((at_mm - stop.last_mm) / stop.mean_gap_mm);
+    for (const Stop& stop : evidence.columns) {
+      stops_.Add(stop.cosine, stop.sine, stop.last_mm, 1.0 / stop.mean_gap_mm);
     }
-    return log;
   }
+  double Log(const Eigen::VectorXd& x) {
+    return Sum(hits_, x, evidence_.lines_greatest, evidence_.hit) +
+           Sum(missed_, x, evidence_.lines_greatest, evidence_.missed) +
+           (evidence_.stops ? Sum(stops_, x, 0.0, *evidence_.stops) : 0.0);
+  }
+
+ private:
+  template <class Table>
+  static double Sum(SideLanes& lanes, const Eigen::VectorXd& x, double more, const Table& log) {
+    FindClear(x[0], x[1], x[2], more, lanes.at.size(), lanes.cosine.data(), lanes.sine.data(),
+              lanes.at.data(), lanes.scale.data(), lanes.clear.data());
+    double sum = 0;
+    for (const double clear : lanes.clear) sum += log(clear);
+    return sum;
+  }
+
+  const Evidence& evidence_;
+  SideLanes hits_, missed_, stops_;
 };
 
 // Without the sides that every plane of a density is far on the right side of: they say no more.
@@ -344,9 +392,10 @@ EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm, do
 EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r_mm) {
   const double prior_mm = kCut.usual_slope * r_mm;
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
+    PlaneLikelihood likelihood(evidence, blur_mm);
     return SamplePosterior(from, walk, [&](const Eigen::VectorXd& x) {
       const double steep = (x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm);
-      return evidence.Log(x, blur_mm) - 0.5 * steep;
+      return likelihood.Log(x) - 0.5 * steep;
     });
   };
   const double first_mm = kCut.first_step * evidence.gap_mm;

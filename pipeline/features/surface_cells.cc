@@ -30,6 +30,9 @@ struct CellSettings {
   // Of the cells around it: so many have points.
   double least_around_it = 0.85;
   std::size_t most_places = 40;
+  // For each pipe radius of the tube's length so many points tell of any hole: one of a tenth of a
+  // pipe radius lacks twelve of them.
+  double enough_points = 10'000.0;
   // Of the walk: least points of a round, and most rounds, each with cells of its own. By trial.
   std::size_t points_of_round = 8192, most_rounds = 4;
 };
@@ -111,8 +114,10 @@ BENDLOOP_MULTIVERSION(void, FindCells,
 // Counts the points of blocks.
 class Counter {
  public:
-  Counter(const hal::Tube& tube, Grid grid)
-      : r_mm_(tube.pipe_radius_mm),
+  // Every `stride`-th point.
+  Counter(const hal::Tube& tube, Grid grid, std::size_t stride)
+      : stride_(stride),
+        r_mm_(tube.pipe_radius_mm),
         frames_(SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT), r_mm_)),
         grid_(std::move(grid)) {
     const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
@@ -132,9 +137,16 @@ class Counter {
     CandidateSegments(block, frames_, 2.0 * r_mm_, candidates_);
     if (candidates_.empty()) return;
     cells_.resize(std::max(cells_.size(), candidates_.size()));
-    for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
-      const std::size_t count = std::min(kBatch, block.points.size() - first);
-      nearest_.Find(block.points.subspan(first, count), frames_, r_mm_, candidates_);
+    std::span<const Eigen::Vector3d> points = block.points;
+    if (stride_ > 1) {
+      taken_.clear();
+      for (; next_ < points.size(); next_ += stride_) taken_.push_back(points[next_]);
+      next_ -= points.size();
+      points = taken_;
+    }
+    for (std::size_t first = 0; first < points.size(); first += kBatch) {
+      const std::size_t count = std::min(kBatch, points.size() - first);
+      nearest_.Find(points.subspan(first, count), frames_, r_mm_, candidates_);
       for (std::size_t c = 0; c < candidates_.size(); ++c) {
         const auto k = static_cast<std::size_t>(candidates_[c]);
         const LocalLanes& local = nearest_.Local(c);
@@ -152,12 +164,14 @@ class Counter {
   const Grid& grid() const { return grid_; }
 
  private:
+  std::size_t stride_, next_ = 0;  // in the next block
   double r_mm_;
   std::vector<SegmentFrame> frames_;
   Grid grid_;
   std::vector<CellLoop> loops_;
   std::vector<std::int32_t> candidates_;
   NearestLanes nearest_;
+  std::vector<Eigen::Vector3d> taken_;
   std::array<double, kBatch> along_mm_{};
   std::vector<std::array<double, kBatch>> cells_;
 };
@@ -295,13 +309,13 @@ class VoidSearch {
   std::vector<Run> runs_;
 };
 
-Grid Count(const hal::Tube& tube, std::span<const PointBlock> blocks, const Grid& empty,
-           Workers* workers) {
+Grid Count(const hal::Tube& tube, std::span<const PointBlock> blocks, std::size_t stride,
+           const Grid& empty, Workers* workers) {
   const std::vector<BlockRange> rounds =
       EvenRounds(blocks, kCells.points_of_round, kCells.most_rounds);
   std::vector<Grid> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
-    Counter counter(tube, empty);
+    Counter counter(tube, empty, stride);
     for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) counter.Add(blocks[i]);
     parts[round] = counter.grid();
   });
@@ -320,7 +334,10 @@ std::vector<EmptyPlace> FindEmptyPlaces(const hal::Tube& tube, std::span<const P
   std::vector<EmptyPlace> places;
   const double length_mm = hal::SpineLength(tube.program), r_mm = tube.pipe_radius_mm;
   const double turn_mm = 2.0 * std::numbers::pi * r_mm;
-  const auto points = static_cast<double>(CountPoints(blocks));
+  const std::size_t all = CountPoints(blocks);
+  const double enough = kCells.enough_points * std::max(1.0, length_mm / r_mm);
+  const std::size_t stride = StrideTo(all, static_cast<std::size_t>(enough));
+  const double points = static_cast<double>(all) / static_cast<double>(stride);
   if (!(length_mm > 0) || points < 100) return places;
   // Both numbers can be halved for the coarser grids.
   const int whole = 1 << (kCells.grids - 1);
@@ -337,7 +354,7 @@ std::vector<EmptyPlace> FindEmptyPlaces(const hal::Tube& tube, std::span<const P
   if (grid.columns < kCells.least_around) return places;
   grid.count.assign(static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns),
                     0);
-  grid = Count(tube, blocks, grid, workers);
+  grid = Count(tube, blocks, stride, grid, workers);
 
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   for (int level = 0; level < kCells.grids && grid.columns >= kCells.least_around; ++level) {
