@@ -111,6 +111,8 @@ BENDLOOP_MULTIVERSION(void, FindCells,
                        std::size_t count, double* cell),
                       (of, local, along_mm, count, cell))
 
+using BatchNumbers = std::array<double, kBatch>;  // of the points of a batch
+
 // Counts the points of blocks.
 class Counter {
  public:
@@ -172,8 +174,8 @@ class Counter {
   std::vector<std::int32_t> candidates_;
   NearestLanes nearest_;
   std::vector<Eigen::Vector3d> taken_;
-  std::array<double, kBatch> along_mm_{};
-  std::vector<std::array<double, kBatch>> cells_;
+  BatchNumbers along_mm_{};
+  std::vector<BatchNumbers> cells_;
 };
 
 // Cells that touch each other and are empty.
