@@ -92,7 +92,9 @@ constexpr AlarmKind kTable[] = {
      "check that the controller runs, the cable, and [bender] in the cell file"},
     {kRulesBroken, kFault, kAck,
      "the bender broke the rules of the commit: corrections are locked until acknowledged",
-     "mend the PLC's program ('bendloop acceptance' names the rule), then acknowledge"},
+     "look at the program that the bender holds, then acknowledge: after a power cut it may be "
+     "bendloop's own, whose sending the disk lost; else mend the PLC's program ('bendloop "
+     "acceptance' names the rule)"},
     {kBenderFault, kWarning, kCause, "the bender reports a fault", "see the bender's own panel"},
     {kBenderNotReady, kWarning, kNext, "held: the bender was not ready for a program",
      "make it ready; give it time between two tubes"},

@@ -294,9 +294,18 @@ std::uint32_t BenderDesk::LastSequence() const {
 }
 
 std::optional<CommitAttempt> BenderDesk::LastAttempt() const {
+  auto last = LastEnded();
+  if (last && last->step != CommitStep::kCommitted) last.reset();
+  return last;
+}
+
+std::optional<CommitAttempt> BenderDesk::LastEnded() const {
   const std::lock_guard lock(mutex_);
   const auto last = journal_.Last();
-  if (!last || !*last || (*last)->step != CommitStep::kCommitted) return std::nullopt;
+  const auto is_ended = [](CommitStep step) {
+    return step == CommitStep::kCommitted || step == CommitStep::kNotCommitted;
+  };
+  if (!last || !*last || !is_ended((*last)->step)) return std::nullopt;
   return **last;
 }
 

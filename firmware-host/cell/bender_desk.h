@@ -104,6 +104,8 @@ class BenderDesk {
   std::uint32_t LastSequence() const;
   // The last program that was sent and became active, with the one before it.
   std::optional<CommitAttempt> LastAttempt() const;
+  // The last program that was sent, if it is known how that ended.
+  std::optional<CommitAttempt> LastEnded() const;
   // 7 when "part-0007" is the last scan that the journal knows.
   unsigned LargestPartNumber() const;
   // The bender broke a rule and nobody has acknowledged: nothing is sent. Empty: it may be.

@@ -38,6 +38,7 @@ void SettleWhatIsOpen(BenderDesk& desk, PartKeeper& keeper, AlarmBoard& alarms) 
     desk.Note(session, is_open ? ScanFate::kUnknown : ScanFate::kDone, report.reason);
     keeper.Settle({session, report});
   }
+  if (const auto last = desk.LastEnded()) keeper.KeepLost(*last);
 }
 
 }  // namespace bendloop::host

@@ -17,7 +17,7 @@ namespace bendloop::host {
 hal::Result<void> MendJournal(const std::filesystem::path& journal);
 
 // A commit whose end was not seen, a correction that waited: results, history and alarms say what
-// became of them.
+// became of them. One that was sent and is in no history yet is added to it.
 void SettleWhatIsOpen(BenderDesk& desk, PartKeeper& keeper, AlarmBoard& alarms);
 
 }  // namespace bendloop::host

@@ -10,6 +10,7 @@
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/console/whole_file.h"
+#include "firmware-host/daemon/lost_part.h"
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/report/report.h"
 #include "firmware-host/result/json.h"
@@ -257,6 +258,25 @@ void PartKeeper::KeepFailure(const FailedScan& failed) {
   WriteResult(failed.identity.session, Dump(json, 2) + "\n");
 }
 
+RunResult PartKeeper::Lost(const std::string& session, const CommitReport& report) const {
+  return LostPart({store_.results() / (session + ".json"), sessions_ / (session + ".session")},
+                  session, report);
+}
+
+void PartKeeper::KeepLost(const CommitAttempt& attempt) {
+  const std::string& session = attempt.session;
+  Note([&](History& history) -> hal::Result<void> {
+    const auto last = history.LargestPartNumber();
+    if (!last) return hal::Fail(last.error());
+    if (NumberInName(session) <= *last) return {};
+    const auto added = history.Add(Lost(session, EndOf(attempt)));
+    if (!added) return hal::Fail(added.error());
+    spdlog::warn("{}: the last run ended before it was in the history; added by the journal",
+                 session);
+    return {};
+  });
+}
+
 void PartKeeper::Settle(const SettledCommit& settled) {
   const CommitReport& report = settled.report;
   spdlog::warn("{}: its commit is settled: {}{}{}", settled.session, Name(report.outcome),
@@ -266,7 +286,13 @@ void PartKeeper::Settle(const SettledCommit& settled) {
     recent.bender = report;
     report_is_old_ = true;
   }
-  Note([&](History& history) { return history.SetCommit(settled.session, report); });
+  Note([&](History& history) -> hal::Result<void> {
+    const auto is_there = history.Has(settled.session);
+    if (!is_there) return hal::Fail(is_there.error());
+    if (*is_there) return history.SetCommit(settled.session, report);
+    const auto added = history.Add(Lost(settled.session, report));
+    return added ? hal::Result<void>() : hal::Fail(added.error());
+  });
   const auto path = store_.results() / (settled.session + ".json");
   std::error_code none;
   if (!std::filesystem::exists(path, none)) return;  // cleared by hand, or a crash came first

@@ -17,6 +17,7 @@
 #include "firmware-host/alarms/alarm_board.h"
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/cell/part_run.h"
+#include "firmware-host/commit/commit_journal.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/history/history.h"
 
@@ -49,6 +50,9 @@ class PartKeeper {
   // The end of a commit that was not known when its part was kept: result and history are set
   // right.
   void Settle(const SettledCommit& settled);
+  // A part that the journal knows and the history may not: the process ended between the two. Only
+  // the last one can be; an older one may have been dropped.
+  void KeepLost(const CommitAttempt& attempt);
   // Into the history.
   void KeepAlarms(const std::vector<Alarm>& news);
   // What of the latest part could not be kept, and why; "": all of it was.
@@ -63,6 +67,8 @@ class PartKeeper {
   // What became of a scan: the one that is not kept is the problem until one is.
   void WriteResult(const std::string& session, const std::string& json);
   void KeepResult(const RunResult& result, std::uint32_t part_number);
+  // Of a part that is in no history.
+  RunResult Lost(const std::string& session, const CommitReport& report) const;
   // The history, opened where it is not: a disk that was away may be back. A damaged one is moved
   // aside first.
   hal::Result<void> OpenHistory();

@@ -143,6 +143,15 @@ hal::Result<void> History::AddOrReplace(const RunResult& result, std::optional<s
   return {};
 }
 
+hal::Result<bool> History::Has(const std::string& session) const {
+  auto find = database_.Prepare("SELECT 1 FROM part WHERE session = ? LIMIT 1");
+  if (!find) return hal::Fail(find.error());
+  find->Bind(session);
+  const auto row = find->Step();
+  if (row != drivers::Statement::Outcome::kFailed) return row == drivers::Statement::Outcome::kRow;
+  return hal::Fail(database_.Failed("looking for a part"));
+}
+
 hal::Result<void> History::SetCommit(const std::string& session, const CommitReport& report) {
   auto find =
       database_.Prepare("SELECT id, result FROM part WHERE session = ? ORDER BY id DESC LIMIT 1");

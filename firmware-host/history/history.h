@@ -47,6 +47,8 @@ class History {
   hal::Result<void> AddOrReplace(const RunResult& result, std::optional<std::int64_t> lot = {});
   // Drops parts older than this (retention/age.h); how many.
   hal::Result<std::size_t> DropOld(double most_days, std::int64_t now_ms);
+  // Is there a part with this session?
+  hal::Result<bool> Has(const std::string& session) const;
   // The end of a commit, of the newest part with this session; nothing when there is none.
   hal::Result<void> SetCommit(const std::string& session, const CommitReport& report);
   // The newest `count` parts, oldest first; only those with this name if `part` is not empty.

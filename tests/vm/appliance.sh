@@ -34,6 +34,9 @@ register_map = "register-maps/default.toml"
 connect_timeout_ms = 3000
 response_timeout_ms = 3000
 commit_timeout_ms = 10000
+[correction]
+# Each part brings a commit, however small.
+deadband_sigmas = 0
 [realtime]
 mode = "required"
 CELL
@@ -42,7 +45,7 @@ mkfifo bender.in scanner.in
 mkdir tray
 bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --tray tray \
   --program demo-out/first-program.json --part-number 7 --pipe-radius 4 --springback-20 1.2 \
-  --springback-120 3.6 --elongation 1.5 <bender.in >bender.out 2>&1 &
+  --springback-120 3.6 --elongation 1.5 --scatter-angle 0.3 <bender.in >bender.out 2>&1 &
 exec 3>bender.in
 bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate 4000 <scanner.in >scanner.out 2>&1 &
 exec 4>scanner.in

@@ -108,13 +108,7 @@ scanner_port=$(sed -n '/\[scanner\]/,/\[bender\]/s/^port = //p' cell.toml)
 kill -9 "$scanner_program"
 wait "$scanner_program" 2>/dev/null || true
 told BL1001
-rm scanner.in
-mkfifo scanner.in
-: >scanner.out
-"$build/bin/bendloop-simscanner" --port "$scanner_port" --spacing 1 --rays 160 --views 2 --rate 600 <scanner.in \
-  >>scanner.out 2>&1 &
-scanner_program=$!
-exec 4>scanner.in
+scanner_on "$scanner_port"
 ended BL1001
 same_process
 await 60 "the daemon ready" is_ready

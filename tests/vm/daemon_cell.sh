@@ -3,47 +3,25 @@
 # of its own. Sourced, with build and here set, and kind: killed, where the state is a plain
 # folder, or any other word.
 # Exits with 77 where that cannot be had.
-PATH=$PATH:/usr/sbin:/sbin
-skip() {
-  echo "############ NOT TRIED: $* ############" >&2
-  exit 77
-}
-tools="python3 sqlite3"
-[ "$kind" = killed ] || tools="$tools qemu-storage-daemon losetup mke2fs"
-for tool in $tools; do
-  command -v "$tool" >/dev/null || skip "$tool is missing; config/install-packages.sh test"
-done
+rate=600
+log=daemon.log
+# shellcheck source=tests/vm/machines.sh
+. "$here/machines.sh"
+[ "$kind" = killed ] || need qemu-storage-daemon losetup mke2fs
 if [ "$kind" != killed ] && { [ "$(id -u)" != 0 ] || ! [ -w /dev/fuse ] || ! [ -w /dev/loop-control ]; }; then
   skip "a disk of its own needs root, /dev/fuse and loop devices"
 fi
 
-work=$(mktemp -d)
-bender_program='' scanner_program='' daemon='' storage='' loop=''
+daemon='' storage='' loop=''
 daemon_with='' # what the daemon is started by
 # shellcheck disable=SC2317  # called by the trap
 cleanup() {
-  for child in $daemon $bender_program $scanner_program $storage; do kill -9 "$child" 2>/dev/null || true; done
+  for child in $daemon $storage; do kill -9 "$child" 2>/dev/null || true; done
+  machines_off
   disk_off
   rm -rf --one-file-system "$work"
 }
 trap cleanup EXIT
-fail() {
-  echo "$(basename "$0"): $*"
-  tail -n 40 "$work/daemon.log" 2>/dev/null || true
-  exit 1
-}
-await() { # await SECONDS WHAT COMMAND...: until it succeeds
-  end=$(($(date +%s) + $1))
-  what=$2
-  shift 2
-  until "$@"; do
-    [ "$(date +%s)" -lt "$end" ] || fail "$what: not seen"
-    sleep 0.05
-  done
-}
-said() { grep -q "$1" "$2"; } # said WORDS FILE
-now_ms() { date +%s%3N; }
-chance() { echo "$1" | cksum | awk '{ printf "%.4f", $1 % 10000 / 10000 }'; } # chance WORD: of 0 to 1, the same for the same
 
 disk_on() { # the state's folder is there
   [ "$kind" != killed ] || { mkdir -p state; return 0; }
@@ -78,29 +56,8 @@ start() {
   await 60 "a daemon that waits for a scan" is_ready
   ! status | grep -E '^alarm BL501[01] ' || [ "$kind" = lying ] || fail "a database is damaged"
 }
-# ask: the bender's active sequence, and how many commits it has taken
-ask() {
-  : >bender.out
-  echo status >&3
-  await 20 "the bender's answer" said 'accepted [0-9]' bender.out
-  sequence=$(sed -n 's/.*sequence \([0-9]*\).*/\1/p' bender.out | head -n 1)
-  rows=$(sed -n 's/.*rows \([0-9]*\).*/\1/p' bender.out | head -n 1)
-  accepted=$(sed -n 's/.*accepted \([0-9]*\).*/\1/p' bender.out | head -n 1)
-}
 parts_seen() { status | sed -n 's/^bender parts bent *//p'; }
-part=0
 part_seen() { [ "$(parts_seen)" = "$part" ]; }
-bend() {
-  part=$((part + 1))
-  tube=tray/part-$(printf %04d "$part").json
-  echo bend >&3
-  await 20 "part $part on the tray" test -e "$tube"
-}
-scan() { # returns when the first profiles are on their way
-  : >scanner.out
-  echo "scan $tube" >&4
-  await 60 "scan of part $part" said scanning scanner.out
-}
 bend_and_scan() {
   bend
   await 20 "part $part, seen by the daemon" part_seen
@@ -116,22 +73,8 @@ whole_part() {
 }
 
 machines_on() { # and the cell's file, and an empty disk
-  echo '{"rows": [{"length_mm": 110, "rotation_deg": 0, "angle_deg": 60, "bend_radius_mm": 20},
-  {"length_mm": 120, "rotation_deg": 0, "angle_deg": 0, "bend_radius_mm": null}]}' >program.json
-  mkfifo bender.in scanner.in
-  mkdir tray
-  : >bender.out
-  : >scanner.out
-  "$build/bin/bendloop-simbender" --map "$here/../../config/register-maps/default.toml" --tray tray \
-    --program program.json --part-number 7 --pipe-radius 4 --springback-20 1.2 --springback-120 3.6 \
-    --elongation 1.5 --scatter-angle 0.3 <bender.in >>bender.out 2>&1 &
-  bender_program=$!
-  exec 3>bender.in
-  "$build/bin/bendloop-simscanner" --spacing 1 --rays 160 --views 2 --rate 600 <scanner.in >>scanner.out 2>&1 &
-  scanner_program=$!
-  exec 4>scanner.in
-  await 20 "bender" said listening bender.out
-  await 20 "scanner" said listening scanner.out
+  bender_on
+  scanner_on 0
   # Each part brings a commit, however small; what is kept is little, so that retention has work.
   cat >cell.toml <<CELL
 schema = "bendloop.cell/1"
@@ -140,10 +83,10 @@ part = "$here/one_bend.toml"
 state_dir = "$work/state"
 [scanner]
 kind = "stream"
-port = $(sed -n 's/^listening //p' scanner.out)
+port = $(port_of scanner)
 [bender]
 link = "modbus-tcp"
-port = $(sed -n 's/^listening //p' bender.out)
+port = $(port_of bender)
 register_map = "$here/../../config/register-maps/default.toml"
 [correction]
 deadband_sigmas = 0
@@ -157,4 +100,3 @@ CELL
     mke2fs -q -t ext4 disk.ext4
   fi
 }
-cd "$work" || exit

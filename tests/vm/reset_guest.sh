@@ -14,6 +14,11 @@ for session in /var/lib/bendloop/sessions/*.session; do
   sed -n "s/^.*\(part-[0-9]*.session: .*\)/guest: \1/p" check.log
   touch "checked-$(basename "$session")"
 done
+# What a disk that lies has lost of the journal looks like the PLC's doing: somebody has to look.
+if bendloop status | grep -q '^alarm BL4002 '; then
+  bendloop acknowledge --config /etc/bendloop/cell.toml >/dev/null || fail "it cannot be acknowledged"
+  echo "guest: acknowledged"
+fi
 before=$(results)
 echo "guest: ready with $before results"
 [ -e last ] || exec sleep 3600
