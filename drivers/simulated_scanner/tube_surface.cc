@@ -15,6 +15,8 @@ using Eigen::Vector3d;
 
 // Neighbouring segments overlap by this, so that no ray slips between them.
 constexpr double kSeamMm = 1e-9;
+// Pressed skin is met to this.
+constexpr double kPressedMm = 1e-6;
 
 // x^4 + p x^2 + q x + s.
 struct DepressedQuartic {
@@ -174,11 +176,21 @@ double TubeSurface::PressedMm(const Vector3d& point_mm) const {
   return depth_mm;
 }
 
-// Where the ray that met the round skin meets the pressed one, taken for flat over the way there.
-std::optional<Hit> TubeSurface::Pressed(const Ray& ray, const Hit& round) const {
+double TubeSurface::FromSpineMm(const Part& part, const Vector3d& point_mm) const {
+  if (!part.segment.is_arc()) {
+    return (point_mm - part.segment.start_mm).cross(part.segment.tangent).norm();
+  }
+  const Vector3d from_center_mm = point_mm - part.center_mm;
+  const double out_of_plane_mm = from_center_mm.dot(part.segment.normal);
+  const double ring_mm = (from_center_mm - out_of_plane_mm * part.segment.normal).norm();
+  return std::hypot(ring_mm - part.segment.bend_radius_mm, out_of_plane_mm);
+}
+
+// Where the ray that met the round skin meets the pressed one.
+std::optional<Hit> TubeSurface::Pressed(const Part& part, const Ray& ray, const Hit& round) const {
   if (dents_.empty()) return round;
   constexpr double kGrazing = 0.05;  // cosine; beyond it nothing returns
-  constexpr int kSteps = 8;          // each leaves a fraction of what the step before left
+  constexpr int kSteps = 30;         // each leaves a fraction of what the step before left
   const double cosine = -ray.direction.dot(round.normal);
   // The way out of a dent bends with the skin by less than this part of its depth.
   constexpr double kBends = 1.05;
@@ -188,10 +200,12 @@ std::optional<Hit> TubeSurface::Pressed(const Ray& ray, const Hit& round) const 
   if (cosine < kGrazing) return round;
   Hit hit = round;
   for (int i = 0; i < kSteps; ++i) {
-    const double depth_mm = PressedMm(ray.At(hit.along_mm));
-    hit.along_mm = round.along_mm + depth_mm / cosine;
+    const Vector3d point_mm = ray.At(hit.along_mm);
+    const double above_mm = PressedMm(point_mm) - (pipe_radius_mm_ - FromSpineMm(part, point_mm));
+    hit.along_mm += above_mm / cosine;
+    if (std::abs(above_mm) < kPressedMm) return hit;
   }
-  return hit;
+  return std::nullopt;  // it passes over the dent
 }
 
 std::optional<Hit> TubeSurface::FirstHit(std::size_t index, const Ray& ray, double from_mm,
@@ -199,7 +213,7 @@ std::optional<Hit> TubeSurface::FirstHit(std::size_t index, const Ray& ray, doub
   const Part& part = parts_[index];
   const std::optional<Hit> round = part.segment.is_arc() ? HitArc(part, ray, from_mm, to_mm)
                                                          : HitLine(part, ray, from_mm, to_mm);
-  return round ? Pressed(ray, *round) : round;
+  return round ? Pressed(part, ray, *round) : round;
 }
 
 std::optional<Hit> TubeSurface::HitLine(const Part& part, const Ray& ray, double from_mm,

@@ -32,7 +32,7 @@ struct Sphere {
 
 // The skin of a bent tube: cylinders and pieces of tori around the spine's lines and arcs, open at
 // both ends. Rays meet it exactly (torus: roots of the quartic), and pass through what is cut off
-// or drilled; dents are met to a thousandth of their depth. An oblique cut stays on its straight.
+// or drilled; dents are met to a nanometre. An oblique cut stays on its straight.
 class TubeSurface {
  public:
   explicit TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features = {});
@@ -77,7 +77,8 @@ class TubeSurface {
   bool IsAway(const Part& part, const Eigen::Vector3d& point_mm) const;
   // How far the skin is pressed in at this point of the round tube.
   double PressedMm(const Eigen::Vector3d& point_mm) const;
-  std::optional<Hit> Pressed(const Ray& ray, const Hit& round) const;
+  double FromSpineMm(const Part& part, const Eigen::Vector3d& point_mm) const;
+  std::optional<Hit> Pressed(const Part& part, const Ray& ray, const Hit& round) const;
   std::optional<Hit> HitLine(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
   std::optional<Hit> HitArc(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
 

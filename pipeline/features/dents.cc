@@ -10,6 +10,7 @@
 
 #include "hal/angles.h"
 #include "hal/tube_features.h"
+#include "pipeline/features/unrolled_wall.h"
 #include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
@@ -180,15 +181,10 @@ class Wall {
         frames_(SegmentFrames(segments_, 0.0)),
         blocks_(blocks) {}
 
-  // The direction out of the tube at a place, in the cross-section of another nearby.
-  static Eigen::Vector3d Carried(const Eigen::Vector3d& direction, const Eigen::Vector3d& from,
-                                 const Eigen::Vector3d& to) {
-    return Eigen::Quaterniond::FromTwoVectors(from, to) * direction;
-  }
-
   std::vector<WallPoint> About(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
                                double off_mm) const {
     const Eigen::Vector3d middle = frame.spine_mm + r_mm_ * frame.outward;
+    const UnrolledWall unrolled(segments_, frame, r_mm_);
     const double around_mm = std::min(reach_mm, kDents.most_around * r_mm_);
     std::vector<WallPoint> points;
     std::vector<std::int32_t> candidates;
@@ -204,10 +200,7 @@ class Wall {
         const double u = segment.from_start_mm + foot.along_mm - along_mm;
         if (std::abs(u) > reach_mm || foot.along_mm < 0 || foot.along_mm > segment.length_mm)
           continue;
-        const Eigen::Vector3d across = Carried(point - segment.PointAt(foot.along_mm),
-                                               segment.TangentAt(foot.along_mm), frame.tangent);
-        const double v =
-            -r_mm_ * std::atan2(across.dot(frame.sideways()), across.dot(frame.outward));
+        const double v = -unrolled.PlaceOf(point, foot).y();
         if (std::abs(v) > around_mm) continue;
         points.push_back({u, v, foot.distance_mm - r_mm_});
       }
@@ -262,9 +255,9 @@ void MeasureDents(const hal::Tube& tube, const TubeEnds& ends, double noise_mm,
       dent.along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, length_mm);
       const std::size_t at = hal::SegmentAt(wall.segments(), dent.along_mm);
       const hal::SurfaceFrame there = hal::FrameAt(wall.segments(), dent.along_mm, 0.0);
-      const Eigen::Vector3d outward =
-          Wall::Carried(Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward,
-                        frame.tangent, there.tangent);
+      const Eigen::Vector3d outward = UnrolledWall::Carried(
+          Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
+          there.tangent);
       dent.around_deg =
           hal::AroundDeg(hal::AroundZero(wall.segments(), at), there.tangent, outward);
       dent.position_mm = there.spine_mm + r_mm * outward;

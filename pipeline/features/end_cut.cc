@@ -413,7 +413,8 @@ EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r
     // A walk that found no way says less than the blurred one.
     const bool has_moved =
         sharp.covariance.trace() > kCut.least_moved * posterior.covariance.trace();
-    plane = PlaneOf(has_moved ? sharp : posterior, slope_mm, r_mm);
+    if (has_moved) posterior = sharp;
+    plane = PlaneOf(posterior, slope_mm, r_mm);
     if (plane.slope_sigmas < kCut.may_be_oblique) break;
   }
   return plane;

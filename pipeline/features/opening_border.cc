@@ -98,6 +98,8 @@ class ShapeWalk {
   double LogDensity(const Eigen::VectorXd& x) const {
     constexpr double kNever = -1e300;
     if (x[2] < 0.25 * about_.width_mm || x[2] > about_.width_mm) return kNever;
+    // Where no sample was looked at, anything may be.
+    if ((x.head<2>() - about_.middle_mm).norm() > about_.width_mm) return kNever;
     double log = 0;
     if (shape_ == Shape::kSlot &&
         (x[3] < 0 || std::abs(x[4] - about_.axis_rad) > 0.5 * std::numbers::pi)) {

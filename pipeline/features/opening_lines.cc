@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <utility>
@@ -26,16 +27,26 @@ struct MissedSettings {
   std::array<std::size_t, 8> strips = {128, 96, 64, 48, 32, 24, 16, 12};
   double least_strips = 0.7;
   std::size_t least_lines = 5;
-  // Of the gap: so near to each other samples are of one line; of a strip: so near to a place its
-  // rays stand.
-  double same_line = 0.3, beside = 2.0;
+  // Of the distance of lines: so near to where a line goes on its samples are.
+  double same_line = 0.3;
+  // Parts of the width of a pass, over which the distance of its rays is as good as even; it is
+  // taken over so many rays, whose noise it thereby holds down.
+  std::size_t parts = 24, over_rays = 4;
+  // [of the distance of rays] and [1 sigma of it] Where neighbours in a line are further from each
+  // other, rays are missing between them.
+  double missing = 1.5, missing_sigmas = 3.0;
+  // [of the distance of rays] How well it is known.
+  double known = 0.1;
   // Cosine of the angle to the surface normal: rays that come in flatter may return nothing.
   double least_cosine = 0.35;
-  // Lines one after the other: more are not missing but end.
-  double most_missing = 200;
+  std::size_t most_missing = 400;  // of one line, one after the other: there nobody looked
 };
 constexpr MissedSettings kMissed;
 
+struct Hit {
+  Eigen::Vector2d place_mm;
+  SensorDirection to_sensor;
+};
 using Strip = std::vector<Eigen::Vector2d>;
 
 // Lines of a strip, each by the mean of its samples. `strip`: sorted along.
@@ -64,27 +75,10 @@ Strip LinesOf(const Strip& strip) {
   return lines;
 }
 
-// Whether the same line met the wall on both sides close by: a ray lay in the strip beside.
-// `samples`: sorted along; `near_mm`: along and around.
-bool IsBetweenHits(const Strip& samples, const Eigen::Vector2d& place,
-                   const Eigen::Vector2d& near_mm) {
-  const auto first = std::lower_bound(
-      samples.begin(), samples.end(), place.x() - near_mm.x(),
-      [](const Eigen::Vector2d& sample, double at_mm) { return sample.x() < at_mm; });
-  bool below = false, above = false;
-  for (auto at = first; at != samples.end() && at->x() < place.x() + near_mm.x(); ++at) {
-    const double off_mm = at->y() - place.y();
-    if (std::abs(off_mm) > near_mm.y()) continue;
-    (off_mm < 0 ? below : above) = true;
-  }
-  return below && above;
-}
-
-// Adds the places where lines are missing and no sample of all stands beside; false: the strip is
-// not crossed by even lines.
-bool AddMissed(const Strip& strip, const Strip& samples, double near_mm, Strip& missed) {
+// The distance of the lines of a strip, if even ones cross it.
+std::optional<double> EvenGap(const Strip& strip) {
   const Strip lines = LinesOf(strip);
-  if (lines.size() < kMissed.least_lines) return false;
+  if (lines.size() < kMissed.least_lines) return std::nullopt;
   std::vector<double> gaps;
   for (std::size_t i = 1; i < lines.size(); ++i) gaps.push_back(lines[i].x() - lines[i - 1].x());
   const double gap_mm = Median(gaps);
@@ -96,84 +90,245 @@ bool AddMissed(const Strip& strip, const Strip& samples, double near_mm, Strip& 
     single += times == 1 ? 1 : 0;
   }
   const auto n = static_cast<double>(gaps.size());
-  if (even < kMissed.least_even * n || single + 1 < kMissed.least_single * n) return false;
-  for (std::size_t i = 1; i < lines.size(); ++i) {
-    const double times = std::round(gaps[i - 1] / gap_mm);
-    if (times > kMissed.most_missing) continue;
-    for (double k = 1; k < times; k += 1) {
-      const Eigen::Vector2d place = lines[i - 1] + k / times * (lines[i] - lines[i - 1]);
-      if (IsBetweenHits(samples, place, {kMissed.same_line * gap_mm, near_mm})) continue;
-      missed.push_back(place);
-    }
-  }
-  return true;
+  if (even < kMissed.least_even * n || single + 1 < kMissed.least_single * n) return std::nullopt;
+  return gap_mm;
 }
 
-// Of one pass, if it comes in lines. `samples`: sorted along.
-std::optional<MissedRays> MissedOf(const Strip& samples) {
-  double low = 1e300, high = -1e300;
-  for (const Eigen::Vector2d& sample : samples) {
-    low = std::min(low, sample.y());
-    high = std::max(high, sample.y());
-  }
-  if (!(high > low)) return std::nullopt;
-  for (const std::size_t count : kMissed.strips) {
-    std::vector<Strip> strips(count);
-    for (const Eigen::Vector2d& sample : samples) {
-      const double part = (sample.y() - low) / (high - low) * static_cast<double>(count);
-      strips[std::min(count - 1, static_cast<std::size_t>(part))].push_back(sample);
+// One pass over the wall about a place.
+class Pass {
+ public:
+  // `hits`: sorted along.
+  explicit Pass(std::vector<Hit> hits) : hits_(std::move(hits)) {
+    low_mm_ = 1e300, high_mm_ = -1e300;
+    for (const Hit& hit : hits_) {
+      low_mm_ = std::min(low_mm_, hit.place_mm.y());
+      high_mm_ = std::max(high_mm_, hit.place_mm.y());
     }
-    MissedRays missed;
-    missed.sideways_sigma_mm = (high - low) / (static_cast<double>(count) * std::sqrt(12.0));
-    double with_samples = 0, crossed = 0;
-    for (const Strip& strip : strips) {
-      if (strip.empty()) continue;
-      with_samples += 1;
-      crossed +=
-          AddMissed(strip, samples, kMissed.beside * (high - low) / static_cast<double>(count),
-                    missed.places_mm)
-              ? 1
-              : 0;
-    }
-    if (crossed >= kMissed.least_strips * with_samples) return missed;
   }
-  return std::nullopt;
-}
+
+  // Whether it comes in lines; adds the rays that met nothing, with cells but without what is known
+  // of the directions.
+  bool AddMissed(std::vector<MissedRay>& rays) {
+    if (!(high_mm_ > low_mm_) || !FindGap()) return false;
+    FindLines();
+    if (!FindPitch()) return false;
+    FindSides();
+    for (const Line& line : lines_) AddMissedOf(line, rays);
+    return true;
+  }
+
+ private:
+  struct Line {
+    std::vector<Hit> hits;  // sorted round the tube
+
+    // Where it goes on.
+    double AlongAt(double y_mm, double gap_mm) const {
+      const Eigen::Vector2d &first = hits.front().place_mm, &last = hits.back().place_mm;
+      const double across_mm = last.y() - first.y();
+      if (across_mm < gap_mm) return last.x();
+      return last.x() + (last.x() - first.x()) / across_mm * (y_mm - last.y());
+    }
+  };
+
+  bool FindGap() {
+    for (const std::size_t count : kMissed.strips) {
+      std::vector<Strip> strips(count);
+      for (const Hit& hit : hits_) strips[PartOf(hit.place_mm.y(), count)].push_back(hit.place_mm);
+      double with_samples = 0;
+      std::vector<double> gaps;
+      for (const Strip& strip : strips) {
+        if (strip.empty()) continue;
+        with_samples += 1;
+        if (const auto gap_mm = EvenGap(strip)) gaps.push_back(*gap_mm);
+      }
+      if (static_cast<double>(gaps.size()) < kMissed.least_strips * with_samples) continue;
+      gap_mm_ = Median(gaps);
+      return true;
+    }
+    return false;
+  }
+
+  // Each hit, in their order round the tube, goes on the line that it continues.
+  void FindLines() {
+    std::vector<Hit> around = hits_;
+    std::sort(around.begin(), around.end(),
+              [](const Hit& a, const Hit& b) { return a.place_mm.y() < b.place_mm.y(); });
+    for (const Hit& hit : around) {
+      // Lines do not cross each other, so they stay sorted along.
+      auto behind = std::lower_bound(lines_.begin(), lines_.end(), hit.place_mm,
+                                     [&](const Line& line, const auto& place) {
+                                       return line.AlongAt(place.y(), gap_mm_) < place.x();
+                                     });
+      auto nearest = lines_.end();
+      double nearest_mm = kMissed.same_line * gap_mm_;
+      for (auto at : {behind, behind == lines_.begin() ? behind : std::prev(behind)}) {
+        if (at == lines_.end()) continue;
+        const double off_mm = std::abs(at->AlongAt(hit.place_mm.y(), gap_mm_) - hit.place_mm.x());
+        if (off_mm < nearest_mm) nearest = at, nearest_mm = off_mm;
+      }
+      if (nearest == lines_.end()) nearest = lines_.insert(behind, Line{});
+      nearest->hits.push_back(hit);
+    }
+  }
+
+  // How far rays lie apart round the tube, part by part, and how evenly.
+  bool FindPitch() {
+    std::vector<std::vector<double>> pitches(kMissed.parts), uneven(1);
+    for (const Line& line : lines_) {
+      for (std::size_t i = kMissed.over_rays; i < line.hits.size(); ++i) {
+        const double from_mm = line.hits[i - kMissed.over_rays].place_mm.y();
+        const double to_mm = line.hits[i].place_mm.y();
+        pitches[PartOf(0.5 * (from_mm + to_mm), kMissed.parts)].push_back(
+            (to_mm - from_mm) / static_cast<double>(kMissed.over_rays));
+      }
+    }
+    pitch_mm_.clear();
+    std::size_t empty = 0;
+    for (auto& part : pitches) {
+      if (part.empty()) {
+        ++empty;
+        if (!pitch_mm_.empty()) pitch_mm_.push_back(pitch_mm_.back());
+        continue;
+      }
+      const double pitch_mm = Median(std::move(part));
+      while (pitch_mm_.empty() && empty > 0) pitch_mm_.assign(empty, pitch_mm);
+      pitch_mm_.push_back(pitch_mm);
+    }
+    if (pitch_mm_.empty() || !(*std::min_element(pitch_mm_.begin(), pitch_mm_.end()) > 0)) {
+      return false;
+    }
+    for (const Line& line : lines_) {
+      for (std::size_t i = 1; i < line.hits.size(); ++i) {
+        const double apart_mm = line.hits[i].place_mm.y() - line.hits[i - 1].place_mm.y();
+        uneven.front().push_back(std::abs(apart_mm - PitchAt(line.hits[i].place_mm.y())));
+      }
+    }
+    constexpr double kPerMedian = 1.4826;  // 1 sigma of normal errors over the median of their size
+    uneven_mm_ = kPerMedian * Median(std::move(uneven.front()));
+    return true;
+  }
+
+  // The first and the last line that reach each place round the tube, less than half a ray wide.
+  void FindSides() {
+    const auto parts = static_cast<std::size_t>(
+        std::clamp(2.5 * (high_mm_ - low_mm_) / Median(pitch_mm_), 1.0, 4000.0));
+    sides_.assign(parts, {1e300, -1e300});
+    for (const Hit& hit : hits_) {
+      auto& [first_mm, last_mm] = sides_[PartOf(hit.place_mm.y(), parts)];
+      first_mm = std::min(first_mm, hit.place_mm.x());
+      last_mm = std::max(last_mm, hit.place_mm.x());
+    }
+  }
+
+  void AddMissedOf(const Line& line, std::vector<MissedRay>& rays) const {
+    if (line.hits.size() < kMissed.least_lines) return;
+    for (std::size_t i = 1; i < line.hits.size(); ++i)
+      AddBetween(line.hits[i - 1], line.hits[i], rays);
+    AddBeyond(line, true, rays);
+    AddBeyond(line, false, rays);
+  }
+
+  // Rays of a line between two hits that follow each other.
+  void AddBetween(const Hit& from, const Hit& to, std::vector<MissedRay>& rays) const {
+    const double from_mm = from.place_mm.y(), to_mm = to.place_mm.y();
+    if (to_mm - from_mm <
+        kMissed.missing * PitchAt(0.5 * (from_mm + to_mm)) + kMissed.missing_sigmas * uneven_mm_) {
+      return;
+    }
+    std::vector<double> at_mm;
+    for (double y = from_mm + PitchAt(from_mm);
+         y < to_mm + 0.5 * PitchAt(to_mm) && at_mm.size() <= kMissed.most_missing;
+         y += PitchAt(y)) {
+      at_mm.push_back(y);
+    }
+    if (at_mm.size() < 2 || at_mm.size() > kMissed.most_missing) return;
+    // The last one is the hit.
+    const double scale = (to_mm - from_mm) / (at_mm.back() - from_mm);
+    for (std::size_t i = 0; i + 1 < at_mm.size(); ++i) {
+      const double y = from_mm + scale * (at_mm[i] - from_mm);
+      const double part = (y - from_mm) / (to_mm - from_mm);
+      Add(from.place_mm + part * (to.place_mm - from.place_mm),
+          part < 0.5 ? from.to_sensor : to.to_sensor, rays);
+    }
+  }
+
+  // Rays of a line before its first or after its last hit, as far as other lines of the pass go.
+  void AddBeyond(const Line& line, bool is_after, std::vector<MissedRay>& rays) const {
+    const Hit& from = is_after ? line.hits.back() : line.hits.front();
+    const double way = is_after ? 1.0 : -1.0;
+    double y = from.place_mm.y();
+    for (std::size_t i = 0; i < kMissed.most_missing; ++i) {
+      y += way * PitchAt(y);
+      const Eigen::Vector2d place(from.place_mm.x(), y);
+      if (y < low_mm_ || y > high_mm_ || MeetsWall(place, from.place_mm.y(), way)) return;
+      Add(place, from.to_sensor, rays);
+    }
+  }
+
+  void Add(const Eigen::Vector2d& place_mm, SensorDirection to_sensor,
+           std::vector<MissedRay>& rays) const {
+    const std::size_t part = PartOf(place_mm.y(), sides_.size());
+    double first_mm = 1e300, last_mm = -1e300;
+    for (std::size_t i = part > 0 ? part - 1 : 0; i < std::min(part + 2, sides_.size()); ++i) {
+      first_mm = std::min(first_mm, sides_[i].first);
+      last_mm = std::max(last_mm, sides_[i].second);
+    }
+    if (first_mm > place_mm.x() - 0.5 * gap_mm_ || last_mm < place_mm.x() + 0.5 * gap_mm_) return;
+    const double pitch_mm = PitchAt(place_mm.y());
+    rays.push_back({place_mm, std::hypot(kMissed.known * pitch_mm, 0.5 * uneven_mm_),
+                    pitch_mm * gap_mm_, to_sensor});
+  }
+
+  // Whether hits lie about a place and on this way from where its line was left: it goes on there.
+  bool MeetsWall(const Eigen::Vector2d& place_mm, double from_mm, double way) const {
+    const double near_mm = PitchAt(place_mm.y()) + kMissed.missing_sigmas * uneven_mm_;
+    const auto first =
+        std::lower_bound(hits_.begin(), hits_.end(), place_mm.x() - kMissed.same_line * gap_mm_,
+                         [](const Hit& hit, double at_mm) { return hit.place_mm.x() < at_mm; });
+    for (auto at = first;
+         at != hits_.end() && at->place_mm.x() < place_mm.x() + kMissed.same_line * gap_mm_; ++at) {
+      const double y_mm = at->place_mm.y();
+      if (way * (y_mm - from_mm) > 0 && std::abs(y_mm - place_mm.y()) < near_mm) return true;
+    }
+    return false;
+  }
+
+  std::size_t PartOf(double y_mm, std::size_t count) const {
+    const double part = (y_mm - low_mm_) / (high_mm_ - low_mm_) * static_cast<double>(count);
+    return std::min(count - 1, static_cast<std::size_t>(std::max(0.0, part)));
+  }
+  double PitchAt(double y_mm) const { return pitch_mm_[PartOf(y_mm, pitch_mm_.size())]; }
+
+  std::vector<Hit> hits_;
+  double low_mm_ = 0, high_mm_ = 0;  // round the tube
+  double gap_mm_ = 0;                // of its lines
+  std::vector<Line> lines_;          // sorted along
+  std::vector<double> pitch_mm_;
+  double uneven_mm_ = 0;  // 1 sigma of the distance of neighbours in a line
+  std::vector<std::pair<double, double>> sides_;
+};
 
 }  // namespace
 
-std::vector<MissedRays> FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
-                                   const Eigen::Vector3d& outward,
-                                   const Eigen::Vector3d& sideways) {
-  struct Pass {
-    Strip samples;
-    Eigen::Vector3d to_sensor = Eigen::Vector3d::Zero();
-  };
-  std::map<unsigned, Pass> passes;
+MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
+                      const Eigen::Vector3d& outward, const Eigen::Vector3d& sideways) {
+  std::map<unsigned, std::vector<Hit>> passes;
   for (const WallSample& sample : wall) {
     if (!sample.to_sensor.known()) continue;
-    Pass& pass = passes[PassOf(sample.to_sensor)];
-    const UnpackedDirection direction = UnpackDirection(sample.to_sensor);
-    pass.samples.push_back(sample.place_mm);
-    pass.to_sensor += Eigen::Vector3d(direction.x, direction.y, direction.z);
+    passes[PassOf(sample.to_sensor)].push_back({sample.place_mm, sample.to_sensor});
   }
-  std::vector<MissedRays> all;
-  for (auto& [number, pass] : passes) {
-    std::sort(pass.samples.begin(), pass.samples.end(),
-              [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() < b.x(); });
-    auto missed = MissedOf(pass.samples);
-    if (!missed) continue;
-    MissedRays& rays = all.emplace_back(std::move(*missed));
-    rays.to_sensor = pass.to_sensor / static_cast<double>(pass.samples.size());
-    std::erase_if(rays.places_mm, [&](const Eigen::Vector2d& place) {
-      const double sine = place.y() / pipe_radius_mm;
-      if (std::abs(sine) >= 1) return true;
-      const double cosine = std::sqrt(1.0 - sine * sine) * rays.to_sensor.dot(outward) +
-                            sine * rays.to_sensor.dot(sideways);
-      return cosine < kMissed.least_cosine;
-    });
+  MissedRays missed;
+  for (auto& [number, hits] : passes) {
+    std::sort(hits.begin(), hits.end(),
+              [](const Hit& a, const Hit& b) { return a.place_mm.x() < b.place_mm.x(); });
+    missed.has_lines |= Pass(std::move(hits)).AddMissed(missed.rays);
   }
-  return all;
+  std::erase_if(missed.rays, [&](const MissedRay& ray) {
+    const double turn = ray.place_mm.y() / pipe_radius_mm;
+    const Eigen::Vector3d normal = std::cos(turn) * outward + std::sin(turn) * sideways;
+    return TowardsSensor(ray.to_sensor).dot(normal) < kMissed.least_cosine;
+  });
+  return missed;
 }
 
 }  // namespace bendloop::pipeline

@@ -9,24 +9,33 @@
 
 namespace bendloop::pipeline {
 
-// A sample of the wall about a place, in the plane across the outward direction there: x goes along
-// the tube, y round it.
+// A sample of the wall about a place, unrolled (unrolled_wall.h): in bends, too, lines are one
+// behind the other there.
 struct WallSample {
   Eigen::Vector2d place_mm = Eigen::Vector2d::Zero();
   SensorDirection to_sensor;  // with its pass
 };
 
-// Where rays of a pass met no wall, though its lines meet it on both sides: in a narrow strip along
-// the tube the lines of a pass follow each other evenly, but for whole lines that are missing
-// between two others. So these places are in a hole, or hidden.
-struct MissedRays {
-  Eigen::Vector3d to_sensor = Eigen::Vector3d::UnitZ();  // in W, about unit
-  std::vector<Eigen::Vector2d> places_mm;
-  double sideways_sigma_mm = 0;  // 1 sigma of their y: a ray may be anywhere in its strip
+inline Eigen::Vector3d TowardsSensor(SensorDirection packed) {
+  const UnpackedDirection direction = UnpackDirection(packed);
+  return {direction.x, direction.y, direction.z};
+}
+
+// A ray of a laser line that met no wall, though its neighbours in the line did, or those of the
+// lines before and behind at its side of the tube: it went through a hole, or is hidden.
+struct MissedRay {
+  Eigen::Vector2d place_mm = Eigen::Vector2d::Zero();  // where it would have met it
+  double sideways_sigma_mm = 0;                        // 1 sigma of its y
+  double cell_mm2 = 0;                                 // of the wall there is a ray for each
+  SensorDirection to_sensor;                           // with its pass, of the ray next to it
 };
-// Of each pass that comes in lines. `outward`, `sideways`: directions of the plane's normal and of
-// y in W. Places where the sensor looks along the wall are left out.
-std::vector<MissedRays> FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
-                                   const Eigen::Vector3d& outward, const Eigen::Vector3d& sideways);
+struct MissedRays {
+  bool has_lines = false;  // some pass comes in lines
+  std::vector<MissedRay> rays;
+};
+// Of all passes that come in lines across the tube. `outward`, `sideways`: directions of the wall's
+// normal at the place and of y in W. Rays that come in flat along the wall are left out.
+MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
+                      const Eigen::Vector3d& outward, const Eigen::Vector3d& sideways);
 
 }  // namespace bendloop::pipeline

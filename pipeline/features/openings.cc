@@ -5,11 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 
 #include "hal/angles.h"
 #include "pipeline/features/opening_border.h"
-#include "pipeline/features/opening_lines.h"
+#include "pipeline/features/opening_surroundings.h"
 #include "pipeline/features/plane_samples.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/features/surface_cells.h"
@@ -22,8 +21,6 @@ struct OpeningSettings {
   // [of r_P] From the surface, if that is more than kSampling.on_surface: samples of the wall
   // beside an opening.
   double on_surface_r = 0.05;
-  // [of r_P] Samples further in are not the wall's; further out nothing hides it.
-  double inside = 0.3, outside = 1.0;
   // The place is looked at as far as this around its middle, in its own size, and [of r_P] further.
   double look = 1.3, look_more = 0.5;
   // [of r_P] From the middle: what is further aside is seen along the surface.
@@ -35,88 +32,20 @@ struct OpeningSettings {
   std::size_t most_gap_probes = 400;
   // Samples that the wall would have there; fewer may be missing by chance (e^-16).
   double least_missing = 16.0;
-  // Of these, where they come in laser lines: so many rays were seen to meet no wall.
-  double least_missed = 0.3;
-  // Cameras look at a laser line from so far beside it, along the tube; and how far off parts of
-  // the tube are that hide a place. Steps of the search [deg, and of r_P].
-  double camera_deg = 45.0, camera_step_deg = 6.0, hides_mm = 400.0, way_step = 0.2;
+  // Of its area, where samples come in laser lines: so much was looked through by all passes.
+  double least_through = 0.6;
   // Of these, so many may lie in it: fliers and mixed pixels.
   double most_inside = 0.04;
-  // Its border has samples on so many of its sides.
-  int sides = 24, least_sides = 23;
+  // Its border has samples on all of its sides but one: these are as many as have so many samples
+  // each, at most and at least so many.
+  int most_sides = 24, least_sides = 8;
+  double of_side = 5.0;
   // [of r_P] The widest, and how much longer than wide.
   double widest = 1.7, longest = 12.0;
   // Samples whose distance to the nearest says how evenly they are scattered.
   std::size_t asked = 150;
 };
 constexpr OpeningSettings kOpening;
-
-// What lies about a place, in the plane across the outward direction there.
-struct Surroundings {
-  std::vector<Eigen::Vector2d> wall;  // samples of the surface
-  bool has_lines = false;             // of a laser
-  // Where rays of these met none, and nothing hides it (opening_lines.h).
-  std::vector<MissedPlace> missed;
-  // These, and whatever else may hide it or shows that something is there.
-  std::vector<Eigen::Vector2d> present;
-};
-
-// Whether another part of the tube lies in the way of a scanner's light to the place, or in that to
-// its camera, which stands before or behind along the tube.
-bool MayHide(const hal::SurfaceFrame& frame, const Eigen::Vector3d& to_sensor, double r_mm,
-             std::span<const SegmentFrame> frames) {
-  std::vector<std::int32_t> all(frames.size());
-  std::iota(all.begin(), all.end(), 0);
-  const Eigen::Vector3d place = frame.spine_mm + r_mm * frame.outward;
-  for (double turn_deg = -kOpening.camera_deg; turn_deg <= kOpening.camera_deg;
-       turn_deg += kOpening.camera_step_deg) {
-    const double turn = turn_deg * hal::kRadiansPerDegree;
-    const Eigen::Vector3d way =
-        (std::cos(turn) * to_sensor.normalized() + std::sin(turn) * frame.tangent).normalized();
-    for (double at_mm = 0.5 * r_mm; at_mm < kOpening.hides_mm;) {
-      const double free_mm = NearestSegment(place + at_mm * way, frames, all).distance_mm - r_mm;
-      if (free_mm < 0) return true;
-      at_mm += std::max(free_mm, kOpening.way_step * r_mm);
-    }
-  }
-  return false;
-}
-
-Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall_mm, double r_mm,
-                    std::span<const SegmentFrame> frames, std::span<const PointBlock> blocks) {
-  Surroundings around;
-  const Eigen::Vector3d middle = frame.spine_mm + r_mm * frame.outward;
-  const Eigen::Vector3d sideways = frame.sideways();
-  const double ball_mm = std::hypot(reach_mm, (1.0 + kOpening.outside) * r_mm);
-  std::vector<WallSample> wall;
-  std::vector<std::int32_t> candidates;
-  for (const PointBlock& block : blocks) {
-    const double near_mm = ball_mm + block.half_diagonal_mm;
-    if ((block.center_mm - middle).squaredNorm() > near_mm * near_mm) continue;
-    CandidateSegments(block, frames, 2.5 * r_mm, candidates);
-    if (candidates.empty()) continue;
-    for (std::size_t i = 0; i < block.points.size(); ++i) {
-      const Eigen::Vector3d& point = block.points[i];
-      const Eigen::Vector3d from = point - frame.spine_mm;
-      const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(sideways));
-      if (place.norm() > reach_mm || from.dot(frame.outward) < 0) continue;
-      const double off_mm = NearestSegment(point, frames, candidates).distance_mm - r_mm;
-      if (off_mm < -kOpening.inside * r_mm || off_mm > kOpening.outside * r_mm) continue;
-      around.present.push_back(place);
-      if (std::abs(off_mm) >= wall_mm) continue;
-      around.wall.push_back(place);
-      if (i < block.to_sensor.size()) wall.push_back({place, block.to_sensor[i]});
-    }
-  }
-  for (const MissedRays& rays : FindMissed(wall, r_mm, frame.outward, sideways)) {
-    around.has_lines = true;
-    if (rays.places_mm.empty() || MayHide(frame, rays.to_sensor, r_mm, frames)) continue;
-    for (const Eigen::Vector2d& place : rays.places_mm) {
-      around.missed.push_back({place, rays.sideways_sigma_mm});
-    }
-  }
-  return around;
-}
 
 // The void about the middle: how wide it is, where, and how long.
 std::optional<OpeningBorder> RoughBorder(const PlaneSamples& present, double size_mm, double r_mm) {
@@ -182,75 +111,78 @@ double GapBeside(const OpeningBorder& border, const PlaneSamples& present, doubl
 // nearer to each other along a laser line than the lines do tell the same again. Scattered ones
 // have their nearest half of 1 / sqrt(density) away (Clark & Evans 1954), so these count as many as
 // would have theirs where it is.
-double Clumping(const OpeningBorder& border, const Surroundings& around) {
-  const SampleDensity density = DensityBeside(border, around.wall);
-  const std::size_t stride = StrideTo(around.wall.size(), kOpening.asked);
+double Clumping(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall) {
+  const SampleDensity density = DensityBeside(border, wall);
+  const PlaneSamples samples(wall);
+  const std::size_t stride = StrideTo(wall.size(), kOpening.asked);
   double sum_mm = 0, count = 0;
-  for (std::size_t i = 0; i < around.wall.size(); i += stride) {
-    if (border.DistanceMm(around.wall[i]) > 0.5 * border.width_mm) continue;
-    double nearest = 1e300;
-    for (std::size_t k = 0; k < around.wall.size(); ++k) {
-      if (k != i) nearest = std::min(nearest, (around.wall[k] - around.wall[i]).squaredNorm());
-    }
-    sum_mm += std::sqrt(nearest);
+  for (std::size_t i = 0; i < wall.size(); i += stride) {
+    if (border.DistanceMm(wall[i]) > 0.5 * border.width_mm) continue;
+    sum_mm += samples.NearestOtherMm(wall[i]);
     count += 1;
   }
   if (!(sum_mm > 0) || !(density.per_mm2 > 0)) return 1.0;
   return std::max(1.0, 0.5 / std::sqrt(density.per_mm2) / (sum_mm / count));
 }
 
-// Whether an opening with this border leaves these samples: none in it, and some on all its sides,
-// no further from it than they are from each other.
-bool IsCut(const OpeningBorder& border, const Surroundings& around, double gap_mm) {
-  const double missing = DensityBeside(border, around.wall).per_mm2 * border.AreaMm2();
-  double inside = 0;
-  std::vector<bool> has(static_cast<std::size_t>(kOpening.sides), false);
-  const double clear_mm = 0.1 * border.width_mm;
-  for (const Eigen::Vector2d& place : around.present) {
-    if (border.DistanceMm(place) < -clear_mm) inside += 1;
-  }
-  for (const Eigen::Vector2d& place : around.wall) {
+// Of the sides of a border, those with samples no further from it than `reach_mm`: all but one are
+// asked for.
+bool HasAllSides(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
+                 double clear_mm, double reach_mm) {
+  std::vector<double> turns;
+  for (const Eigen::Vector2d& place : wall) {
     const double off_mm = border.DistanceMm(place);
-    if (off_mm < -clear_mm || off_mm > 2.0 * gap_mm + clear_mm) continue;
+    if (off_mm < -clear_mm || off_mm > reach_mm) continue;
     // Sides by how far around the border: that of a long slot is stretched to be round.
     const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
     const Eigen::Vector2d from = place - border.middle_mm;
     const double x = (c * from.x() + s * from.y()) * border.width_mm / border.length_mm;
-    const double turn = std::atan2(c * from.y() - s * from.x(), x) / (2.0 * std::numbers::pi) + 0.5;
-    const auto side = static_cast<std::size_t>(turn * kOpening.sides);
-    has[std::min(side, has.size() - 1)] = true;
+    turns.push_back(std::atan2(c * from.y() - s * from.x(), x) / (2.0 * std::numbers::pi) + 0.5);
   }
-  double rays = 0;
-  for (const MissedPlace& missed : around.missed) {
-    rays += border.DistanceMm(missed.place_mm) < 0 ? 1 : 0;
+  const int sides =
+      std::clamp(static_cast<int>(static_cast<double>(turns.size()) / kOpening.of_side),
+                 kOpening.least_sides, kOpening.most_sides);
+  std::vector<bool> has(static_cast<std::size_t>(sides), false);
+  for (const double turn : turns) {
+    has[std::min(static_cast<std::size_t>(turn * sides), has.size() - 1)] = true;
   }
-  if (around.has_lines && rays < kOpening.least_missed * missing) return false;
+  return std::count(has.begin(), has.end(), true) + 1 >= sides;
+}
+
+// Whether an opening with this border leaves these samples: none in it, and some on all its sides,
+// no further from it than they are from each other.
+bool IsCut(const OpeningBorder& border, const Surroundings& around, const LineSurroundings& lines,
+           double gap_mm) {
+  const double missing = DensityBeside(border, around.wall).per_mm2 * border.AreaMm2();
+  const double clear_mm = 0.1 * border.width_mm;
+  double inside = 0, through_mm2 = 0;
+  for (const Eigen::Vector2d& place : around.present) {
+    inside += border.DistanceMm(place) < -clear_mm ? 1 : 0;
+  }
+  for (std::size_t i = 0; i < lines.missed.size(); ++i) {
+    through_mm2 += border.DistanceMm(lines.missed[i].place_mm) < 0 ? lines.cell_mm2[i] : 0;
+  }
+  if (lines.has_lines && through_mm2 < kOpening.least_through * border.AreaMm2()) return false;
   return missing >= kOpening.least_missing &&
          inside <= std::max(1.0, kOpening.most_inside * missing) &&
-         std::count(has.begin(), has.end(), true) >= kOpening.least_sides;
+         HasAllSides(border, around.wall, clear_mm, 2.0 * gap_mm + clear_mm);
 }
 
 // One place where cells of the surface are empty, looked at closely.
 class Candidate {
  public:
-  Candidate(const hal::Tube& tube, std::span<const hal::SpineSegment> segments,
-            std::span<const SegmentFrame> frames, double sigma_mm,
-            std::span<const PointBlock> blocks)
-      : r_mm_(tube.pipe_radius_mm),
-        segments_(segments),
-        frames_(frames),
-        sigma_mm_(sigma_mm),
-        blocks_(blocks) {}
+  // `segments`: of sharp bends, by which places are counted.
+  Candidate(const LookedAtTube& tube, std::span<const hal::SpineSegment> segments, double sigma_mm)
+      : tube_(tube), r_mm_(tube.pipe_radius_mm), segments_(segments), sigma_mm_(sigma_mm) {}
 
-  std::optional<OpeningFound> LookAt(const EmptyPlace& place) const {
+  // `frame`: of the place.
+  std::optional<OpeningFound> LookAt(const EmptyPlace& place, hal::SurfaceFrame frame) const {
     const double size_mm = 0.5 * place.size_mm;
     const double reach_mm = kOpening.look * 2.0 * size_mm + kOpening.look_more * r_mm_;
     const double wall_mm =
         std::max(kSampling.on_surface * sigma_mm_, kOpening.on_surface_r * r_mm_);
-    hal::SurfaceFrame frame = hal::FrameAt(segments_, place.along_mm, place.around_deg);
     for (int round = 0; round < 2; ++round) {
-      const Surroundings around =
-          pipeline::LookAt(frame, reach_mm, wall_mm, r_mm_, frames_, blocks_);
+      const Surroundings around = tube_.LookAt(frame, reach_mm, wall_mm);
       if (around.wall.size() < 20) return std::nullopt;
       const PlaneSamples present(around.present);
       const auto rough = RoughBorder(present, size_mm, r_mm_);
@@ -275,10 +207,11 @@ class Candidate {
     if (density.per_mm2 * rough.AreaMm2() < kOpening.least_missing) return std::nullopt;
     OpeningBorder about = rough;
     about.pipe_radius_mm = r_mm_;
+    const LineSurroundings lines = tube_.FindLines(frame, around.seen);
     const FittedOpening fitted =
-        FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_), around.missed);
-    if (!IsCut(fitted.border, around, gap_mm)) return std::nullopt;
-    return Found(frame, fitted, around.has_lines ? 1.0 : Clumping(fitted.border, around));
+        FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_), lines.missed);
+    if (!IsCut(fitted.border, around, lines, gap_mm)) return std::nullopt;
+    return Found(frame, fitted, lines.has_lines ? 1.0 : Clumping(fitted.border, around.wall));
   }
 
   // The frame of a place in the plane of another.
@@ -342,11 +275,10 @@ class Candidate {
     return found;
   }
 
+  const LookedAtTube& tube_;
   double r_mm_;
   std::span<const hal::SpineSegment> segments_;
-  std::span<const SegmentFrame> frames_;
   double sigma_mm_;
-  std::span<const PointBlock> blocks_;
 };
 
 }  // namespace
@@ -360,19 +292,23 @@ std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easi
   if (places.empty()) return openings;
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
   const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
-  const Candidate candidate(tube, segments, frames, sigma_mm, blocks);
+  const LookedAtTube looked_at{tube.pipe_radius_mm, spine.segments, frames, blocks};
+  const Candidate candidate(looked_at, segments, sigma_mm);
+  // The same one is seen at several sizes of cells.
+  const auto is_known = [&](const Eigen::Vector3d& position_mm) {
+    return std::any_of(openings.begin(), openings.end(), [&](const OpeningFound& other) {
+      return (other.position_mm - position_mm).norm() < 0.5 * other.opening.length_mm;
+    });
+  };
   for (const EmptyPlace& place : places) {
-    auto found = candidate.LookAt(place);
-    if (!found) continue;
+    const hal::SurfaceFrame frame = hal::FrameAt(segments, place.along_mm, place.around_deg);
+    if (is_known(frame.spine_mm + tube.pipe_radius_mm * frame.outward)) continue;
+    auto found = candidate.LookAt(place, frame);
+    if (!found || is_known(found->position_mm)) continue;
     const bool from_end = 2.0 * found->opening.along_mm > hal::SpineLength(tube.program);
     found->sigma.along_mm =
         std::hypot(found->sigma.along_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
-    // The same one, seen at another size of cells.
-    const bool is_known =
-        std::any_of(openings.begin(), openings.end(), [&](const OpeningFound& other) {
-          return (other.position_mm - found->position_mm).norm() < 0.5 * other.opening.length_mm;
-        });
-    if (!is_known) openings.push_back(*found);
+    openings.push_back(*found);
   }
   std::sort(openings.begin(), openings.end(), [](const OpeningFound& a, const OpeningFound& b) {
     return a.opening.along_mm < b.opening.along_mm;

@@ -45,32 +45,54 @@ PlaneSamples::Cell PlaneSamples::CellOf(const Eigen::Vector2d& place) const {
   return cell.cwiseMax(0.0).cwiseMin((cells_ - Cell::Ones()).cast<double>()).cast<int>();
 }
 
-double PlaneSamples::NearestIn(const Cell& cell, const Eigen::Vector2d& place,
-                               double nearest) const {
-  const auto at = static_cast<std::size_t>(cell.y() * cells_.x() + cell.x());
-  for (std::uint32_t i = begin_[at]; i < begin_[at + 1]; ++i) {
-    nearest = std::min(nearest, (samples_[i] - place).squaredNorm());
-  }
-  return nearest;
-}
-
-double PlaneSamples::NearestMm(const Eigen::Vector2d& place) const {
-  double nearest = kNone;
-  if (samples_.empty()) return std::sqrt(nearest);
+template <class Nearest>
+double PlaneSamples::Search(const Eigen::Vector2d& place, Nearest nearest) const {
+  if (samples_.empty()) return std::sqrt(nearest.Most());
   const Cell own = CellOf(place);
+  const auto look_into = [&](int x, int y) {
+    const auto at = static_cast<std::size_t>(y * cells_.x() + x);
+    for (std::uint32_t i = begin_[at]; i < begin_[at + 1]; ++i) {
+      nearest.Take((samples_[i] - place).squaredNorm());
+    }
+  };
   // Ring after ring of cells; what is in the ring after this one is as far as this ring is wide.
   // From a place beside all cells it is further.
   for (int ring = 0; ring <= cells_.maxCoeff(); ++ring) {
-    if (nearest <= std::pow(cell_mm_ * (ring - 1), 2) && ring > 0) break;
+    if (nearest.Most() <= std::pow(cell_mm_ * (ring - 1), 2) && ring > 0) break;
     for (int y = std::max(0, own.y() - ring); y <= std::min(cells_.y() - 1, own.y() + ring); ++y) {
       const bool whole = std::abs(y - own.y()) == ring;
       const int step = whole || ring == 0 ? 1 : 2 * ring;
       for (int x = own.x() - ring; x <= own.x() + ring; x += step) {
-        if (x >= 0 && x < cells_.x()) nearest = NearestIn({x, y}, place, nearest);
+        if (x >= 0 && x < cells_.x()) look_into(x, y);
       }
     }
   }
-  return std::sqrt(nearest);
+  return std::sqrt(nearest.Most());
+}
+
+double PlaneSamples::NearestMm(const Eigen::Vector2d& place) const {
+  struct First {
+    double first = kNone;
+    void Take(double square) { first = std::min(first, square); }
+    double Most() const { return first; }
+  };
+  return Search(place, First{});
+}
+
+double PlaneSamples::NearestOtherMm(const Eigen::Vector2d& sample) const {
+  struct Second {  // the first is the sample itself
+    double first = kNone, second = kNone;
+    void Take(double square) {
+      if (square < first) {
+        second = first;
+        first = square;
+      } else {
+        second = std::min(second, square);
+      }
+    }
+    double Most() const { return second; }
+  };
+  return Search(sample, Second{});
 }
 
 }  // namespace bendloop::pipeline

@@ -15,12 +15,16 @@ class PlaneSamples {
 
   // How far the nearest sample is; very far without any.
   double NearestMm(const Eigen::Vector2d& place) const;
+  // Of one of the samples, how far the nearest of the others is.
+  double NearestOtherMm(const Eigen::Vector2d& sample) const;
 
  private:
   using Cell = Eigen::Vector2i;
   Cell CellOf(const Eigen::Vector2d& place) const;
-  // The nearest of one cell's, squared, or `nearest`.
-  double NearestIn(const Cell& cell, const Eigen::Vector2d& place, double nearest) const;
+  // The least of all squared distances, kept by `nearest`: Take() has one more, Most() says beyond
+  // which none is asked for.
+  template <class Nearest>
+  double Search(const Eigen::Vector2d& place, Nearest nearest) const;
 
   Eigen::Vector2d low_mm_ = Eigen::Vector2d::Zero();
   double cell_mm_ = 1.0;

@@ -375,10 +375,16 @@ std::vector<EmptyPlace> FindEmptyPlaces(const hal::Tube& tube, std::span<const P
       turn_deg +=
           hal::AroundDeg(hal::AroundZero(segments, at), segments[at].tangent, segments[at].normal);
       place.around_deg = hal::WrapRotationDeg(turn_deg);
-      if (places.size() < kCells.most_places) places.push_back(place);
+      place.narrow_mm = std::min(found.rows * grid.row_mm, found.columns * column_mm);
+      places.push_back(place);
     }
     grid = grid.Coarser();
   }
+  // Where many gaps between lines look empty, the widest places are worth the looks.
+  std::stable_sort(places.begin(), places.end(), [](const EmptyPlace& a, const EmptyPlace& b) {
+    return a.narrow_mm > b.narrow_mm;
+  });
+  places.resize(std::min(places.size(), kCells.most_places));
   return places;
 }
 

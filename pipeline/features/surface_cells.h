@@ -15,7 +15,9 @@ namespace bendloop::pipeline {
 struct EmptyPlace {
   double along_mm = 0, around_deg = 0;  // of its middle (hal/tube_features.h)
   double size_mm = 0;                   // across, with the cells around it
+  double narrow_mm = 0;                 // along or around, the lesser, without them
 };
+// The widest ones first.
 std::vector<EmptyPlace> FindEmptyPlaces(const hal::Tube& tube, std::span<const PointBlock> blocks,
                                         Workers* workers = nullptr);
 

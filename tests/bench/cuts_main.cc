@@ -13,6 +13,7 @@
 #include "hal/tube_features.h"
 #include "tests/bench/bench_table.h"
 #include "tests/bench/cut_scan.h"
+#include "tests/bench/live_cuts.h"
 #include "tests/support/cut_walls.h"
 #include "tests/support/reversed_features.h"
 
@@ -224,14 +225,20 @@ void PrintScans(int count) {
 }  // namespace bendloop::bench
 
 int main(int argc, char** argv) {
-  int count = 200, scans = 40;
+  int count = 200, scans = 40, live = 0;
+  std::uint64_t seed = 1;
+  bool told = false;
   std::string plot;
   CLI::App app("Errors of ends, holes and slots beside the least that samples allow");
   app.add_option("--count", count, "Borders of each kind")->capture_default_str();
   app.add_option("--scans", scans, "Tubes scanned by laser lines")->capture_default_str();
+  app.add_option("--live", live, "Random tubes scanned by hand")->capture_default_str();
+  app.add_option("--seed", seed, "Of the first of these")->capture_default_str();
+  app.add_flag("--told", told, "Say of these what is not found or more than 3 sigma off");
   app.add_option("--plot", plot, "Draw borders found, of a handle and of a tube, into this SVG");
   CLI11_PARSE(app, argc, argv);
   if (!plot.empty()) bendloop::bench::DrawBorders(plot);
   if (count > 0) bendloop::bench::PrintScattered(count);
   if (scans > 0) bendloop::bench::PrintScans(scans);
+  if (live > 0) bendloop::bench::PrintLive(seed, live, told);
 }

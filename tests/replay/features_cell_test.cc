@@ -60,12 +60,12 @@ void ExpectEnds(const pipeline::Measurement& m, const hal::BendProgram& tube,
   }
 }
 
-// The openings of more than 2.5 mm, by their places; smaller ones are hardly seen at this spacing.
+// All openings, by their places, and nothing else.
 void ExpectOpenings(const pipeline::Measurement& m, double length_mm,
                     const hal::TubeFeatures& cut) {
+  EXPECT_EQ(m.features.openings.size(), cut.openings.size());
   const double longer_mm = hal::SpineLength(m.tube.program) - length_mm;
   for (const hal::WallOpening& truth : cut.openings) {
-    if (truth.width_mm < 2.6) continue;
     SCOPED_TRACE(truth.along_mm);
     const double at_mm = truth.along_mm + (truth.along_mm > 0.5 * length_mm ? longer_mm : 0);
     const auto found = std::find_if(
@@ -88,7 +88,8 @@ void ExpectDent(const pipeline::Measurement& m, const hal::PressedDent& truth) {
   ASSERT_EQ(m.dents.size(), 1U);
   const pipeline::DentFound& dent = m.dents.front();
   EXPECT_NEAR(dent.along_mm, truth.along_mm, 3 * dent.along_sigma_mm);
-  EXPECT_LT(std::abs(Turn(dent.around_deg, truth.around_deg)), 3);
+  EXPECT_LT(std::abs(Turn(dent.around_deg, truth.around_deg)), 3 * dent.around_sigma_deg);
+  EXPECT_LT(dent.around_sigma_deg, 1.0);
   EXPECT_NEAR(dent.depth_mm, truth.depth_mm, 3 * dent.sigma_mm);
   const double area_mm2 =
       2 * std::numbers::pi * std::numbers::ln2 * truth.width_mm * truth.width_mm;

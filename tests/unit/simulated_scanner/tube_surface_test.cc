@@ -101,5 +101,27 @@ TEST(TubeSurface, RespectsItsRange) {
   EXPECT_FALSE(surface.FirstHit(0, {{-10, 0, 0}, {1, 0, 0}}, 0, 100));  // into the open end
 }
 
+// Whatever side the rays come from: a dent of 0.15 pipe radii, deepest where x is 50 and z up.
+TEST(TubeSurface, DentsAreAsDeepFromAllSides) {
+  hal::TubeFeatures features;
+  features.dents = {{50, 0, 1.2, 3}};
+  const TubeSurface surface({8, {{{100, 0, 0, std::nullopt}}}, {}}, features);
+  const Vector3d up = hal::FrameAt(surface.segments(), 50, 0).outward;
+  const Vector3d aside = up.cross(Vector3d::UnitX());
+  for (double turn = -1.2; turn <= 1.2; turn += 0.1) {
+    for (double from = -3; from <= 3; from += 0.5) {
+      const Vector3d direction = std::cos(turn) * up + std::sin(turn) * aside;
+      const Ray ray{{50 + from, 0, 0}, -direction};
+      const Ray outside{ray.origin_mm + 100 * direction + from * up, ray.direction};
+      const auto hit = FirstHit(surface, outside);
+      if (!hit) continue;  // over the dent
+      const Vector3d point = outside.At(hit->along_mm);
+      const double around = 8 * std::atan2(point.dot(aside), point.dot(up));
+      const double depth = 1.2 * std::exp(-0.5 * (from * from + around * around) / 9);
+      EXPECT_NEAR(std::hypot(point.y(), point.z()), 8 - depth, 1e-5) << turn << " " << from;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace bendloop::drivers

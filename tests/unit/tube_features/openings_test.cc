@@ -120,12 +120,10 @@ TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
     std::vector<Eigen::Vector2d> wall;
     for (const WallSample& sample : samples) wall.push_back(sample.place_mm);
     std::vector<MissedPlace> missed;
-    for (const MissedRays& rays :
-         FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY())) {
-      for (const Eigen::Vector2d& place : rays.places_mm) {
-        EXPECT_LT(hole.DistanceMm(place), 0.2);
-        missed.push_back({place, rays.sideways_sigma_mm});
-      }
+    for (const MissedRay& ray :
+         FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY()).rays) {
+      EXPECT_LT(hole.DistanceMm(ray.place_mm), 0.05);
+      missed.push_back({ray.place_mm, ray.sideways_sigma_mm});
     }
     ASSERT_GT(missed.size(), 100U);
     OpeningBorder about = hole;
@@ -147,10 +145,10 @@ TEST(OpeningLines, AGapBetweenPassesMissesNothing) {
   std::mt19937_64 random(4);
   OpeningBorder none;  // of no size
   const auto samples = LinesOn(none, 1.5, random);
-  for (const MissedRays& rays :
-       FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY())) {
-    EXPECT_TRUE(rays.places_mm.empty());
-  }
+  const MissedRays missed =
+      FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY());
+  EXPECT_TRUE(missed.has_lines);
+  EXPECT_TRUE(missed.rays.empty());
 }
 
 }  // namespace

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "hal/spine.h"
+#include "hal/tube_features.h"
+#include "pipeline/features/opening_border.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/points/sensor_direction.h"
+
+namespace bendloop::pipeline {
+
+// A sample of the wall whose sensor's direction is known.
+struct SeenWall {
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  SensorDirection to_sensor;
+  std::int32_t segment = 0;  // of the spine, the nearest
+};
+
+// What lies about a place, in the plane across the outward direction there: x goes along the tube,
+// y as `frame.sideways()` does.
+struct Surroundings {
+  std::vector<Eigen::Vector2d> wall;  // samples of the surface
+  std::vector<SeenWall> seen;         // of these; all or some
+  // These, and whatever else may hide it or shows that something is there.
+  std::vector<Eigen::Vector2d> present;
+};
+// What laser lines tell of it.
+struct LineSurroundings {
+  bool has_lines = false;  // some pass came in lines
+  // Where rays met no wall, and no other part of the tube hides it.
+  std::vector<MissedPlace> missed;
+  std::vector<double> cell_mm2;  // of each: the wall that it stands for
+};
+
+// A tube with its points, looked at place by place. Another object holds what the spans show.
+struct LookedAtTube {
+  double pipe_radius_mm = 0;
+  std::span<const hal::SpineSegment> segments;
+  std::span<const SegmentFrame> frames;  // of these
+  std::span<const PointBlock> blocks;
+
+  // `wall_mm`: samples of the wall lie so near to the surface.
+  Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall_mm) const;
+  LineSurroundings FindLines(const hal::SurfaceFrame& frame, std::span<const SeenWall> seen) const;
+};
+
+}  // namespace bendloop::pipeline

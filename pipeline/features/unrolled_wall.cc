@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/unrolled_wall.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace bendloop::pipeline {
+
+Eigen::Vector2d UnrolledWall::PlaceOf(const Eigen::Vector3d& point, const SpineFoot& foot) const {
+  const hal::SpineSegment& segment = segments_[static_cast<std::size_t>(foot.segment)];
+  const Eigen::Vector3d across = Carried(point - segment.PointAt(foot.along_mm),
+                                         segment.TangentAt(foot.along_mm), frame_.tangent);
+  return {segment.from_start_mm + foot.along_mm,
+          r_mm_ * std::atan2(across.dot(frame_.sideways()), across.dot(frame_.outward))};
+}
+
+Eigen::Vector3d UnrolledWall::PointAt(const Eigen::Vector2d& place_mm) const {
+  const hal::SpineSegment& segment = segments_[hal::SegmentAt(segments_, place_mm.x())];
+  const double on_mm = place_mm.x() - segment.from_start_mm, turn = place_mm.y() / r_mm_;
+  const Eigen::Vector3d there =
+      std::cos(turn) * frame_.outward + std::sin(turn) * frame_.sideways();
+  return segment.PointAt(on_mm) + r_mm_ * Carried(there, frame_.tangent, segment.TangentAt(on_mm));
+}
+
+Eigen::Vector3d UnrolledWall::Carried(const Eigen::Vector3d& direction, const Eigen::Vector3d& from,
+                                      const Eigen::Vector3d& to) {
+  return Eigen::Quaterniond::FromTwoVectors(from, to) * direction;
+}
+
+}  // namespace bendloop::pipeline
