@@ -101,6 +101,18 @@ void KeepOnePolygon(std::vector<CadTube>& tubes) {
   tubes.assign(1, polygon);
 }
 
+// Lines and arcs beside other curves are no tube of their own.
+CadTube FreeCurve(std::size_t free, std::size_t all) {
+  CadTube tube;
+  tube.is_wire = true;
+  tube.spine.start = tube.spine.end = Vector3d::Zero();
+  tube.spine.direction = Vector3d::UnitX();
+  tube.problems.push_back(all == 1 ? "its curve is no line and no arc"
+                                   : std::to_string(free) + " of its " + std::to_string(all) +
+                                         " curves are no lines and no arcs");
+  return tube;
+}
+
 }  // namespace
 
 std::vector<CadTube> TubesOfCurves(const CadBody& body) {
@@ -131,18 +143,10 @@ std::vector<CadTube> TubesOfCurves(const CadBody& body) {
     TakeProfiles(profiles, tube);
     const double kink = std::max(chain.first.kink_deg, chain.last.kink_deg);
     if (kink > 0) tube.problems.push_back(KinkText(kink));
-    if (free > 0) tube.problems.emplace_back("one of its curves is no line and no arc");
     tubes.push_back(std::move(tube));
   }
   KeepOnePolygon(tubes);
-  if (tubes.empty() && free > 0) {
-    CadTube tube;
-    tube.is_wire = true;
-    tube.spine.start = tube.spine.end = Vector3d::Zero();
-    tube.spine.direction = Vector3d::UnitX();
-    tube.problems.emplace_back("its curve is no line and no arc");
-    tubes.push_back(std::move(tube));
-  }
+  if (free > 0) tubes.assign(1, FreeCurve(free, body.curves.size()));
   return tubes;
 }
 

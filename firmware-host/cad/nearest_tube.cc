@@ -68,6 +68,24 @@ std::vector<Vector3d> OuterPoints(const CadBody& body, double pipe_radius_mm) {
   return points;
 }
 
+// Of a pipe of that radius about a body's curves, without the circles that are its profiles.
+std::vector<Vector3d> PipePoints(const CadBody& body, double pipe_radius_mm) {
+  std::vector<Vector3d> points;
+  for (const auto& curve : body.curves) {
+    if ((curve.front() - curve.back()).norm() < 1e-6) continue;
+    for (std::size_t i = 0; i < curve.size(); ++i) {
+      const Vector3d along = curve[std::min(i + 1, curve.size() - 1)] - curve[i == 0 ? 0 : i - 1];
+      if (!(along.norm() > 0)) continue;
+      const Vector3d x = along.unitOrthogonal(), y = along.normalized().cross(x);
+      for (int k = 0; k < kAroundSamples; ++k) {
+        const double angle = 2 * std::numbers::pi * (k + (i % 2) * 0.5) / kAroundSamples;
+        points.push_back(curve[i] + pipe_radius_mm * (std::cos(angle) * x + std::sin(angle) * y));
+      }
+    }
+  }
+  return points;
+}
+
 // Bends that are tighter than the pipe, which no part file takes, about the same corners as tight
 // as it.
 void WidenArcs(std::vector<hal::BendRow>& rows, double least_mm) {
@@ -95,10 +113,27 @@ void SeparateArcs(std::vector<hal::BendRow>& rows, double most_mm) {
   }
 }
 
+// A scan's samples stop anywhere, on average half their distance before the end; a model's lie on
+// its very edge. Moves the last straight's end there.
+void EndAtSamples(const std::vector<Vector3d>& points, double radius_mm, Spine& spine) {
+  const Vector3d outward = spine.end_direction();
+  double farthest = -INFINITY;
+  for (const Vector3d& p : points) {
+    const Vector3d d = p - spine.end;
+    const double along = d.dot(outward), across = (d - along * outward).norm();
+    if (std::abs(along) < radius_mm && std::abs(across - radius_mm) < radius_mm / 2) {
+      farthest = std::max(farthest, along);
+    }
+  }
+  const Vector3d begin = spine.arcs.empty() ? spine.start : spine.arcs.back().to;
+  if (farthest + (spine.end - begin).dot(outward) > 0) spine.end += farthest * outward;
+}
+
 }  // namespace
 
 hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
-  const std::vector<Vector3d> points = OuterPoints(body, like.pipe_radius_mm);
+  const std::vector<Vector3d> points =
+      like.is_wire ? PipePoints(body, like.pipe_radius_mm) : OuterPoints(body, like.pipe_radius_mm);
   pipeline::ReconstructionOptions options;
   if (like.pipe_radius_mm > 0) options.pipe_radius_mm = like.pipe_radius_mm;
   const hal::SteadyClock clock;
@@ -115,12 +150,15 @@ hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
   WidenArcs(measured->tube.program.rows, kTightestRadii * tube.pipe_radius_mm);
   SeparateArcs(measured->tube.program.rows, kMostOverlapRadii * tube.pipe_radius_mm);
   tube.spine = SpineOf(measured->tube);
+  for (int end = 0; end < 2; ++end) {
+    EndAtSamples(points, tube.pipe_radius_mm, tube.spine);
+    tube.spine = tube.spine.Reversed();
+  }
   char text[160];
   std::snprintf(
       text, sizeof text,
-      "the part is no lines and arcs; these are the nearest, and its surface lies %.3f mm "
-      "off them (rms)",
-      measured->fit.rms_distance_mm);
+      "the part is no lines and arcs; these are the nearest, and %s lies %.3f mm off them (rms)",
+      like.is_wire ? "a pipe along its curve" : "its surface", measured->fit.rms_distance_mm);
   tube.notes.assign(1, text);
   return tube;
 }

@@ -270,7 +270,11 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
                      arguments.file + ": " +
                          (tube->name.empty() ? "" : "'" + Printable(tube->name) + "': ") + what);
   };
-  if (!tube->problems.empty() && arguments.nearest && !tube->is_wire) {
+  if (tube->is_wire && arguments.pipe_diameter_mm) {
+    tube->pipe_radius_mm = *arguments.pipe_diameter_mm / 2;
+  }
+  const bool has_pipe = !tube->is_wire || tube->pipe_radius_mm > 0;
+  if (!tube->problems.empty() && arguments.nearest && !tube->is_ring && has_pipe) {
     auto dense = LoadShape(arguments.file, std::max(kLeastStepMm, tube->pipe_radius_mm / 3));
     if (!dense) return hal::Fail(dense.error());
     auto nearest = NearestTube(dense->bodies.at(tube->body), *tube);
@@ -281,9 +285,10 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
   if (!tube->problems.empty()) {
     std::string all;
     for (const std::string& problem : tube->problems) all += (all.empty() ? "" : "; ") + problem;
-    return bad(all + (tube->is_wire || arguments.nearest
+    return bad(all + (arguments.nearest && has_pipe
                           ? ""
-                          : "; --nearest gives the lines and arcs nearest to it"));
+                          : "; --nearest gives the lines and arcs nearest to it" +
+                                std::string(has_pipe ? "" : ", with --pipe-diameter MM")));
   }
   if (arguments.pipe_diameter_mm) tube->pipe_radius_mm = *arguments.pipe_diameter_mm / 2;
   if (arguments.wall_mm) tube->wall_mm = arguments.wall_mm;

@@ -250,11 +250,13 @@ void AddPatches(const TopoDS_Face& face, int number, double step_mm, json& patch
   patches.push_back(std::move(patch));
 }
 
-json Polyline(const BRepAdaptor_Curve& curve, double from, double to) {
-  const int steps = curve.GetType() == GeomAbs_Line ? 1 : kEdgeSteps;
+json Polyline(const BRepAdaptor_Curve& curve, double from, double to, double step_mm = 0) {
+  const auto at = [&](double parameter) { return curve.Value(parameter); };
+  const int steps =
+      StepsAlong(step_mm, curve.GetType() == GeomAbs_Line ? 1 : kEdgeSteps, from, to, at);
   json points = json::array();
   for (int i = 0; i <= steps; ++i) {
-    points.push_back(Numbers(curve.Value(from + (to - from) * i / steps)));
+    points.push_back(Numbers(at(from + (to - from) * i / steps)));
   }
   return points;
 }
@@ -276,7 +278,7 @@ void AddEdges(const TopoDS_Face& face, int number, TopTools_IndexedMapOfShape& k
 }
 
 // A free edge, in pieces between places where its curvature may jump.
-void AddCurves(const TopoDS_Edge& edge, json& curves) {
+void AddCurves(const TopoDS_Edge& edge, double step_mm, json& curves) {
   if (BRep_Tool::Degenerated(edge)) return;
   const BRepAdaptor_Curve curve(edge);
   if (!IsUsable(curve)) return;
@@ -288,7 +290,7 @@ void AddCurves(const TopoDS_Edge& edge, json& curves) {
     cuts = Within(all, cuts.front(), cuts.back());
   }
   for (std::size_t i = 0; i + 1 < cuts.size(); ++i) {
-    curves.push_back({{"points", Polyline(curve, cuts[i], cuts[i + 1])}});
+    curves.push_back({{"points", Polyline(curve, cuts[i], cuts[i + 1], step_mm)}});
   }
 }
 
@@ -316,7 +318,7 @@ class Collector {
     json curves = json::array();
     TopTools_MapOfShape seen;
     for (TopExp_Explorer at(shape, TopAbs_EDGE, TopAbs_FACE); at.More(); at.Next()) {
-      if (seen.Add(at.Current())) AddCurves(TopoDS::Edge(at.Current()), curves);
+      if (seen.Add(at.Current())) AddCurves(TopoDS::Edge(at.Current()), step_mm_, curves);
     }
     if (!curves.empty()) {
       bodies_.push_back({{"name", name}, {"kind", "wire"}, {"curves", std::move(curves)}});

@@ -3,14 +3,21 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <BRepAdaptor_Curve.hxx>
+#include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRep_Builder.hxx>
+#include <GeomAPI_Interpolate.hxx>
+#include <TColgp_Array1OfPnt.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <string>
 
 #include "firmware-host/cad/cad_helper.h"
+#include "foreign_files.h"
 #include "made_files.h"
 #include "run_nominal.h"
 
@@ -100,6 +107,41 @@ TEST(Beside, APolygonIsOneTubeWithoutBends) {
   const auto done = Nominal(test::WriteStepFile({{"line", polygon}}));
   EXPECT_EQ(done.code, 3);
   EXPECT_THAT(done.err, HasSubstr("its 3 lines meet in corners without arcs"));
+}
+
+TEST(Beside, AnInterpolatedCentreLineHasNearestArcs) {
+  const hal::Tube tube = test::DemoTube();
+  TColgp_Array1OfPnt all(1, 400);
+  int count = 0;
+  for (TopExp_Explorer at(test::CentreLine(tube), TopAbs_EDGE); at.More(); at.Next()) {
+    const BRepAdaptor_Curve curve(TopoDS::Edge(at.Current()));
+    const double from = curve.FirstParameter(), to = curve.LastParameter();
+    for (int i = count == 0 ? 0 : 1; i <= 30; ++i) {
+      all(++count) = curve.Value(from + (to - from) * i / 30);
+    }
+  }
+  const Handle(TColgp_HArray1OfPnt) points = new TColgp_HArray1OfPnt(1, count);
+  for (int i = 1; i <= count; ++i) points->SetValue(i, all(i));
+  GeomAPI_Interpolate spline(points, false, 1e-6);
+  spline.Perform();
+  const auto file = test::WriteStepFile({{"line", BRepBuilderAPI_MakeEdge(spline.Curve()).Edge()}});
+  EXPECT_THAT(Nominal(file).err, HasSubstr("--nearest gives the lines and arcs nearest to it, "
+                                           "with --pipe-diameter MM"));
+  const auto done = Nominal(file, {"--nearest", "--pipe-diameter", "10"});
+  // The spline swings about where an arc begins and, most, where two bends meet.
+  test::ExpectRows(done, tube.program, 0.1);
+}
+
+TEST(Beside, AFileThatHoldsItselfIsRefused) {
+  const auto file = test::WriteStepFile({{"tube", Pipe(Elbow(10))}});
+  const auto itself = test::Edited(
+      test::Edited(file, "ADVANCED_BREP_SHAPE_REPRESENTATION('',(#11,#15),",
+                   "SHAPE_REPRESENTATION('',(#11,#90003),"),
+      "ENDSEC;\nEND-ISO",
+      "#90001=REPRESENTATION_MAP(#11,#10);\n#90003=MAPPED_ITEM('',#90001,#11);\nENDSEC;\nEND-ISO");
+  const auto done = Nominal(itself);
+  EXPECT_EQ(done.code, 3) << done.out;
+  EXPECT_THAT(done.err, HasSubstr("export the tube alone"));
 }
 
 TEST(Beside, TheHelperIsGivenUpInTime) {
