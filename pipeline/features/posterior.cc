@@ -39,10 +39,15 @@ constexpr double kKeptShape = 0.05;  // of the shape before, so that none degene
 struct Sums {
   explicit Sums(Eigen::Index n)
       : first(Eigen::VectorXd::Zero(n)), second(Eigen::MatrixXd::Zero(n, n)) {}
-  void Add(const Eigen::VectorXd& x, const Eigen::VectorXd& from) {
-    for (Eigen::Index i = 0; i < first.size(); ++i) {
-      first[i] += x[i] - from[i];
-      for (Eigen::Index k = 0; k <= i; ++k) second(i, k) += (x[i] - from[i]) * (x[k] - from[k]);
+  // `off`: from where the sums count. Through pointers: a walk has few numbers and many steps.
+  void Add(const Eigen::VectorXd& off) {
+    const Eigen::Index n = first.size();
+    const double* x = off.data();
+    double* sum = first.data();
+    double* square = second.data();
+    for (Eigen::Index k = 0; k < n; ++k, square += n) {
+      sum[k] += x[k];
+      for (Eigen::Index i = k; i < n; ++i) square[i] += x[i] * x[k];
     }
     count += 1;
   }
@@ -69,7 +74,7 @@ Posterior SamplePosterior(const Posterior& rough, int walk,
   const Eigen::VectorXd& start = rough.mean;
   const Eigen::Index n = start.size();
   Dice dice;
-  Eigen::VectorXd at = start, to = start, step(n);
+  Eigen::VectorXd at = start, to = start, step(n), off = Eigen::VectorXd::Zero(n);
   double here = log_density(at);
   Eigen::MatrixXd shape = rough.covariance;
   double length = kBestStep / std::sqrt(static_cast<double>(n));
@@ -80,16 +85,19 @@ Posterior SamplePosterior(const Posterior& rough, int walk,
     for (int taking = 0; taking < steps; ++taking) {
       for (Eigen::Index k = 0; k < n; ++k) step[k] = dice.Normal();
       to = at;
-      for (Eigen::Index k = 0; k < n; ++k) {
-        for (Eigen::Index i = k; i < n; ++i) to[i] += factor(i, k) * step[k];
+      double* sum = to.data();
+      const double* column = factor.data();
+      for (Eigen::Index k = 0; k < n; ++k, column += n) {
+        for (Eigen::Index i = k; i < n; ++i) sum[i] += column[i] * step[k];
       }
       const double there = log_density(to);
       if (std::log(dice.Uniform()) < there - here) {
         at.swap(to);
+        off = at - start;
         here = there;
         ++taken;
       }
-      sums.Add(at, start);
+      sums.Add(off);
     }
     // About a quarter of the steps should be taken.
     const double part = static_cast<double>(taken) / steps;

@@ -137,15 +137,19 @@ std::vector<double> Smoothed(const Cells& cells) {
 double DepthAt(const std::vector<double>& smooth, int rows, int row, int side) {
   const double here = smooth[Cells::At(row, side)];
   if (std::isnan(here)) return 0;
-  std::vector<double> around;
+  std::array<double, 2 * kForm.far_cells + 1> around{};
+  std::size_t count = 0;
   for (int i = std::max(0, row - kForm.far_cells); i < std::min(rows, row + kForm.far_cells + 1);
        ++i) {
     if (std::abs(i - row) < kForm.near_cells) continue;
     const double there = smooth[Cells::At(i, side)];
-    if (!std::isnan(there)) around.push_back(there);
+    if (!std::isnan(there)) around[count++] = there;
   }
   // Without any, as in a short bend: from the surface itself.
-  return (around.size() < 3 ? 0.0 : Median(std::move(around))) - here;
+  if (count < 3) return -here;
+  const auto middle = around.begin() + static_cast<std::ptrdiff_t>(count / 2);
+  std::nth_element(around.begin(), middle, around.begin() + static_cast<std::ptrdiff_t>(count));
+  return *middle - here;
 }
 
 struct Depths {
