@@ -141,13 +141,19 @@ void SetSigmas(const TubeParameters& parameters, SurfaceFit& fit) {
       std::sqrt(std::max(0.0, fit.last_start.dot(covariance * fit.last_start)));
 }
 
+void SetPenalty(const TubeParameters& parameters, const FormDeviation& form, SurfaceFit& fit) {
+  fit.occam_penalty = fit.priors.OccamPenalty(
+      parameters, fit.tube, fit.information,
+      std::max(fit.residual_mm2 * fit.design_effect, LeastVarianceMm2(form, fit)));
+}
+
 void Report(const TubeParameters& parameters, const NormalEquations& equations,
             const FormDeviation& form, SurfaceFit& fit) {
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
+  fit.information = equations.matrix;
+  fit.residual_mm2 = equations.Variance();
   SetForm(form, fit);
-  fit.occam_penalty = fit.priors.OccamPenalty(
-      parameters, fit.tube, equations.matrix,
-      std::max(equations.Variance() * fit.design_effect, LeastVarianceMm2(form, fit)));
+  SetPenalty(parameters, form, fit);
   fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);
   fit.last_start = equations.last_start;
   SetSigmas(parameters, fit);
@@ -368,6 +374,11 @@ void SetForm(const FormDeviation& form, SurfaceFit& fit) {
   fit.form_mm = form.AcrossMm(fit.tube.pipe_radius_mm);
   fit.variance_mm2 =
       std::max(fit.sigma_mm * fit.sigma_mm * fit.design_effect, LeastVarianceMm2(form, fit));
+}
+
+void AssumeForm(const FormDeviation& form, bool free_pipe_radius, SurfaceFit& fit) {
+  SetForm(form, fit);
+  SetPenalty(TubeParameters(fit.tube, free_pipe_radius, fit.flattening, fit.easing), form, fit);
 }
 
 void Widen(const Eigen::MatrixXd& covariance, bool free_pipe_radius, SurfaceFit& fit) {

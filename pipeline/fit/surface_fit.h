@@ -62,12 +62,16 @@ struct SurfaceFit {
   double cost_mm2 = 0;                          // sum of squares, bounded for what is far off
   double start_cost_mm2 = 0;                    // the same where it began, if the points are few
   double margin = 0;                            // see Measurement::structure_margin
+  Eigen::MatrixXd information;                  // normal matrix of all TubeParameters
+  double residual_mm2 = 0;                      // variance of the distances with weight
   double occam_penalty = 0;                     // FitPriors::OccamPenalty()
   bool converged = false;
 };
 
 // What the samples of a fit are worth where the tube's form is this (`variance_mm2`, `form_mm`).
 void SetForm(const FormDeviation& form, SurfaceFit& fit);
+// The same with the penalty of its numbers: as if it had been fitted with this form.
+void AssumeForm(const FormDeviation& form, bool free_pipe_radius, SurfaceFit& fit);
 
 // Adds what else is unknown of the parameters of lines and arcs to the fit's covariance and sigmas.
 void Widen(const Eigen::MatrixXd& covariance, bool free_pipe_radius, SurfaceFit& fit);

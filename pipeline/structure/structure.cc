@@ -74,7 +74,7 @@ SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
     coarse.Refine(fit);
     if (is_true()) fit = start;
   }
-  fit = coarse.Fit(fit.tube);
+  coarse.AssumeFormOf(fit);
   coarse.Split(fit);
   coarse.Refine(fit);
   form = coarse.form();
@@ -86,7 +86,7 @@ SurfaceFit StructureOf(const SpinePolygon& polygon, double pipe_radius_mm,
     StructureSearch fine = search({.caution = caution, .form = form});
     fit = fine.Fit(fit.tube);
     fine.LearnForm(fit);
-    fit = fine.Fit(fit.tube);
+    fine.AssumeFormOf(fit);
     fine.Refine(fit);
     form = fine.form();
   }

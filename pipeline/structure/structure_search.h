@@ -36,6 +36,8 @@ class StructureSearch {
 
   // From here on what the samples of this fit show of the tube's form, at most what is usual.
   void LearnForm(const SurfaceFit& fit);
+  // Judges a fit of this search's samples by the form as it is now.
+  void AssumeFormOf(SurfaceFit& fit) const { AssumeForm(options_.form, true, fit); }
   void AssumeUsualForm() { options_.form = {}; }
   const FormDeviation& form() const { return options_.form; }
   const StructureCriterion& criterion() const { return criterion_; }
