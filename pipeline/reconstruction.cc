@@ -9,6 +9,7 @@
 #include <cmath>
 #include <utility>
 
+#include "pipeline/features/around_zero.h"
 #include "pipeline/features/dents.h"
 #include "pipeline/features/end_cut.h"
 #include "pipeline/features/end_profile.h"
@@ -203,6 +204,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   // The plane of what sits on an end is not the tube's.
   if (measurement.first_end.length_mm > 0) measurement.features.first_end.reset();
   if (measurement.last_end.length_mm > 0) measurement.features.last_end.reset();
+  AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);
   SayOtherPart(measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.noise_mm = final.noise_mm;

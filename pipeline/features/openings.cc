@@ -40,6 +40,9 @@ struct OpeningSettings {
   // each, at most and at least so many.
   int most_sides = 24, least_sides = 8;
   double of_side = 5.0;
+  // [sigma] The plane that it is seen in may put it aside by so much.
+  double aside = 0.15;
+  int moves = 3;  // then it is seen in that of its own middle
   // [of r_P] The widest, and how much longer than wide.
   double widest = 1.7, longest = 12.0;
   // Samples whose distance to the nearest says how evenly they are scattered.
@@ -173,16 +176,18 @@ class Candidate {
  public:
   // `segments`: of sharp bends, by which places are counted.
   Candidate(const LookedAtTube& tube, std::span<const hal::SpineSegment> segments, double sigma_mm)
-      : tube_(tube), r_mm_(tube.pipe_radius_mm), segments_(segments), sigma_mm_(sigma_mm) {}
+      : tube_(tube),
+        r_mm_(tube.pipe_radius_mm),
+        segments_(segments),
+        sigma_mm_(sigma_mm),
+        wall_mm_(std::max(kSampling.on_surface * sigma_mm, kOpening.on_surface_r * r_mm_)) {}
 
   // `frame`: of the place.
   std::optional<OpeningFound> LookAt(const EmptyPlace& place, hal::SurfaceFrame frame) const {
     const double size_mm = 0.5 * place.size_mm;
     const double reach_mm = kOpening.look * 2.0 * size_mm + kOpening.look_more * r_mm_;
-    const double wall_mm =
-        std::max(kSampling.on_surface * sigma_mm_, kOpening.on_surface_r * r_mm_);
     for (int round = 0; round < 2; ++round) {
-      const Surroundings around = tube_.LookAt(frame, reach_mm, wall_mm);
+      const Surroundings around = tube_.LookAt(frame, reach_mm, wall_mm_);
       if (around.wall.size() < 20) return std::nullopt;
       const PlaneSamples present(around.present);
       const auto rough = RoughBorder(present, size_mm, r_mm_);
@@ -192,26 +197,42 @@ class Candidate {
         frame = FrameOf(frame, rough->middle_mm);
         continue;
       }
-      return Fit(frame, *rough, around, present);
+      if (rough->length_mm > kOpening.longest * rough->width_mm) return std::nullopt;
+      const double gap_mm = GapBeside(*rough, present, r_mm_);
+      if (rough->width_mm < 2.0 * kOpening.least_gaps * gap_mm) return std::nullopt;
+      const SampleDensity density = DensityBeside(*rough, around.wall);
+      if (density.per_mm2 * rough->AreaMm2() < kOpening.least_missing) return std::nullopt;
+      OpeningBorder about = *rough;
+      about.pipe_radius_mm = r_mm_;
+      return Fit(frame, about, around, {reach_mm, gap_mm}, kOpening.moves);
     }
     return std::nullopt;
   }
 
  private:
-  std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& rough,
-                                  const Surroundings& around, const PlaneSamples& present) const {
-    if (rough.length_mm > kOpening.longest * rough.width_mm) return std::nullopt;
-    const double gap_mm = GapBeside(rough, present, r_mm_);
-    if (rough.width_mm < 2.0 * kOpening.least_gaps * gap_mm) return std::nullopt;
-    const SampleDensity density = DensityBeside(rough, around.wall);
-    if (density.per_mm2 * rough.AreaMm2() < kOpening.least_missing) return std::nullopt;
-    OpeningBorder about = rough;
-    about.pipe_radius_mm = r_mm_;
+  struct Look {
+    double reach_mm, gap_mm;  // as far as samples are looked at; of samples beside the opening
+  };
+  // `moves`: so often at most the place is moved to the middle that is found.
+  std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& about,
+                                  const Surroundings& around, const Look& look, int moves) const {
     const LineSurroundings lines = tube_.FindLines(frame, around.seen);
     const FittedOpening fitted =
         FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_), lines.missed);
-    if (!IsCut(fitted.border, around, lines, gap_mm)) return std::nullopt;
-    return Found(frame, fitted, lines.has_lines ? 1.0 : Clumping(fitted.border, around.wall));
+    const OpeningBorder& border = fitted.border;
+    if (!IsCut(border, around, lines, look.gap_mm)) return std::nullopt;
+    // Its drill goes across the wall at its own middle: from beside, its border lies further aside
+    // where the wall is lower.
+    const double low_mm = border.length_mm * border.length_mm / (8.0 * r_mm_);
+    const double aside_mm = low_mm * border.middle_mm.norm() / r_mm_;
+    if (moves > 0 && border.lean.isZero() &&
+        aside_mm > kOpening.aside * fitted.sigma.middle_mm.minCoeff()) {
+      const hal::SurfaceFrame own = FrameOf(frame, border.middle_mm);
+      OpeningBorder moved = border;
+      moved.middle_mm.setZero();
+      return Fit(own, moved, tube_.LookAt(own, look.reach_mm, wall_mm_), look, moves - 1);
+    }
+    return Found(frame, fitted, lines.has_lines ? 1.0 : Clumping(border, around.wall));
   }
 
   // The frame of a place in the plane of another.
@@ -279,6 +300,7 @@ class Candidate {
   double r_mm_;
   std::span<const hal::SpineSegment> segments_;
   double sigma_mm_;
+  double wall_mm_;  // from the surface: samples of the wall
 };
 
 }  // namespace

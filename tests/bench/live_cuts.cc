@@ -164,6 +164,11 @@ void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScore
     scores.Add("end: longest at deg", Turn(end->cut.around_deg, cut.around_deg),
                end->around_sigma_deg);
   }
+  for (std::size_t i = 1; i + 1 < program.rows.size(); ++i) {
+    scores.Add("rotation deg",
+               Turn(m.tube.program.rows[i].rotation_deg, program.rows[i].rotation_deg),
+               m.sigma.rows[i].rotation_deg);
+  }
   const drivers::ScanPathOptions& path = scanned.options.path;
   ScoreOpenings(m, truth, true_length_mm, 4 * path.profile_spacing_mm, scores);
   if (m.features.openings.empty()) scores.Count("opening where none is", false);
