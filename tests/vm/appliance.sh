@@ -149,6 +149,36 @@ systemctl --quiet is-active bendloopd || fail "a step of the clock ended the ser
 await 300 "end of BL5014" alarm_ended BL5014
 echo "three parts committed, by the same process"
 
+step "The machine swaps: a neighbour wants more memory than there is"
+pid=$(systemctl show -p MainPID --value bendloopd)
+dd if=/dev/zero of=/swap bs=1M count=500 status=none
+chmod 600 /swap
+mkswap /swap >/dev/null
+swapon /swap
+{ head -c 1000M /dev/zero; sleep 600; } | tail -c 1000M >/dev/null &
+neighbour=$!
+swapped_mb() { awk '/^SwapTotal/ { all = $2 } /^SwapFree/ { free = $2 } END { print int((all - free) / 1024) }' /proc/meminfo; }
+swaps() { [ "$(swapped_mb)" -gt 100 ]; }
+await 300 "a machine that swaps" swaps
+another_part
+daemon_kb() { sed -n "s/^$1:[^0-9]*\([0-9]*\) kB/\1/p" "/proc/$pid/status"; }
+[ "$(daemon_kb VmSwap)" = 0 ] || fail "$(daemon_kb VmSwap) kB of the daemon are swapped out"
+echo "$(swapped_mb) MB swapped out, none of the daemon, which has $(daemon_kb VmLck) kB locked; the part committed"
+kill "$neighbour"
+swapoff /swap
+rm /swap
+
+step "Two neighbours that eat the processor"
+sh -c 'while :; do :; done' &
+neighbours=$!
+sh -c 'while :; do :; done' &
+neighbours="$neighbours $!"
+another_part
+# shellcheck disable=SC2086  # process numbers
+kill $neighbours
+[ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a neighbour ended the process"
+echo "the part committed, by the same process"
+
 step "Killed $kills times, each at another time of a scan and its commit"
 unfinished=0
 sent=0
@@ -194,6 +224,10 @@ await_result "$before"
 newest_is_committed
 echo "$kills kills: service up $kills times, $sent programs sent once, $unfinished scans cut before their result," \
   "$(find /var/lib/bendloop/sessions -name '*.session' | wc -l) sessions, none damaged"
+
+bendloop history --config /etc/bendloop/cell.toml --csv - >history.csv
+[ "$(cut -d , -f 1 history.csv | sort | uniq -d | wc -l)" = 0 ] || fail "a part stands in the history twice: $(cat history.csv)"
+[ "$(grep -c ',committed,' history.csv)" -ge "$sent" ] || fail "the history lacks a part that was sent: $(cat history.csv)"
 
 step "Stopped and removed; the data stay"
 systemctl stop bendloopd
