@@ -67,6 +67,15 @@ hal::Result<int> ListenOnSocket(const fs::path& path) {
   return hal::Fail(ServerError(path.string(), ErrorText(why)));
 }
 
+bool SomebodyListens(const sockaddr_in& address) {
+  const int caller = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const bool is_answered =
+      caller < 0 ||
+      ::connect(caller, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  if (caller >= 0) ::close(caller);
+  return is_answered;
+}
+
 MHD_Result Answer(MHD_Connection* connection, unsigned status, const char* type,
                   const std::string& body) {
   // The library copies it and does not write to it.
@@ -142,8 +151,9 @@ class StatusServer::Impl {
   };
   using Daemon = std::unique_ptr<MHD_Daemon, Stop>;
 
-  Daemon Start(MHD_AccessHandlerCallback answer, MHD_OptionItem where) {
-    MHD_OptionItem listen[] = {where, {MHD_OPTION_END, 0, nullptr}};
+  Daemon Start(MHD_AccessHandlerCallback answer, MHD_OptionItem where,
+               MHD_OptionItem how = {MHD_OPTION_END, 0, nullptr}) {
+    MHD_OptionItem listen[] = {where, how, {MHD_OPTION_END, 0, nullptr}};
     // Without MHD_USE_ERROR_LOG: what a client does wrong is the client's to know.
     return Daemon(MHD_start_daemon(
         MHD_USE_POLL_INTERNAL_THREAD | MHD_USE_ITC, 0, nullptr, nullptr, answer, this,
@@ -199,7 +209,17 @@ hal::Result<void> StatusServer::Impl::StartOnPort(std::uint16_t port) {
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   address.sin_port = htons(port);
   errno = 0;
-  on_port_ = Start(OnPort, {MHD_OPTION_SOCK_ADDR, 0, &address});
+  const MHD_OptionItem here = {MHD_OPTION_SOCK_ADDR, 0, &address};
+  on_port_ = Start(OnPort, here);
+  // The closed connections of a predecessor that shared its port (SO_REUSEPORT alone, as version
+  // 0.1.0 did) keep it for a minute from who does not share it too. One that listens keeps it.
+  if (!on_port_ && errno == EADDRINUSE) {
+    if (!SomebodyListens(address)) {
+      on_port_ = Start(OnPort, here, {MHD_OPTION_LISTENING_ADDRESS_REUSE, 1, nullptr});
+    } else {
+      errno = EADDRINUSE;
+    }
+  }
   if (on_port_) return {};
   return hal::Fail(ServerError("127.0.0.1:" + std::to_string(port),
                                ErrorText(errno) + "; give it another port"));

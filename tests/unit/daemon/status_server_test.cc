@@ -129,6 +129,31 @@ TEST_F(StatusServerTest, SaysThatThePortIsTaken) {
   EXPECT_THAT(second.error().message, HasSubstr("Address already in use; give it another port"));
 }
 
+TEST_F(StatusServerTest, ClosedConnectionsOfAPredecessorDoNotKeepThePort) {
+  // As version 0.1.0 listened: the port is shared, and who has answered closes first.
+  const int listener = ::socket(AF_INET, SOCK_STREAM, 0);
+  const int yes = 1;
+  ASSERT_EQ(::setsockopt(listener, SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes), 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  auto* const where = reinterpret_cast<sockaddr*>(&address);
+  socklen_t size = sizeof address;
+  ASSERT_EQ(::bind(listener, where, size), 0);
+  ASSERT_EQ(::listen(listener, 1), 0);
+  ASSERT_EQ(::getsockname(listener, where, &size), 0);
+  const int client = ::socket(AF_INET, SOCK_STREAM, 0);
+  ASSERT_EQ(::connect(client, where, size), 0);
+  const int served = ::accept(listener, nullptr, nullptr);
+  ::close(served);
+  char none = 0;
+  ASSERT_EQ(::read(client, &none, 1), 0);
+  ::close(client);
+  ::close(listener);
+  const auto next = StatusServer::Start(ntohs(address.sin_port), "", {});
+  EXPECT_TRUE(next) << next.error().message;
+}
+
 TEST_F(StatusServerTest, IdleConnectionsKeepNobodyOut) {
   std::vector<int> idle;
   for (int i = 0; i < 200; ++i) idle.push_back(Idle());
