@@ -155,7 +155,7 @@ dd if=/dev/zero of=/swap bs=1M count=500 status=none
 chmod 600 /swap
 mkswap /swap >/dev/null
 swapon /swap
-{ head -c 1000M /dev/zero; sleep 600; } | tail -c 1000M >/dev/null &
+{ head -c 1000M /dev/zero 2>/dev/null; sleep 600; } | tail -c 1000M >/dev/null &
 neighbour=$!
 swapped_mb() { awk '/^SwapTotal/ { all = $2 } /^SwapFree/ { free = $2 } END { print int((all - free) / 1024) }' /proc/meminfo; }
 swaps() { [ "$(swapped_mb)" -gt 100 ]; }
