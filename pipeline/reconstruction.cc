@@ -121,15 +121,6 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   return final;
 }
 
-// Of the points about the straights' lines, from which the ends of bowed ones lie aside.
-double NoiseOfEnds(const FinalFit& final) {
-  const auto& bows = final.bowed.bows;
-  if (bows.empty()) return final.noise_mm;
-  const double first_mm = bows.front().Beside(-1.0).norm(),
-               last_mm = bows.back().Beside(1.0).norm();
-  return std::hypot(final.noise_mm, 0.5 * std::max(first_mm, last_mm));
-}
-
 }  // namespace
 
 class Reconstruction::Impl {
@@ -189,7 +180,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportQuality(tube->structure, fit, CompareHalves(fit, tube->blocks, final.options),
                 NominalBends(), measurement);
   timer.Done("self_check");
-  TubeEnds ends = FindTubeEnds(fit.tube, NoiseOfEnds(final), tube->blocks, workers);
+  TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, tube->blocks, workers, &final.bowed);
   const EndCuts cuts = FindEndCuts(final.noise_mm, tube->blocks, ends);
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);

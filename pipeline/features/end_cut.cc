@@ -323,15 +323,16 @@ std::optional<Evidence> LookAtColumns(std::span<const EndSample> samples, double
 }
 
 // Samples of the tube near one of its ends.
-std::vector<EndSample> SamplesNear(const hal::Tube& tube, bool at_start, double sigma_mm,
-                                   double window_mm, std::span<const PointBlock> blocks) {
+std::vector<EndSample> SamplesNear(const hal::Tube& tube, bool at_start, const EndAxis& axis,
+                                   double sigma_mm, double window_mm,
+                                   std::span<const PointBlock> blocks) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const std::size_t at = at_start ? 0 : segments.size() - 1;
   const hal::SpineSegment& straight = segments[at];
-  const Eigen::Vector3d end = straight.PointAt(at_start ? 0.0 : straight.length_mm);
-  const Eigen::Vector3d outward = at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent;
-  const Eigen::Vector3d zero = hal::AroundZero(segments, at);
-  const Eigen::Vector3d quarter = straight.tangent.cross(zero);
+  const Eigen::Vector3d &end = axis.end_mm, &outward = axis.outward;
+  const Eigen::Vector3d tangent = at_start ? Eigen::Vector3d(-outward) : outward;
+  const Eigen::Vector3d quarter = tangent.cross(hal::AroundZero(segments, at)).normalized();
+  const Eigen::Vector3d zero = quarter.cross(tangent);
   const double r_mm = tube.pipe_radius_mm, reach_mm = kSampling.on_surface * sigma_mm;
   const double beyond_mm = kCut.beyond * r_mm;
   const double around_mm = std::hypot(std::max(window_mm + r_mm, beyond_mm), 1.5 * r_mm);
@@ -455,8 +456,9 @@ EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnd
     const double straight_mm =
         at_start ? found.program.rows.front().length_mm : found.program.rows.back().length_mm;
     const double window_mm = std::min(kCut.window * r_mm, straight_mm);
-    const auto plane = FitEndPlane(SamplesNear(found, at_start, sigma_mm, window_mm, blocks), r_mm,
-                                   window_mm, sigma_mm);
+    const EndAxis& axis = at_start ? ends.first : ends.last;
+    const auto plane = FitEndPlane(SamplesNear(found, at_start, axis, sigma_mm, window_mm, blocks),
+                                   r_mm, window_mm, sigma_mm);
     if (!plane) continue;
     (at_start ? cuts.first : cuts.last) = Found(*plane);
     // Laser lines tell of an end's place at its axis whether it is square or not.

@@ -26,21 +26,21 @@ struct ReviseSettings {
   // a slight one has hardly a plane.
   double between = 4.0, turned_deg = 3.0, turned_sigmas = 2.0;
   double slight_deg = 10.0, slight_turned_deg = 60.0;
+  // [of the points] That stay on the tube when a slight bend is taken away.
+  double kept = 0.98;
   // [of a straight's length] Bows from which on it may be a slight bend: sold as straight is
   // L / 300, and one that changes sides on it.
   double bow = 1.0 / 220.0;
   // A bend more must explain so many times the logarithm of the points' number, as in the search.
   double price = 4.0;
   // [of r_P] Where easing begins, and [sigma] from which on samples insist on it (easing_fit.cc).
-  double easing = 0.3, insist = 6.0;
+  double easing = 0.3, insist = 4.0;
   // So many points tell which is better.
   std::size_t points = 20'000;
   int most_changes = 4;
 };
 constexpr ReviseSettings kRevise;
 constexpr double kFar = std::numeric_limits<double>::infinity();
-
-using Corners = std::optional<ControlPolygon>;
 
 // Where the lines from `a` to `b` and from `c` to `d` are nearest to each other.
 Eigen::Vector3d Between(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
@@ -51,19 +51,20 @@ Eigen::Vector3d Between(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
   return 0.5 * (a + s * u + c + t * v);
 }
 
-// `corner`, from 1 on, and the one after it become one.
-Corners Merged(ControlPolygon polygon, std::size_t corner, double radius_mm) {
+// Corners `first`, from 1 on, to `last` become one.
+ControlPolygon Merged(ControlPolygon polygon, std::size_t first, std::size_t last,
+                      double radius_mm) {
   auto& points = polygon.points_mm;
   auto& radii = polygon.bend_radii_mm;
-  points[corner] =
-      Between(points[corner - 1], points[corner], points[corner + 1], points[corner + 2]);
-  points.erase(points.begin() + static_cast<std::ptrdiff_t>(corner) + 1);
-  radii[corner - 1] = radius_mm;
-  radii.erase(radii.begin() + static_cast<std::ptrdiff_t>(corner));
+  const auto at = [](std::size_t i) { return static_cast<std::ptrdiff_t>(i); };
+  points[first] = Between(points[first - 1], points[first], points[last], points[last + 1]);
+  points.erase(points.begin() + at(first) + 1, points.begin() + at(last) + 1);
+  radii[first - 1] = radius_mm;
+  radii.erase(radii.begin() + at(first), radii.begin() + at(last));
   return polygon;
 }
 
-Corners Without(ControlPolygon polygon, std::size_t corner) {
+ControlPolygon Without(ControlPolygon polygon, std::size_t corner) {
   polygon.points_mm.erase(polygon.points_mm.begin() + static_cast<std::ptrdiff_t>(corner));
   polygon.bend_radii_mm.erase(polygon.bend_radii_mm.begin() + static_cast<std::ptrdiff_t>(corner) -
                               1);
@@ -71,8 +72,8 @@ Corners Without(ControlPolygon polygon, std::size_t corner) {
 }
 
 // A straight gets a corner in the middle of its bow.
-Corners Bent(ControlPolygon polygon, std::size_t straight, const hal::SpineSegment& line,
-             const Bow& bow, double radius_mm) {
+ControlPolygon Bent(ControlPolygon polygon, std::size_t straight, const hal::SpineSegment& line,
+                    const Bow& bow, double radius_mm) {
   const Eigen::Vector2d off_mm = bow.Beside(0.0) - 0.5 * (bow.Beside(-1.0) + bow.Beside(1.0));
   const Eigen::Matrix3d axes = line.axes();
   polygon.points_mm.insert(polygon.points_mm.begin() + static_cast<std::ptrdiff_t>(straight) + 1,
@@ -87,11 +88,36 @@ bool MayBeOne(const SurfaceFit& fit, std::size_t bend) {
   const auto& rows = fit.tube.program.rows;
   const double slight_deg = std::min(rows[bend - 1].angle_deg, rows[bend].angle_deg);
   const double least_deg =
-      slight_deg < kRevise.slight_deg
-          ? kRevise.slight_turned_deg
-          : kRevise.turned_deg + kRevise.turned_sigmas * fit.sigma.rows[bend].rotation_deg;
+      (slight_deg < kRevise.slight_deg ? kRevise.slight_turned_deg : kRevise.turned_deg) +
+      kRevise.turned_sigmas * fit.sigma.rows[bend].rotation_deg;
   return rows[bend].length_mm < kRevise.between * fit.tube.pipe_radius_mm &&
          std::abs(rows[bend].rotation_deg) < least_deg;
+}
+
+// Bends that follow each other and may all be one, from the first to the last.
+struct Run {
+  std::size_t first = 0, last = 0;
+};
+
+std::vector<Run> Runs(const SurfaceFit& fit) {
+  std::vector<Run> runs;
+  for (std::size_t i = 1; i < fit.tube.program.bend_count(); ++i) {
+    if (!MayBeOne(fit, i)) continue;
+    if (!runs.empty() && runs.back().last + 1 == i) {
+      runs.back().last = i;
+    } else {
+      runs.push_back({i - 1, i});
+    }
+  }
+  return runs;
+}
+
+// The radius of the widest of the run's bends.
+double RadiusOf(const hal::BendProgram& program, const Run& run) {
+  const auto* const widest = std::max_element(
+      &program.rows[run.first], &program.rows[run.last] + 1,
+      [](const hal::BendRow& a, const hal::BendRow& b) { return a.angle_deg < b.angle_deg; });
+  return widest->bend_radius_mm.value_or(0.0);
 }
 
 struct Change {
@@ -99,20 +125,47 @@ struct Change {
   bool is_certain = false;  // whatever the points say
 };
 
-// What might be there instead, of fewer bends or of more.
-std::vector<Change> Changes(const BowedSolution& now, bool fewer, bool more) {
+// Bends that follow each other as one, those of all places at once before those of one: bends that
+// ease are alike in that, and one that does not for once hides it of the others.
+std::vector<ControlPolygon> WithRunsMerged(const SurfaceFit& fit, const ControlPolygon& polygon) {
+  const std::vector<Run> runs = Runs(fit);
+  const auto merged = [&fit](const ControlPolygon& from, const Run& run) {
+    return Merged(from, run.first + 1, run.last + 1, RadiusOf(fit.tube.program, run));
+  };
+  std::vector<ControlPolygon> list;
+  if (runs.size() > 1) {
+    // From the last on, so that those before it keep their places.
+    list.push_back(polygon);
+    for (std::size_t i = runs.size(); i-- > 0;) list.front() = merged(list.front(), runs[i]);
+  }
+  for (const Run& run : runs) list.push_back(merged(polygon, run));
+  for (const Run& run : runs) {
+    for (std::size_t i = run.first; run.last > run.first + 1 && i < run.last; ++i) {
+      list.push_back(merged(polygon, {i, i + 1}));
+    }
+  }
+  return list;
+}
+
+// What might be there instead, of fewer bends or of more; towards the nominal, where there is one.
+std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t> nominal_bends) {
   std::vector<Change> changes;
   const auto polygon = PolygonFromTube(now.fit.tube);
   if (!polygon) return changes;
-  const auto add = [&changes](Corners corners, bool is_certain) {
-    if (corners) changes.push_back({std::move(*corners), is_certain});
-  };
   const auto& rows = now.fit.tube.program.rows;
+  const std::size_t bends = now.fit.tube.program.bend_count();
+  const bool fewer = !nominal_bends || bends > *nominal_bends,
+             more = !nominal_bends || bends < *nominal_bends;
+  const auto add = [&](ControlPolygon corners, bool is_certain) {
+    const std::size_t then = corners.bend_radii_mm.size();
+    if (then < bends && nominal_bends && then < *nominal_bends) return;
+    changes.push_back({std::move(corners), is_certain});
+  };
+  if (fewer) {
+    for (auto& corners : WithRunsMerged(now.fit, *polygon)) add(std::move(corners), false);
+  }
   for (std::size_t i = 0; fewer && i + 1 < rows.size(); ++i) {
     if (rows[i].angle_deg < kRevise.least_deg) add(Without(*polygon, i + 1), true);
-    if (i == 0 || !MayBeOne(now.fit, i)) continue;
-    const hal::BendRow& wider = rows[i].angle_deg > rows[i - 1].angle_deg ? rows[i] : rows[i - 1];
-    add(Merged(*polygon, i, wider.bend_radius_mm.value_or(0.0)), false);
   }
   const EasedSpine spine = SpineOf(now.bows.state);
   double radius_mm = kFar;
@@ -222,17 +275,19 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
                    std::optional<std::size_t> nominal_bends, BowedSolution& solution) {
   double margin = kFar;
   for (int i = 0; i < kRevise.most_changes; ++i) {
-    const std::size_t bends = solution.fit.tube.program.bend_count();
     bool is_changed = false;
-    for (const Change& change : Changes(solution, !nominal_bends || bends > *nominal_bends,
-                                        !nominal_bends || bends < *nominal_bends)) {
+    for (const Change& change : Changes(solution, nominal_bends)) {
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
       const double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
       if (!std::isfinite(advantage)) continue;
       margin = std::min(margin, std::abs(advantage));
-      if (advantage < 0 && !change.is_certain) continue;
+      // What lost a part of the tube is no other tube.
+      const bool is_certain =
+          change.is_certain && static_cast<double>(other.fit.used) >
+                                   kRevise.kept * static_cast<double>(solution.fit.used);
+      if (advantage < 0 && !is_certain) continue;
       solution = std::move(other);
       is_changed = true;
       break;

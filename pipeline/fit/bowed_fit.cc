@@ -66,6 +66,12 @@ LocalMatrix InformationOf(const CondensedSum& sum) {
 }
 LocalVector PullOf(const CondensedSum& sum) { return sum.col(kLocalState).head<kLocalState>(); }
 
+bool HasCorners(const hal::BendProgram& program) {
+  return std::all_of(program.rows.begin(), program.rows.end() - 1, [](const hal::BendRow& row) {
+    return row.angle_deg > kBowed.least_deg && row.angle_deg < kBowed.most_deg;
+  });
+}
+
 // The tube's parameters and, straight by straight, four numbers of its bow.
 class BowedTube {
  public:
@@ -200,6 +206,7 @@ class BowedTube {
     if (!to.allFinite() || !map.allFinite()) return false;
     SurfaceFit moved = fit;
     moved.tube = TradeTube(parameters_, state_.tube, to);
+    if (!HasCorners(moved.tube.program)) return false;
     if (FarthestEndMm(moved.tube, LinesAt(step_)) >
         kBowed.near_bows * HighestBow() + kBowed.near * r_mm_) {
       return false;
@@ -504,11 +511,9 @@ class BowedTube {
 BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                  SurfaceFit& fit) {
   const BowedTubeState no_bows{fit.tube, fit.flattening, fit.easing, {}};
-  const auto& rows = fit.tube.program.rows;
-  const bool has_corners = std::all_of(rows.begin(), rows.end() - 1, [](const hal::BendRow& row) {
-    return row.angle_deg > kBowed.least_deg && row.angle_deg < kBowed.most_deg;
-  });
-  if (!has_corners || rows.size() < 2) return {no_bows, fit.sigma_mm, fit.design_effect, true};
+  if (!HasCorners(fit.tube.program) || fit.tube.program.bend_count() == 0) {
+    return {no_bows, fit.sigma_mm, fit.design_effect, true};
+  }
   const std::size_t points = CountPoints(blocks);
   const OwnedBlocks few = Thinned(blocks, StrideTo(points, kBowed.few_points));
   const SurfaceFit before = fit;

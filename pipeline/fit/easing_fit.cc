@@ -14,13 +14,15 @@ struct EasingSettings {
   std::size_t points = 8000;
   // [of r_P] Where the search begins: benders' clamps and dies make 0.2 to 1.
   double start = 0.3;
-  // [sigma] From which on samples insist, as for oval bends.
-  double insist = 6.0;
+  // [sigma] From which on samples insist. Bends of about the same angle hide what they ease over
+  // in a wider radius, which is wrong by more than its sigma; easing that is not there costs
+  // certainty alone.
+  double insist = 4.0;
   // After the first step: of what it made chi square less by, so much may be left to the sharp
   // tube's where it led well, and so much more is in sight then (0.012 at most over tubes as the
   // paper's, sharp ones and such that ease over 0.1 to 1.5 r_P). [variances] With less in sight
   // there is no easing; nor where the second step has gained less. By trial.
-  double well_led = 0.1, further = 0.02, in_sight = 24.0, promising = 12.0;
+  double well_led = 0.1, further = 0.02, in_sight = 12.0, promising = 10.0;
 };
 constexpr EasingSettings kEasingFit;
 

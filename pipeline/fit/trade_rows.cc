@@ -30,9 +30,8 @@ Eigen::VectorXd RowNumbers(const TubeParameters& parameters, const hal::Tube& re
   for (std::size_t i = 0; i + 1 < lines.size(); ++i) {
     const SpineLine &a = lines[i], &b = lines[i + 1];
     Eigen::Vector3d normal = a.direction.cross(b.direction);
-    const Eigen::Vector3d between = b.point_mm - a.point_mm;
-    after_mm[i] = between.cross(b.direction).dot(normal) / normal.squaredNorm();
-    before_mm[i + 1] = between.cross(a.direction).dot(normal) / normal.squaredNorm();
+    after_mm[i] = CornerAlongMm(a, b);
+    before_mm[i + 1] = CornerAlongMm(b, a);
     const double angle = std::atan2(normal.norm(), a.direction.dot(b.direction));
     normal.normalize();
     to[parameters.angle(i)] = angle;
@@ -67,6 +66,12 @@ Eigen::Vector3d Beside(const SpineLine& line, const Eigen::Vector3d& place_mm) {
 }
 
 }  // namespace
+
+double CornerAlongMm(const SpineLine& line, const SpineLine& other) {
+  const Eigen::Vector3d normal = line.direction.cross(other.direction);
+  const Eigen::Vector3d between_mm = other.point_mm - line.point_mm;
+  return between_mm.cross(other.direction).dot(normal) / std::max(1e-30, normal.squaredNorm());
+}
 
 Eigen::VectorXd TradeNumbers(const TubeParameters& parameters, const hal::Tube& reference,
                              std::span<const SpineLine> lines, const Eigen::VectorXd& numbers) {

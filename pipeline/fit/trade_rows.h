@@ -14,6 +14,9 @@ struct SpineLine {
   Eigen::Vector3d point_mm, direction;
 };
 
+// Where `line` is nearest to another one, from its point along it: their corner.
+double CornerAlongMm(const SpineLine& line, const SpineLine& other);
+
 // Length, rotation and angle as the trade means them: from best-fit lines, one after another, with
 // their corners (of lines that pass each other halfway) and planes, and arcs of the bend radii that
 // `numbers` has, as numbers of `parameters`. Where the tube lies: its straights as near to the

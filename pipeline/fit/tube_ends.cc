@@ -9,8 +9,10 @@
 #include <span>
 #include <vector>
 
+#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/fit/nearest_lanes.h"
+#include "pipeline/fit/trade_rows.h"
 #include "pipeline/math/circle_sectors.h"
 #include "pipeline/math/quantiles.h"
 
@@ -183,6 +185,87 @@ std::optional<Border> CommonBorder(Sectors& sectors, double pipe_radius_mm) {
   return FindBorder(pooled, pipe_radius_mm);
 }
 
+// Points of an end straight, in its frame, as if it did not bow. Where it bows the tube's end leans
+// as the spine does there, by L / 75 for a bow of L / 300. And best-fit lines pass each other by
+// tenths of a millimetre, which no tube of lines and arcs has: lengths count from their corner.
+class WithoutBow {
+ public:
+  WithoutBow() = default;
+  // `straight`: with its corner [mm] along it. `line`: the same of the bowed spine.
+  WithoutBow(const hal::SpineSegment& straight, double corner_mm, const hal::SpineSegment& line,
+             double line_corner_mm, const Bow& bow)
+      : bow_(bow),
+        length_mm_(line.length_mm),
+        turn_(line.axes().transpose() * straight.axes()),
+        move_mm_(line.axes().transpose() * (straight.start_mm - line.start_mm)),
+        shift_mm_(corner_mm - line_corner_mm) {}
+
+  bool is_none() const { return !(length_mm_ > 0); }
+  Eigen::Vector3d operator()(const Eigen::Vector3d& point) const {
+    Eigen::Vector3d p = turn_ * point + move_mm_;
+    const double x_mm = p.x();
+    p.tail<2>() -= bow_.Beside(At(x_mm));
+    p.x() += shift_mm_ + SlopeAt(x_mm).dot(p.tail<2>());
+    return p;
+  }
+  // In the straight's frame: its spine where it is `along_mm` without bow, and its direction there.
+  EndAxis AxisAt(double along_mm) const {
+    const double x_mm = along_mm - shift_mm_;
+    const Eigen::Vector2d off_mm = bow_.Beside(At(x_mm)), slope = SlopeAt(x_mm);
+    return {turn_.transpose() * (Eigen::Vector3d(x_mm, off_mm[0], off_mm[1]) - move_mm_),
+            turn_.transpose() * Eigen::Vector3d(1.0, slope[0], slope[1]).normalized()};
+  }
+
+ private:
+  double At(double x_mm) const { return 2.0 * x_mm / length_mm_ - 1.0; }
+  Eigen::Vector2d SlopeAt(double x_mm) const {
+    constexpr double kStep = 1e-3;
+    const double t = At(x_mm);
+    return (bow_.Beside(t + kStep) - bow_.Beside(t - kStep)) / (kStep * length_mm_);
+  }
+
+  Bow bow_;
+  double length_mm_ = 0;
+  Eigen::Matrix3d turn_ = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d move_mm_ = Eigen::Vector3d::Zero();
+  double shift_mm_ = 0;
+};
+
+// Of the first straight and of the last.
+std::array<WithoutBow, 2> WithoutBows(const hal::Tube& tube,
+                                      const std::vector<hal::SpineSegment>& segments,
+                                      const BowedTubeState* bowed) {
+  const std::size_t bends = tube.program.bend_count();
+  if (!bowed || bowed->bows.empty() || bends == 0) return {};
+  const EasedSpine spine = SpineOf(*bowed);
+  const auto without = [&](std::size_t row, std::size_t next, std::size_t bend) {
+    const std::size_t k = row * (spine.pieces + 1);
+    const auto line_of = [&spine](std::size_t of_row) {
+      const hal::SpineSegment& line = spine.segments[of_row * (spine.pieces + 1)];
+      return SpineLine{line.start_mm, line.tangent};
+    };
+    const hal::BendRow& corner = tube.program.rows[bend];
+    const double tangent_mm = corner.bend_radius_mm.value_or(0.0) *
+                              std::tan(0.5 * corner.angle_deg * hal::kRadiansPerDegree);
+    const hal::SpineSegment& straight = segments[2 * row];
+    return WithoutBow(straight, row < next ? straight.length_mm + tangent_mm : -tangent_mm,
+                      spine.segments[k], CornerAlongMm(line_of(row), line_of(next)),
+                      bowed->bows[k]);
+  };
+  return {without(0, 1, 0), without(bends, bends - 1, bends - 1)};
+}
+
+// Of the straight that the tube ends on, `along_mm` from its start.
+EndAxis AxisOf(const hal::SpineSegment& straight, const WithoutBow& without, double along_mm,
+               bool at_start) {
+  const EndAxis local = without.is_none()
+                            ? EndAxis{Eigen::Vector3d(along_mm, 0, 0), Eigen::Vector3d::UnitX()}
+                            : without.AxisAt(along_mm);
+  const Eigen::Vector3d along = straight.axes() * local.outward;
+  return {straight.start_mm + straight.axes() * local.end_mm,
+          at_start ? Eigen::Vector3d(-along) : along};
+}
+
 // The points on the end straights.
 struct EndPoints {
   Sectors from_start, from_end;
@@ -191,10 +274,12 @@ struct EndPoints {
 // Adds the block's points that are nearest to the first or the last segment.
 class EndCollector {
  public:
-  EndCollector(const hal::Tube& tube, double sigma_mm, EndPoints& points)
+  EndCollector(const hal::Tube& tube, double sigma_mm, const std::array<WithoutBow, 2>& without_bow,
+               EndPoints& points)
       : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
         // The lines do not go on for ever: one may pass by the other end.
         frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
+        without_bow_(without_bow),
         pipe_radius_mm_(tube.pipe_radius_mm),
         reach_mm_(kEnds.on_surface * sigma_mm),
         points_(points) {}
@@ -210,21 +295,30 @@ class EndCollector {
       for (std::size_t i = 0; i < count; ++i) {
         const std::size_t c = EndOf(nearest_.Candidate(i), i);
         const LocalLanes& local = nearest_.Local(c);
-        if (std::abs(local.distance[i] - pipe_radius_mm_) > reach_mm_) continue;
-        // Further out another part of the tube may lie where the straight would go on.
-        const double beyond_mm = kEnds.beyond_nodes * pipe_radius_mm_;
-        const std::size_t sector = AzimuthSector<kSectors>(local.y[i], local.z[i]);
-        if (candidates_[c] == 0 && local.x[i] >= -beyond_mm) {
-          points_.from_start[sector].push_back(local.x[i]);
+        Eigen::Vector3d point(local.x[i], local.y[i], local.z[i]);
+        double off_mm = local.distance[i] - pipe_radius_mm_;
+        if (candidates_[c] != 0 && candidates_[c] != last) continue;
+        if (const WithoutBow& without = without_bow_[candidates_[c] == 0 ? 0 : 1];
+            !without.is_none()) {
+          point = without(point);
+          off_mm = point.tail<2>().norm() - pipe_radius_mm_;
         }
-        if (candidates_[c] == last && local.x[i] <= segments_.back().length_mm + beyond_mm) {
-          points_.from_end[sector].push_back(-local.x[i]);
-        }
+        if (std::abs(off_mm) <= reach_mm_) AddPoint(point, candidates_[c]);
       }
     }
   }
 
  private:
+  void AddPoint(const Eigen::Vector3d& point, std::int32_t segment) {
+    // Further out another part of the tube may lie where the straight would go on.
+    const double beyond_mm = kEnds.beyond_nodes * pipe_radius_mm_;
+    const std::size_t sector = AzimuthSector<kSectors>(point.y(), point.z());
+    if (segment == 0 && point.x() >= -beyond_mm) points_.from_start[sector].push_back(point.x());
+    const auto last = static_cast<std::int32_t>(frames_.size()) - 1;
+    if (segment == last && point.x() <= segments_.back().length_mm + beyond_mm) {
+      points_.from_end[sector].push_back(-point.x());
+    }
+  }
   // Where the two ends of a tube nearly meet, a point beyond the one lies on the other's straight,
   // which noise does not say: that is its candidate then, and `c` else.
   std::size_t EndOf(std::size_t c, std::size_t i) const {
@@ -243,6 +337,7 @@ class EndCollector {
 
   std::vector<hal::SpineSegment> segments_;
   std::vector<SegmentFrame> frames_;
+  const std::array<WithoutBow, 2>& without_bow_;
   double pipe_radius_mm_;
   double reach_mm_;
   EndPoints& points_;
@@ -265,11 +360,12 @@ Sectors Joined(std::span<const EndPoints> parts, Sectors EndPoints::*which) {
 }  // namespace
 
 TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> all,
-                      Workers* workers) {
+                      Workers* workers, const BowedTubeState* bowed) {
   // An end that no sample shows is where the nodes stopped, give or take two pipe radii.
   const double unseen_mm = 2.0 * tube.pipe_radius_mm;
-  TubeEnds ends{tube, unseen_mm, unseen_mm, false, false};
+  TubeEnds ends{tube, unseen_mm, unseen_mm, false, false, {}, {}};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const std::array<WithoutBow, 2> without_bow = WithoutBows(tube, segments, bowed);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
   const OwnedBlocks enough = Thinned(all, StrideTo(CountPoints(all), kEnds.enough_points));
   const std::span<const PointBlock> blocks = enough;
@@ -277,7 +373,7 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
       EvenRounds(blocks, kEnds.points_of_round, kEnds.most_rounds);
   std::vector<EndPoints> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
-    EndCollector collector(tube, sigma_mm, parts[round]);
+    EndCollector collector(tube, sigma_mm, without_bow, parts[round]);
     for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
       collector.Add(blocks[i]);
     }
@@ -304,6 +400,9 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
   } else if (last == 0) {
     rows.back().length_mm -= start_mm;
   }
+  ends.first = AxisOf(segments.front(), without_bow[0], start_mm, true);
+  ends.last = AxisOf(segments.back(), without_bow[1],
+                     rows.back().length_mm + (last == 0 ? start_mm : 0.0), false);
   return ends;
 }
 

@@ -27,8 +27,9 @@ std::string_view Name(DirectionState state);  // "forward", "reverse", "ambiguou
 struct DirectionOptions {
   DirectionChoice choice = DirectionChoice::kAuto;
   PartVariation expected;
-  // A row this many expected variations off is not a variation of the part any more.
-  double plausible_row = 8.0;
+  // A row this many expected variations off is not a variation of the part any more: an angle of
+  // 16 to 24 degrees, a rotation of 10. Springback without any correction is half of that.
+  double plausible_row = 5.0;
   // Root mean square over all rows, in expected variations.
   double plausible_rms = 3.0;
   // Least difference of the two costs (twice the logarithm of the likelihood ratio; 23 is a ratio

@@ -8,6 +8,7 @@
 #include "pipeline/spline/arc_line_spline.h"
 #include "pipeline/spline/initial_spline.h"
 #include "pipeline/structure/nominal_along.h"
+#include "pipeline/structure/structure_moves.h"
 #include "pipeline/structure/structure_search.h"
 
 namespace bendloop::pipeline {
@@ -51,6 +52,17 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
   }
   if (!same_bends) found.margin = std::min(found.margin, -advantage);
   return found;
+}
+
+// Without bends that follow what sits on the tube's ends.
+void DropFittings(const StructureSearch& search, SurfaceFit& fit) {
+  for (std::size_t i = 0, bends = fit.tube.program.bend_count(); i < bends; ++i) {
+    ArcLineSpline spline = SplineFromTube(fit.tube);
+    if (!DropUnexplained(spline, fit)) return;
+    const double margin = fit.margin;
+    fit = search.Fit(TubeFromSpline(spline, fit.tube.pipe_radius_mm));
+    fit.margin = margin;
+  }
 }
 
 // What the samples alone say. `form`: becomes what they show of the tube's form.
@@ -132,6 +144,8 @@ SurfaceFit FindStructure(const SpinePolygon& polygon, double pipe_radius_mm,
                           .caution = options.caution,
                           .form = form});
   search.StartAnew(fit);
+  if (options.nominal && MayBe(*options.nominal, fit.tube, fit.sigma)) return fit;
+  DropFittings(search, fit);
   if (!options.nominal || MayBe(*options.nominal, fit.tube, fit.sigma)) return fit;
   return SettleByNominal(search, polygon, *options.nominal, std::move(fit));
 }

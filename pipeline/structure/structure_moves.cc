@@ -25,6 +25,11 @@ struct MoveSettings {
   double border = 1.0, tight_border = 2.0;
   // [of the usual number of samples a length] Less is not seen.
   double seen = 0.4;
+  // [of r_P] and [sigma] 1 sigma of an outermost bend's samples, and of them together with those
+  // beyond it: fittings and caps leave 0.07 and more, and 0.19; a dent in the bend leaves less.
+  double unexplained = 0.06, unexplained_beyond = 0.1, unexplained_sigmas = 5.0;
+  // [of r_P] So much of a tube from an arc on is no fitting.
+  double fitting = 8.0;
   // [of r_P] A bend radius of less stands where the fit holds it (FitBounds).
   double tight = 1.05;
   // A small bend that is put into a line. [rad] Its angle.
@@ -207,6 +212,42 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   constexpr double kAll = std::numeric_limits<double>::infinity();
   if (drop_last) DropLast(spline, kAll);
   if (drop_first) DropFirst(spline, kAll);
+  return drop_last || drop_first;
+}
+
+bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
+  if (spline.arcs.empty()) return false;
+  const double r_mm = fit.tube.pipe_radius_mm;
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  const double fitting_samples =
+      kMoves.fitting * r_mm * FewSamplesPerMm(fit, segments) / kMoves.seen;
+  const auto is_unexplained = [&](std::size_t arc, std::size_t outer) {
+    const double of_arc = fit.segment_samples[arc], beyond = fit.segment_samples[outer];
+    if (!(of_arc + beyond > 0) || of_arc + beyond > fitting_samples) return false;
+    const double arc_mm2 = fit.segment_mean_square_mm2[arc];
+    const double both_mm2 =
+        (of_arc * arc_mm2 + beyond * fit.segment_mean_square_mm2[outer]) / (of_arc + beyond);
+    const double least_mm = kMoves.unexplained_sigmas * fit.sigma_mm;
+    const bool bends =
+        of_arc == 0 || arc_mm2 > std::pow(std::max(least_mm, kMoves.unexplained * r_mm), 2);
+    return bends && both_mm2 > std::pow(std::max(least_mm, kMoves.unexplained_beyond * r_mm), 2);
+  };
+  const std::size_t last = segments.size() - 1;
+  const bool drop_last = is_unexplained(last - 1, last);
+  const bool drop_first = is_unexplained(1, 0) && (!drop_last || spline.arcs.size() > 1);
+  // Straight on; where the samples stop is found later.
+  const double short_mm = kMoves.tight_border * r_mm;
+  if (drop_last) {
+    const SplineArc arc = spline.arcs.back();
+    spline.arcs.pop_back();
+    spline.end_mm = arc.begin_mm + short_mm * arc.tangent_in;
+  }
+  if (drop_first) {
+    const SplineArc arc = spline.arcs.front();
+    spline.arcs.erase(spline.arcs.begin());
+    spline.tangent = arc.tangent_out;
+    spline.start_mm = arc.end_mm - short_mm * arc.tangent_out;
+  }
   return drop_last || drop_first;
 }
 

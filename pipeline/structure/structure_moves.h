@@ -37,6 +37,11 @@ double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment>
 // tight as the pipe is thick (a cap). `fit` is of the spline. False: there was none.
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit);
 
+// Without a first or last bend that no tube has: its samples lie so far off it, and off the
+// straight beyond it, that it follows what sits on the end, as a nut, a flare or a cap. Where a
+// bent tube goes on for long behind it it stays. `fit` is of the spline. False: there was none.
+bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit);
+
 // The end straights as long as the polygon's ends are away, if that is more. False: neither was
 // shorter by `least_mm` or more.
 bool ReachEnds(ArcLineSpline& spline, const SpinePolygon& polygon, double least_mm);

@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include "pipeline/fit/bends_with_bows.h"
+#include "tests/support/real_tube.h"
 #include "tests/support/shapes.h"
+#include "tests/unit/fit/three_bends.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -225,6 +228,25 @@ TEST(TubeEnds, PairsOfFliersAreNoBorder) {
     }
     const TubeEnds ends = FindTubeEnds(tube, kNoise, tests::Blocks(cloud, kRadius));
     EXPECT_NEAR(EndErrors(tube, ends).last, 0, 0.1) << run;
+  }
+}
+
+// The end of a bowed straight leans, and its best-fit line passes the next one by: at L / 300 both
+// move an end by more than a scan leaves open.
+TEST(TubeEnds, OfBowedStraightsCountFromTheCorner) {
+  for (const int seed : {3, 4}) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    hal::Tube tube = ThreeBends();
+    tube.program.rows[0].angle_deg = 88;
+    const auto cloud = tests::ScanRealTube(tube, {.bow = 1.0 / 300}, {.noise_mm = 0.01}, random);
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+    const BowedSolution solution = SolveWithBows(tube, blocks, {.reach_mm = 1});
+    const TubeEnds ends = FindTubeEnds(solution.fit.tube, solution.bows.noise_mm, blocks, nullptr,
+                                       &solution.bows.state);
+    const auto &rows = ends.tube.program.rows, &truth = cloud.truth.program.rows;
+    EXPECT_NEAR(rows.front().length_mm, truth.front().length_mm, 0.05);
+    EXPECT_NEAR(rows.back().length_mm, truth.back().length_mm, 0.05);
   }
 }
 

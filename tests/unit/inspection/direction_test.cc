@@ -92,6 +92,20 @@ TEST(Direction, OfAFlatPartHasNoHand) {
   EXPECT_EQ(Match(flat, Mirror(flat)).state, DirectionState::kForward);
 }
 
+// Springback may leave a part ten degrees off its nominal, no process thirty.
+TEST(Direction, RefusesAPartWithOneBendOfAnotherAngle) {
+  for (const double off_deg : {-30.0, 30.0}) {
+    for (const std::size_t bend : {std::size_t{0}, std::size_t{1}, std::size_t{2}}) {
+      hal::BendProgram other = kPart;
+      other.rows[bend].angle_deg += off_deg;
+      if (other.rows[bend].angle_deg < 1) continue;
+      EXPECT_EQ(Match(kPart, other).state, DirectionState::kNoMatch) << bend << ' ' << off_deg;
+      other.rows[bend].angle_deg = kPart.rows[bend].angle_deg + off_deg / 3;
+      EXPECT_EQ(Match(kPart, other).state, DirectionState::kForward) << bend << ' ' << off_deg;
+    }
+  }
+}
+
 TEST(Direction, RefusesAnotherPart) {
   hal::BendProgram other = kPart;
   other.rows[1].length_mm += 40;

@@ -3,12 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <string>
 #include <tuple>
+#include <utility>
 
 #include "hal/clock.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
+#include "tests/support/synthetic_cloud.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -52,6 +55,58 @@ INSTANTIATE_TEST_SUITE_P(
                     RealCase{"Drifting", {}, {.drift_mm = 0.1, .drift_deg = 0.02}},
                     RealCase{"HeavyTails", {}, {.heavy_tail = 0.5}}),
     [](const auto& tube) { return std::string(tube.param.name); });
+
+// The tubes that tests/bench draws with these seeds, and their scans.
+tests::RealCloud DrawnScan(std::uint64_t seed, const tests::Form& form) {
+  std::mt19937_64 random(seed);
+  const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = 5,
+                                            .bends = 5,
+                                            .min_bend_radius = 2,
+                                            .max_bend_radius = 4,
+                                            .min_straight = 4,
+                                            .max_straight = 14,
+                                            .min_angle_deg = 15,
+                                            .max_angle_deg = 100},
+                                           random);
+  random.discard(10);  // what it draws of form and scan
+  return tests::ScanRealTube(tube, form, {}, random);
+}
+
+// Fittings whose samples bend the spine's nodes aside.
+TEST(FittedTube, HasNoBendInWhatSitsOnItsEnd) {
+  const hal::SteadyClock clock;
+  using enum tests::EndFitting;
+  for (const auto& [seed, at_end] : {std::pair{21'000'016, kNut}, {23'000'030, kFlare}}) {
+    SCOPED_TRACE(seed);
+    const auto cloud = DrawnScan(static_cast<std::uint64_t>(seed), {.at_end = at_end});
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    EXPECT_EQ(measured->tube.program.bend_count(), 5U);
+  }
+}
+
+// The search shows such bends by three each, of which none is one as long as the others are there.
+TEST(EasedTube, HasItsBendsThoughTheyEaseOverMoreThanTheirArcs) {
+  const auto cloud = DrawnScan(3'000'098, {.easing_r = 1.5, .ramps = true});
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  EXPECT_EQ(measured->tube.program.bend_count(), 5U);
+}
+
+// Bends of about the same angle hide what they ease over in a wider radius.
+TEST(EasedTube, HasTheRadiiOfItsDieThoughItsBendsTurnAlike) {
+  const auto cloud = DrawnScan(21'000'035, {.easing_r = 0.4, .ramps = true});
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  ASSERT_EQ(measured->tube.program.bend_count(), 5U);
+  const double radius_mm = *cloud.truth.program.rows[0].bend_radius_mm;
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_NEAR(*measured->tube.program.rows[i].bend_radius_mm, radius_mm,
+                4 * *measured->sigma.rows[i].bend_radius_mm);
+  }
+}
 
 // A thousand times more points, or a thirtieth of the noise, never turn a right structure into a
 // wrong one.
