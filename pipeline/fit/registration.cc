@@ -24,6 +24,8 @@ using LocalSum = Eigen::Matrix<double, kRound + kOffset + 1, kRound + kOffset + 
 struct RegistrationSettings {
   // So many points tell by how much passes do not meet.
   std::size_t points = 24'000;
+  // So many tell that passes meet, as they mostly do.
+  std::size_t first_points = 6'000;
   // Fewer in a pass tell nothing of it.
   std::size_t least_points = 200;
   // Steps: the offsets are small, so the second hardly moves anything.
@@ -74,7 +76,7 @@ double LocalDerivative(const SegmentFrame& frame, double pipe_radius_mm, const E
 class PassFit {
  public:
   PassFit(const SurfaceFit& fit, unsigned passes, const PassDrift& drift, double reach_mm,
-          std::span<const PointBlock> blocks)
+          std::span<const PointBlock> blocks, std::size_t points)
       : fit_(fit),
         reach_mm_(reach_mm),
         passes_(static_cast<int>(passes)),
@@ -82,7 +84,7 @@ class PassFit {
     sigmas_.resize(kOffset);
     sigmas_ << Eigen::Vector3d::Constant(drift.move_mm),
         Eigen::Vector3d::Constant(drift.turn_deg / hal::kDegreesPerRadian);
-    Take(blocks);
+    Take(blocks, points);
   }
 
   std::size_t PassesWithPoints() const {
@@ -100,26 +102,23 @@ class PassFit {
     return p + offsets_.segment<3>(at) + turn.cross(p - middle_mm_);
   }
 
+  // Whether the first step makes the sum of squares so little less that further ones, which hardly
+  // move anything, will not make it less by as much as is asked for.
+  bool IsInVain() {
+    Joint joint = Start();
+    const double before = joint.robust * joint.sigma_mm * joint.sigma_mm;
+    if (!Step(joint)) return true;
+    const double after = joint.robust * joint.sigma_mm * joint.sigma_mm;
+    return before < 0.5 * (1.0 + kRegistration.worth) * after;
+  }
+
   // True: the samples insist on the offsets.
   bool Solve() {
-    TubeParameters parameters(fit_.tube, true, {}, fit_.easing);
-    const FitBounds bounds(parameters, fit_.tube.pipe_radius_mm, 1e6);
-    hal::Tube tube = fit_.tube;
-    Easing easing = fit_.easing;
-    const Joint before = Linearize(parameters, SpineOf(tube.program, tube.X_WT, easing), 0);
-    Joint joint = before;
+    Joint joint = Start();
     for (int i = 0; i < kRegistration.steps; ++i) {
-      const Eigen::VectorXd step = SolveSymmetric(joint.matrix, joint.right);
-      if (!step.allFinite()) return false;
-      const int n = parameters.size();
-      const Eigen::VectorXd to = bounds.Inside(parameters.Initial() + step.head(n));
-      tube = parameters.TubeAt(to);
-      easing = parameters.EasingAt(to);
-      offsets_ += step.tail(offsets_.size());
-      parameters = TubeParameters(tube, true, {}, easing);
-      joint = Linearize(parameters, SpineOf(tube.program, tube.X_WT, easing), 0);
-      if (i == 0 && IsInVain(before, joint)) return false;
+      if (!Step(joint)) return false;
     }
+    const TubeParameters parameters(tube_, true, {}, easing_);
     // Both at the noise that is left, which tells more than the noise with the offsets in it.
     const TubeParameters first(fit_.tube, true, {}, fit_.easing);
     const Eigen::VectorXd offsets = offsets_;
@@ -137,16 +136,31 @@ class PassFit {
   const Eigen::MatrixXd& covariance() const { return covariance_; }
 
  private:
-  // Whether the first step has made the sum of squares so little less that further ones, which
-  // hardly move anything, will not make it less by as much as is asked for.
-  static bool IsInVain(const Joint& before, const Joint& after) {
-    const double at_same_noise = std::pow(before.sigma_mm / after.sigma_mm, 2);
-    const double half_of_worth = 0.5 * (1.0 + kRegistration.worth);
-    return before.robust * at_same_noise < half_of_worth * after.robust;
+  Joint Start() {
+    tube_ = fit_.tube;
+    easing_ = fit_.easing;
+    offsets_.setZero();
+    return Linearize(TubeParameters(tube_, true, {}, easing_),
+                     SpineOf(tube_.program, tube_.X_WT, easing_), 0);
+  }
+  // To where the points ask to go, and what they say there. False: nowhere.
+  bool Step(Joint& joint) {
+    const TubeParameters parameters(tube_, true, {}, easing_);
+    const Eigen::VectorXd step = SolveSymmetric(joint.matrix, joint.right);
+    if (!step.allFinite()) return false;
+    const FitBounds bounds(TubeParameters(fit_.tube, true, {}, fit_.easing),
+                           fit_.tube.pipe_radius_mm, 1e6);
+    const Eigen::VectorXd to = bounds.Inside(parameters.Initial() + step.head(parameters.size()));
+    tube_ = parameters.TubeAt(to);
+    easing_ = parameters.EasingAt(to);
+    offsets_ += step.tail(offsets_.size());
+    joint = Linearize(TubeParameters(tube_, true, {}, easing_),
+                      SpineOf(tube_.program, tube_.X_WT, easing_), 0);
+    return true;
   }
 
-  void Take(std::span<const PointBlock> blocks) {
-    const std::size_t stride = StrideTo(CountPoints(blocks), kRegistration.points);
+  void Take(std::span<const PointBlock> blocks, std::size_t points) {
+    const std::size_t stride = StrideTo(CountPoints(blocks), points);
     count_.assign(static_cast<std::size_t>(passes_), 0);
     middle_mm_.setZero();
     std::size_t next = 0;
@@ -270,6 +284,8 @@ class PassFit {
   const SurfaceFit& fit_;
   double reach_mm_;
   int passes_;
+  hal::Tube tube_;  // where the fit has come to
+  Easing easing_;
   Eigen::VectorXd offsets_, sigmas_;
   std::vector<PassPoint> points_;
   std::vector<std::size_t> count_;
@@ -303,7 +319,10 @@ Registration RegisterPasses(const SurfaceFit& fit, unsigned passes, const PassDr
                             double reach_mm, std::vector<PointBlock>& blocks) {
   Registration registration;
   if (passes < 2) return registration;
-  PassFit together(fit, passes, drift, reach_mm, blocks);
+  if (PassFit(fit, passes, drift, reach_mm, blocks, kRegistration.first_points).IsInVain()) {
+    return registration;
+  }
+  PassFit together(fit, passes, drift, reach_mm, blocks, kRegistration.points);
   if (together.PassesWithPoints() < 2 || !together.Solve()) return registration;
   registration.middle_mm = together.middle_mm();
   registration.covariance = together.covariance();
