@@ -58,6 +58,7 @@ void BeginNearOrigin(CadTube& tube) {
   if (!StartsAtItsEnd(tube.spine)) return;
   tube.spine = tube.spine.Reversed();
   std::swap(tube.first, tube.last);
+  std::swap(tube.placed_notes, tube.placed_notes_reversed);
 }
 
 std::vector<CadTube> TubesOf(CadShape& shape) {

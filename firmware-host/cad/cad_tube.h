@@ -42,6 +42,8 @@ struct CadTube {
   TubeEnd first, last;
   std::vector<WallOpening> openings;
   std::vector<WallOpening> openings_reversed;  // as they are from the other end
+  // What is told by its place, counted from the first end and from the last.
+  std::vector<std::string> placed_notes, placed_notes_reversed;
   std::vector<std::string> notes;
   // Why it is no sequence of lines and arcs; empty: it is one.
   std::vector<std::string> problems;

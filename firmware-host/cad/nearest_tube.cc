@@ -146,6 +146,8 @@ hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
   tube.problems.clear();
   tube.openings.clear();
   tube.openings_reversed.clear();
+  tube.placed_notes.clear();
+  tube.placed_notes_reversed.clear();
   tube.pipe_radius_mm = measured->tube.pipe_radius_mm;
   WidenArcs(measured->tube.program.rows, kTightestRadii * tube.pipe_radius_mm);
   SeparateArcs(measured->tube.program.rows, kMostOverlapRadii * tube.pipe_radius_mm);

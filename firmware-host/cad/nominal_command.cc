@@ -165,7 +165,16 @@ hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArgu
   const auto is_solid = [](const CadTube& t) { return !t.is_wire; };
   const auto is_wire = [](const CadTube& t) { return t.is_wire; };
   if (std::none_of(tubes.begin(), tubes.end(), is_broken)) {
-    if (auto tube = only(is_bent)) return *tube;
+    if (auto tube = only(is_bent)) {
+      const auto straight = std::count_if(tubes.begin(), tubes.end(), [&](const CadTube& t) {
+        return is_solid(t) && t.body != tube->body;
+      });
+      if (straight > 0) {
+        tube->notes.push_back("straight tubes in other bodies, left out (--list): " +
+                              std::to_string(straight));
+      }
+      return *tube;
+    }
     const bool bent = std::any_of(tubes.begin(), tubes.end(), is_bent);
     if (auto tube = only(is_solid); tube && !bent) return *tube;
   }
@@ -300,6 +309,7 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
     tube->spine = tube->spine.Reversed();
     std::swap(tube->first, tube->last);
     std::swap(tube->openings, tube->openings_reversed);
+    std::swap(tube->placed_notes, tube->placed_notes_reversed);
   }
   Nominal nominal;
   nominal.file = arguments.file;

@@ -2,6 +2,7 @@
 #include "firmware-host/cad/nominal_text.h"
 
 #include <cmath>
+#include <utility>
 
 #include "firmware-host/console/printable.h"
 #include "firmware-host/result/program_json.h"
@@ -43,6 +44,12 @@ Json EndJson(const TubeEnd& end, const hal::EndCut& cut) {
           {"plain_tube_ends_before_mm", Number(end.fitting_mm)}};
 }
 
+std::vector<std::string> NotesOf(const CadTube& tube) {
+  std::vector<std::string> notes = tube.placed_notes;
+  notes.insert(notes.end(), tube.notes.begin(), tube.notes.end());
+  return notes;
+}
+
 }  // namespace
 
 std::vector<std::string> Remarks(const CadTube& tube) {
@@ -52,7 +59,7 @@ std::vector<std::string> Remarks(const CadTube& tube) {
     remarks.push_back(EndRemark("last", tube.last));
   }
   for (const WallOpening& opening : tube.openings) remarks.push_back(OpeningRemark(opening));
-  remarks.insert(remarks.end(), tube.notes.begin(), tube.notes.end());
+  for (std::string& note : NotesOf(tube)) remarks.push_back(std::move(note));
   return remarks;
 }
 
@@ -107,7 +114,7 @@ Json NominalJson(const Nominal& nominal) {
           {"rows", RowsJson(nominal.program.program)},
           {"ends", {EndJson(tube.first, FirstCut(tube)), EndJson(tube.last, LastCut(tube))}},
           {"openings", std::move(openings)},
-          {"notes", tube.notes}};
+          {"notes", NotesOf(tube)}};
 }
 
 std::string TubeList(const std::vector<CadTube>& tubes) {

@@ -204,7 +204,8 @@ class BodyTubes {
     CadTube tube;
     tube.pipe_radius_mm = outer->radius_mm;
     tube.spine = basis.spine;
-    tube.notes = basis.notes;
+    tube.placed_notes = basis.notes;
+    tube.placed_notes_reversed = basis.notes_reversed;
     if (inner != nullptr) tube.wall_mm = outer->radius_mm - inner->radius_mm;
     if (outer->concave) tube.notes.push_back("no outer surface: the pipe radius is the bore's");
     if (basis.radius_mm < outer->radius_mm) {
@@ -270,7 +271,13 @@ class BodyTubes {
         others.push_back(&chain);
       }
     }
-    for (std::string& note : BranchNotes(tube, others)) tube.notes.push_back(std::move(note));
+    const auto add = [](std::vector<std::string> more, std::vector<std::string>& notes) {
+      notes.insert(notes.end(), more.begin(), more.end());
+    };
+    add(BranchNotes(tube, others), tube.placed_notes);
+    CadTube back = tube;
+    back.spine = tube.spine.Reversed();
+    add(BranchNotes(back, others), tube.placed_notes_reversed);
   }
 
   void AddGapNotes(const TubeChain& outer, CadTube& tube) const {

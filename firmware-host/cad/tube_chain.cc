@@ -222,12 +222,20 @@ class Linker {
     return chains;
   }
 
+  // `number`: of the bend, or of the straight.
+  static std::string InferredNote(bool is_arc, std::size_t number) {
+    return is_arc ? "bend " + std::to_string(number) + " has no face: it follows from its straights"
+                  : "a piece of straight " + std::to_string(number) +
+                        " has no face: what is around it lies in line";
+  }
+
   TubeChain From(std::size_t slot, std::vector<bool>& used) {
     TubeChain chain;
     chain.concave = PieceOf(slots_[slot]).concave;
     chain.first = {slots_[slot].end.piece, slots_[slot].end.at_to, slots_[slot].kink_deg};
     std::size_t at = slot;
     double weighted = 0, weight = 0;
+    std::vector<std::pair<bool, std::size_t>> inferred;  // a bend, its number; or a straight's
     for (;;) {
       const std::size_t other = at ^ 1;  // the slots of a piece stand beside each other
       used[at] = used[other] = true;
@@ -238,6 +246,9 @@ class Linker {
         weight += piece.length_mm();
       }
       AddToSpine(piece, at % 2 == 1, chain);
+      if (piece.inferred) {
+        inferred.emplace_back(piece.is_arc, chain.spine.arcs.size() + (piece.is_arc ? 0 : 1));
+      }
       chain.last = {slots_[other].end.piece, slots_[other].end.at_to, slots_[other].kink_deg};
       const int next = slots_[other].mate;
       if (next < 0 || used[std::size_t(next)]) break;
@@ -247,6 +258,11 @@ class Linker {
       at = std::size_t(next);
     }
     chain.radius_mm = weight > 0 ? weighted / weight : radius_mm_;
+    const std::size_t bends = chain.spine.arcs.size();
+    for (const auto& [is_arc, number] : inferred) {
+      chain.notes.push_back(InferredNote(is_arc, number));
+      chain.notes_reversed.push_back(InferredNote(is_arc, bends + (is_arc ? 1 : 2) - number));
+    }
     return chain;
   }
 
@@ -285,13 +301,6 @@ class Linker {
       } else {
         spine.arcs.push_back(arc);
       }
-    }
-    if (piece.inferred) {
-      chain.notes.push_back(piece.is_arc ? "bend " + std::to_string(spine.arcs.size()) +
-                                               " has no face: it follows from its straights"
-                                         : "a piece of the straight before bend " +
-                                               std::to_string(spine.arcs.size() + 1) +
-                                               " has no face: what is around it lies in line");
     }
   }
 

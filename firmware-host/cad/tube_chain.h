@@ -54,8 +54,9 @@ struct TubeChain {
   ChainEnd first, last;
   Spine spine;  // up to where its faces reach; ends are cut later (end_cut.h)
   bool is_closed = false;
-  double sharpest_joint_deg = 0;   // between neighbours that should be tangent
-  std::vector<std::string> notes;  // what no face showed
+  double sharpest_joint_deg = 0;  // between neighbours that should be tangent
+  // What no face showed, as counted from the first and from the last end.
+  std::vector<std::string> notes, notes_reversed;
 };
 
 // Chains of the pieces that go all around a tube. Where faces are missing between two of them,

@@ -50,6 +50,17 @@ TEST(Beside, BranchesAreTold) {
   EXPECT_THAT(boss.out, HasSubstr("a socket or boss of 12.000 mm"));
 }
 
+TEST(Beside, BranchesAreCountedFromTheFirstEnd) {
+  // The last end lies at the origin, so the rows begin there.
+  gp_Trsf shift;
+  shift.SetTranslation({-130, -110, 0});
+  const TopoDS_Shape tee =
+      test::Joined(Pipe(Elbow(10), {.wall_mm = 0}), Bar({50, 0, 0}, {0, 0, 1}, 8, 60));
+  const auto file = test::WriteStepFile({{"tee", tee.Moved(TopLoc_Location(shift))}});
+  EXPECT_THAT(Nominal(file).out, HasSubstr("leaves it at 177.1 mm"));
+  EXPECT_THAT(Nominal(file, {"--reverse"}).out, HasSubstr("leaves it at 50.0 mm"));
+}
+
 TEST(Beside, ASilencerIsNoTube) {
   hal::Tube tube;
   tube.pipe_radius_mm = 5;
