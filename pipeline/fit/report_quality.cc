@@ -28,6 +28,8 @@ struct Doubts {
   double vague_radius = 0.02;
   // [of r_P] 1 sigma of the distances; beyond it only noisy wires are tubes.
   double rough = 0.04;
+  // [of r_P] A clamp does not hold a shorter straight between two bends.
+  double clamped = 0.9;
   // [of a straight's length] and [sigma] Bows of more: EN 10305-1 lets precision tube have 0.0015,
   // and benders leave L / 300, with one that changes sides on it.
   double bow = 1.0 / 220.0, bow_sigmas = 6.0;
@@ -201,6 +203,21 @@ bool LiesOffTogether(const SurfaceFit& fit) {
          fit.design_effect > kDoubts.together;
 }
 
+// A bend that is dented, or eases further than its arc is long, looks like two with next to nothing
+// between them.
+void DoubtBendUponBend(const hal::Tube& tube, Measurement& measurement) {
+  for (std::size_t i = 1; i < tube.program.bend_count(); ++i) {
+    const double straight_mm = tube.program.rows[i].length_mm;
+    if (!(straight_mm < kDoubts.clamped * tube.pipe_radius_mm)) continue;
+    measurement.warnings.push_back(
+        "bends " + std::to_string(i) + " and " + std::to_string(i + 1) + " have " +
+        Mm(std::max(0.0, straight_mm)) +
+        " of straight between them, too little for a clamp: they may be one, dented or eased; "
+        "compare the number of bends with the drawing");
+    return;
+  }
+}
+
 }  // namespace
 
 hal::Result<void> CheckShowsTube(const SurfaceFit& fit) {
@@ -230,6 +247,7 @@ void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const Hal
                                    " bends, the nominal has " + std::to_string(*nominal_bends) +
                                    ": another part, or one that was bent wrongly");
   }
+  if (!nominal_bends) DoubtBendUponBend(fit.tube, measurement);
   for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
     const Flattening& f = fit.flattening[i];
     const FlatteningSigma& sigma = fit.flattening_sigma[i];

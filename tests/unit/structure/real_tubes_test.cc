@@ -2,6 +2,7 @@
 // What benders make is no lines and arcs: the number of bends must not follow from that.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <string>
@@ -83,6 +84,27 @@ TEST(FittedTube, HasNoBendInWhatSitsOnItsEnd) {
     ASSERT_TRUE(measured) << measured.error().message;
     EXPECT_EQ(measured->tube.program.bend_count(), 5U);
   }
+}
+
+// They may be one, as a dent parts it.
+TEST(BendUponBend, IsToldWhereNoNominalHasIt) {
+  hal::Tube tube = FourBends();
+  tube.program.rows[2].length_mm = 2;
+  std::mt19937_64 random(7);
+  const auto cloud = tests::ScanRealTube(tube, {}, {}, random);
+  const hal::SteadyClock clock;
+  const auto told = [&](const ReconstructionOptions& options) {
+    const auto measured = Reconstruct(cloud.points_W, options, clock);
+    EXPECT_TRUE(measured);
+    return measured && std::any_of(measured->warnings.begin(), measured->warnings.end(),
+                                   [](const std::string& warning) {
+                                     return warning.find("clamp") != std::string::npos;
+                                   });
+  };
+  EXPECT_TRUE(told({}));
+  ReconstructionOptions as_drawn;
+  as_drawn.nominal = tube.program;
+  EXPECT_FALSE(told(as_drawn));
 }
 
 // The search shows such bends by three each, of which none is one as long as the others are there.
