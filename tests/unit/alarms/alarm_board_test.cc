@@ -6,7 +6,7 @@
 #include "firmware-host/alarms/alarm_text.h"
 #include "firmware-host/alarms/part_alarms.h"
 #include "firmware-host/history/history.h"
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 namespace bendloop::host {
 namespace {

@@ -7,7 +7,7 @@
 #include "firmware-host/console/temporary_folder.h"
 #include "firmware-host/result/result_json.h"
 #include "hal/clock.h"
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 namespace bendloop::host {
 namespace {

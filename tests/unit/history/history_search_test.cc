@@ -10,7 +10,7 @@
 #include "firmware-host/history/history_output.h"
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/result/json.h"
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 namespace bendloop::host {
 namespace {

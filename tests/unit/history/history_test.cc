@@ -9,7 +9,7 @@
 
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/result/result_json.h"
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 namespace bendloop::host {
 namespace {

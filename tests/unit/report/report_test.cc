@@ -9,7 +9,7 @@
 #include "firmware-host/report/part_html.h"
 #include "firmware-host/report/scene.h"
 #include "firmware-host/result/json.h"
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 namespace bendloop::host {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 #include <random>
 
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 namespace bendloop::host {
 namespace {

@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "firmware-host/text/table.h"
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 namespace bendloop::host {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/unit/result/sample_run.h"
+#include "tests/support/sample_run.h"
 
 #include <algorithm>
 #include <cmath>
