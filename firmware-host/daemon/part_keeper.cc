@@ -88,6 +88,7 @@ hal::Result<void> PartKeeper::SetDamagedHistoryAside() {
   if (damage.empty()) return {};
   const auto aside = drivers::MoveAside(store_.history(), SystemMoment().unix_ms);
   if (!aside) return hal::Fail(aside.error());
+  is_anew_ = true;
   alarms_.Begin(AlarmCode::kHistoryDamaged, "it lies now in " + aside->string() + "; " + damage);
   return {};
 }
@@ -266,6 +267,7 @@ RunResult PartKeeper::Lost(const std::string& session, const CommitReport& repor
 void PartKeeper::KeepLost(const CommitAttempt& attempt) {
   const std::string& session = attempt.session;
   Note([&](History& history) -> hal::Result<void> {
+    if (is_anew_) return {};  // its row, and those before it, lie in the damaged one
     const auto last = history.LargestPartNumber();
     if (!last) return hal::Fail(last.error());
     if (NumberInName(session) <= *last) return {};

@@ -92,6 +92,7 @@ class PartKeeper {
   AlarmBoard& alarms_;
   std::map<std::uint32_t, KeptLot> lots_;  // by part number
   std::optional<History> history_;
+  bool is_anew_ = false;          // the history: a damaged one was moved aside
   std::deque<RunResult> recent_;  // for the report
   std::future<void> report_;
   bool report_late_ = false;    // a part came while it was written
