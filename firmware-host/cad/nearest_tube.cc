@@ -5,9 +5,12 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <string>
+#include <utility>
 
+#include "firmware-host/cad/developed.h"
 #include "hal/clock.h"
-#include "pipeline/reconstruction.h"
+#include "pipeline/tube_model.h"
 
 namespace bendloop::host {
 namespace {
@@ -20,6 +23,12 @@ constexpr std::size_t kAsked = 200;
 // Where a hose bends on and on, arcs nearest to it may overlap by so many pipe radii: they meet.
 constexpr double kMostOverlapRadii = 0.1;
 constexpr double kTightestRadii = 1.01;
+// Surface so many pipe radii off the lines and arcs is none of theirs; a smaller share of it (a
+// bead, a chamfer) is not told.
+constexpr double kFarRadii = 0.5;
+constexpr double kToldShare = 0.02;
+// A larger one is a leg that the rows leave out, or run past.
+constexpr double kMostShare = 0.05;
 
 // A tube's outer surface is convex across: seen from a sample, its neighbours lie behind it.
 bool IsOuter(const SurfacePatch& patch) {
@@ -129,40 +138,98 @@ void EndAtSamples(const std::vector<Vector3d>& points, double radius_mm, Spine& 
   if (farthest + (spine.end - begin).dot(outward) > 0) spine.end += farthest * outward;
 }
 
+// Lines and arcs, and how near to them all of the surface lies: what a scan's measurement sets
+// aside as none of the tube is the part's own here.
+struct NearTube {
+  CadTube tube;
+  double far_share = 1;  // of the surface
+  double rms_mm = 0;     // of the rest
+};
+
+void Judge(const std::vector<Vector3d>& points, NearTube& near) {
+  const double radius_mm = near.tube.pipe_radius_mm;
+  const Developed developed(near.tube.spine);
+  double sum = 0;
+  std::size_t count = 0;
+  for (const Vector3d& p : points) {
+    const double off_mm = developed.Of(p).across_mm - radius_mm;
+    if (std::abs(off_mm) > kFarRadii * radius_mm) continue;
+    sum += off_mm * off_mm;
+    ++count;
+  }
+  near.rms_mm = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, count)));
+  near.far_share = 1 - static_cast<double>(count) / static_cast<double>(points.size());
+}
+
+std::string HowNear(const NearTube& near) {
+  char text[240];
+  std::snprintf(
+      text, sizeof text,
+      "the part is no lines and arcs; these are the nearest, and %s lies %.3f mm off them (rms)",
+      near.tube.is_wire ? "a pipe along its curve" : "its surface", near.rms_mm);
+  std::string said = text;
+  if (near.far_share > kToldShare) {
+    std::snprintf(text, sizeof text, ", but for %.0f %% of it, which lies more than %.2f mm off",
+                  100 * near.far_share, kFarRadii * near.tube.pipe_radius_mm);
+    said += text;
+  }
+  return said;
+}
+
+// By one of the pipeline's models.
+hal::Result<NearTube> NearBy(pipeline::TubeModel model, const std::vector<Vector3d>& points,
+                             const CadTube& like) {
+  pipeline::ReconstructionOptions options;
+  if (like.pipe_radius_mm > 0) options.pipe_radius_mm = like.pipe_radius_mm;
+  const hal::SteadyClock clock;
+  auto measured = pipeline::ReconstructModel(points, model, options, clock);
+  if (!measured) return hal::Fail(measured.error());
+  NearTube near;
+  near.tube = like;
+  near.tube.problems.clear();
+  near.tube.openings.clear();
+  near.tube.openings_reversed.clear();
+  near.tube.placed_notes.clear();
+  near.tube.placed_notes_reversed.clear();
+  near.tube.pipe_radius_mm = measured->tube.pipe_radius_mm;
+  WidenArcs(measured->tube.program.rows, kTightestRadii * near.tube.pipe_radius_mm);
+  SeparateArcs(measured->tube.program.rows, kMostOverlapRadii * near.tube.pipe_radius_mm);
+  near.tube.spine = SpineOf(measured->tube);
+  for (int end = 0; end < 2; ++end) {
+    EndAtSamples(points, near.tube.pipe_radius_mm, near.tube.spine);
+    near.tube.spine = near.tube.spine.Reversed();
+  }
+  Judge(points, near);
+  return near;
+}
+
 }  // namespace
 
 hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
   const std::vector<Vector3d> points =
       like.is_wire ? PipePoints(body, like.pipe_radius_mm) : OuterPoints(body, like.pipe_radius_mm);
-  pipeline::ReconstructionOptions options;
-  if (like.pipe_radius_mm > 0) options.pipe_radius_mm = like.pipe_radius_mm;
-  const hal::SteadyClock clock;
-  auto measured = pipeline::Reconstruct(points, options, clock);
-  if (!measured) {
+  auto nearest = NearBy(pipeline::TubeModel::kTube, points, like);
+  // A part that bends on and on leads the search for lines and arcs astray; its free spine does
+  // not.
+  if (!nearest || nearest->far_share > kToldShare) {
+    auto other = NearBy(pipeline::TubeModel::kCanal, points, like);
+    if (other && (!nearest || other->far_share < nearest->far_share)) nearest = std::move(other);
+  }
+  if (!nearest) {
     return hal::Fail(hal::ErrorKind::kBadInput,
-                     "no lines and arcs are near to it: " + measured.error().message);
+                     "no lines and arcs are near to it: " + nearest.error().message);
   }
-  CadTube tube = like;
-  tube.problems.clear();
-  tube.openings.clear();
-  tube.openings_reversed.clear();
-  tube.placed_notes.clear();
-  tube.placed_notes_reversed.clear();
-  tube.pipe_radius_mm = measured->tube.pipe_radius_mm;
-  WidenArcs(measured->tube.program.rows, kTightestRadii * tube.pipe_radius_mm);
-  SeparateArcs(measured->tube.program.rows, kMostOverlapRadii * tube.pipe_radius_mm);
-  tube.spine = SpineOf(measured->tube);
-  for (int end = 0; end < 2; ++end) {
-    EndAtSamples(points, tube.pipe_radius_mm, tube.spine);
-    tube.spine = tube.spine.Reversed();
+  if (nearest->far_share > kMostShare) {
+    char text[160];
+    std::snprintf(
+        text, sizeof text,
+        "no lines and arcs are near to it: the best leave %.0f %% of its surface more than "
+        "%.2f mm away",
+        100 * nearest->far_share, kFarRadii * nearest->tube.pipe_radius_mm);
+    return hal::Fail(hal::ErrorKind::kBadInput, text);
   }
-  char text[160];
-  std::snprintf(
-      text, sizeof text,
-      "the part is no lines and arcs; these are the nearest, and %s lies %.3f mm off them (rms)",
-      like.is_wire ? "a pipe along its curve" : "its surface", measured->fit.rms_distance_mm);
-  tube.notes.assign(1, text);
-  return tube;
+  nearest->tube.notes.assign(1, HowNear(*nearest));
+  return std::move(nearest->tube);
 }
 
 }  // namespace bendloop::host
