@@ -78,6 +78,22 @@ struct FinalFit {
   double noise_mm = 0;  // 1 sigma of the points
 };
 
+// Whether the block lies on a straight other than that of row `own`.
+bool IsOfAnotherRow(const PointBlock& block, const EasedSpine& spine, std::size_t own,
+                    double pipe_radius_mm) {
+  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
+    const hal::SpineSegment& straight = spine.segments[k];
+    if (!spine.is_line(k) || spine.row(k) == own) continue;
+    const Eigen::Vector3d from = block.center_mm - straight.start_mm;
+    const double along_mm = from.dot(straight.tangent);
+    if (along_mm > 0 && along_mm < straight.length_mm &&
+        (from - along_mm * straight.tangent).norm() < kStage.beside_tube * pipe_radius_mm) {
+      return true;
+    }
+  }
+  return false;
+}
+
 // What is left beside the tube: of straights beside their best-fit lines, all else beside the bows.
 SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
                    std::span<const PointBlock> blocks) {
@@ -327,18 +343,13 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     for (double at = -3.0; at <= kEndFormReach; at += 0.5) {
       places.push_back(end.position_mm + at * r_mm * end.outward);
     }
-    // What nearly meets this end is no fitting but the other one.
-    const hal::SpineSegment& other = at_start ? spine.segments.back() : spine.segments.front();
-    const auto is_other_end = [&](const PointBlock& block) {
-      const Eigen::Vector3d from = block.center_mm - other.start_mm;
-      const double along_mm = from.dot(other.tangent);
-      return spine.segments.size() > 1 && along_mm > 0 && along_mm < other.length_mm &&
-             (from - along_mm * other.tangent).norm() < kStage.beside_tube * r_mm;
-    };
+    // What nearly meets this end is no fitting but another part of the tube.
+    const std::size_t own = at_start ? 0 : plain.program.bend_count();
     std::vector<PointBlock> near;
     for (const std::int32_t index : intake_.grid().BlocksNear(places, 3.0 * r_mm)) {
       const PointBlock block = BlockAt(index, true);
-      if (!intake_.IsPlanar(index) && !is_other_end(block)) near.push_back(block);
+      if (!intake_.IsPlanar(index) && !IsOfAnotherRow(block, spine, own, r_mm))
+        near.push_back(block);
     }
     const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others);
     ReportEndForm(at_start, found, measurement);

@@ -35,6 +35,8 @@ struct ReviseSettings {
   double price = 4.0;
   // [of r_P] Where easing begins, and [sigma] from which on samples insist on it (easing_fit.cc).
   double easing = 0.3, insist = 4.0;
+  // [of r_P] Beside bows so little may be none, and bows looked like it.
+  double hardly_eased = 0.1;
   // So many points tell which is better.
   std::size_t points = 20'000;
   int most_changes = 4;
@@ -241,6 +243,13 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
   return solution;
 }
 
+bool IsHardlyEased(const SurfaceFit& fit) {
+  const double hardly_mm = kRevise.hardly_eased * fit.tube.pipe_radius_mm;
+  const auto& variance_mm2 = fit.easing.variance_mm2;
+  return std::all_of(variance_mm2.begin(), variance_mm2.end(),
+                     [&](double of_bend) { return of_bend < hardly_mm * hardly_mm; });
+}
+
 }  // namespace
 
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
@@ -250,16 +259,22 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
   const bool is_bowed =
       std::any_of(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
   const std::size_t bends = solution.fit.tube.program.bend_count();
-  if (!is_bowed || !solution.fit.easing.empty() || bends == 0) return solution;
-  // Where straights are taken for straight, bows hide that bends ease.
+  const bool is_sharp = solution.fit.easing.empty();
+  if (!is_bowed || bends == 0 || !(is_sharp || IsHardlyEased(solution.fit))) return solution;
+  // Where straights are taken for straight, bows hide that bends ease, or look like it: from
+  // easings that are not there the bows are not found.
   const double easing_mm = kRevise.easing * solution.fit.tube.pipe_radius_mm;
-  SurfaceFitOptions with_easing = options;
-  with_easing.easing.variance_mm2.assign(bends, easing_mm * easing_mm);
-  BowedSolution eased = Solve(solution.fit.tube, blocks, with_easing, std::nullopt);
-  const double worth = std::max(1.0, std::min(eased.bows.worth, solution.bows.worth));
+  SurfaceFitOptions with_other = options;
+  with_other.easing = {};
+  if (is_sharp) with_other.easing.variance_mm2.assign(bends, easing_mm * easing_mm);
+  BowedSolution other =
+      Solve(is_sharp ? solution.fit.tube : start, blocks, with_other, std::nullopt);
+  BowedSolution& eased = is_sharp ? other : solution;
+  BowedSolution& sharp = is_sharp ? solution : other;
+  const double worth = std::max(1.0, std::min(eased.bows.worth, sharp.bows.worth));
   const bool is_eased =
-      GainOf(eased, solution, blocks, options.reach_mm) > worth * kRevise.insist * kRevise.insist;
-  return is_eased ? std::move(eased) : std::move(solution);
+      GainOf(eased, sharp, blocks, options.reach_mm) > worth * kRevise.insist * kRevise.insist;
+  return is_eased ? std::move(eased) : std::move(sharp);
 }
 
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "hal/angles.h"
 #include "pipeline/tube/representations.h"
@@ -21,6 +22,10 @@ struct OneDieSettings {
   // cost: one that is known to 1.5 % and not to three pipe radii (ExpectedRange()) is worth twice
   // the logarithm of the ratio.
   double worse = 6.0;
+  // Bends that may be sharp: of so many at least the radii must differ by so many sigma, root mean
+  // square, and agree to so many as those of one die. Two numbers say how they differ then.
+  std::size_t least_bends = 4;
+  double differ_sigmas = 4.0, agree_sigmas = 1.5;
 };
 constexpr OneDieSettings kOneDie;
 
@@ -28,18 +33,28 @@ struct Die {
   double bend_radius_mm = 0, easing_mm2 = 0;
 };
 
+// [rad^2] Of a sharp bend: the variance of its curvature over its radius' square.
+double SquareOf(const hal::BendRow& row) {
+  const double angle = row.angle_deg * hal::kRadiansPerDegree;
+  return angle * angle / 12.0;
+}
+
+std::vector<double> EasedMm2(const SurfaceFit& fit) {
+  if (fit.easing.empty()) return std::vector<double>(fit.tube.program.bend_count(), 0.0);
+  return EasingWithin(fit.tube.program, fit.easing).variance_mm2;
+}
+
 // Least squares of the curvatures' variances by the squares of the angles. None: greater angles
 // have no longer arcs.
 std::optional<Die> DieOf(const SurfaceFit& fit) {
   const auto bends = static_cast<double>(fit.tube.program.bend_count());
-  const Easing within = EasingWithin(fit.tube.program, fit.easing);
+  const std::vector<double> eased_mm2 = EasedMm2(fit);
   double x = 0, y = 0, xx = 0, xy = 0;
   for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
     const hal::BendRow& row = fit.tube.program.rows[i];
-    const double angle = row.angle_deg * hal::kRadiansPerDegree;
-    const double square = angle * angle / 12.0;
+    const double square = SquareOf(row);
     const double radius_mm = row.bend_radius_mm.value_or(0.0);
-    const double variance = square * radius_mm * radius_mm + within.variance_mm2[i];
+    const double variance = square * radius_mm * radius_mm + eased_mm2[i];
     x += square / bends;
     y += variance / bends;
     xx += square * square / bends;
@@ -53,16 +68,36 @@ std::optional<Die> DieOf(const SurfaceFit& fit) {
   return Die{std::sqrt(slope), y - slope * x};
 }
 
+// Sharp bends whose radii differ, and just so as those of one die do where their easing was not
+// found: the slighter the bend, the wider.
+bool LooksEased(const SurfaceFit& fit, const Die& die) {
+  const auto bends = static_cast<double>(fit.tube.program.bend_count());
+  double differ = 0, agree = 0;
+  for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
+    const hal::BendRow& row = fit.tube.program.rows[i];
+    const double radius_mm = row.bend_radius_mm.value_or(0.0);
+    const double sigma_mm = std::hypot(fit.sigma.rows[i].bend_radius_mm.value_or(0.0),
+                                       kOneDie.alike * die.bend_radius_mm);
+    const double as_sharp_mm =
+        std::sqrt(std::pow(die.bend_radius_mm, 2) + die.easing_mm2 / SquareOf(row));
+    differ += std::pow((radius_mm - die.bend_radius_mm) / sigma_mm, 2) / bends;
+    agree += std::pow((radius_mm - as_sharp_mm) / sigma_mm, 2) / bends;
+  }
+  return differ > std::pow(kOneDie.differ_sigmas, 2) && agree < std::pow(kOneDie.agree_sigmas, 2);
+}
+
 }  // namespace
 
 void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                BowedSolution& solution) {
   const SurfaceFit& fit = solution.fit;
   const std::size_t bends = fit.tube.program.bend_count();
-  if (fit.easing.empty() || bends < 2) return;
+  const bool is_sharp = fit.easing.empty();
+  if (bends < (is_sharp ? kOneDie.least_bends : 2)) return;
   const auto die = DieOf(fit);
+  if (!die || (is_sharp && !LooksEased(fit, *die))) return;
   auto corners = PolygonFromTube(fit.tube);
-  if (!die || !corners) return;
+  if (!corners) return;
   for (auto& radius_mm : corners->bend_radii_mm) radius_mm = die->bend_radius_mm;
   auto start = TubeFromPolygon(*corners);
   if (!start) return;

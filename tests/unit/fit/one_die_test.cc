@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <iterator>
 #include <vector>
 
 #include "pipeline/fit/easing_fit.h"
@@ -13,15 +14,16 @@
 namespace bendloop::pipeline {
 namespace {
 
-// A scan of a tube whose bends ease over `easing_r` pipe radii, with each bend fitted by itself.
+// A scan of a tube whose bends ease over `easing_r` pipe radii, with each bend fitted by itself;
+// `looks`: for easing first.
 struct Scanned {
-  Scanned(const hal::Tube& tube, double easing_r) {
+  Scanned(const hal::Tube& tube, double easing_r, bool looks = true) {
     std::mt19937_64 random(4);
     points_mm = tests::ScanRealTube(tube, {.easing_r = easing_r}, {}, random).points_W;
     blocks = {{Eigen::Vector3d::Zero(), 1e3, points_mm}};
     SurfaceFit start;
     start.tube = tube;
-    options.easing = FindEasing(start, blocks, options).easing;
+    if (looks) options.easing = FindEasing(start, blocks, options).easing;
     solution = SolveWithBows(tube, blocks, options);
   }
   Scanned(const Scanned&) = delete;  // the blocks look at the points
@@ -58,6 +60,27 @@ TEST(OneDie, TwoDiesStayTwo) {
   TryOneDie(scanned.blocks, scanned.options, solution);
   EXPECT_EQ(solution.fit.priors.radii_alike, 0);
   EXPECT_NEAR(*solution.fit.tube.program.rows[1].bend_radius_mm, 20, 1.5);
+}
+
+// Of slight bends of one die easing makes wider sharp ones, and so hides: their radii tell it, the
+// slighter the bend, the wider.
+TEST(OneDie, FindsTheEasingThatRadiiHid) {
+  hal::Tube tube = ThreeBends();
+  const double angles_deg[] = {25, 60, 35, 90, 45};
+  const hal::BendRow last = tube.program.rows.back();
+  tube.program.rows.clear();
+  for (const double angle_deg : angles_deg) tube.program.rows.push_back({45, 70, angle_deg, 14.0});
+  tube.program.rows.front().rotation_deg = 0;
+  tube.program.rows.push_back(last);
+  Scanned scanned(tube, 0.4, false);
+  BowedSolution& solution = scanned.solution;
+  EXPECT_GT(*solution.fit.tube.program.rows[0].bend_radius_mm, 14.25);
+  TryOneDie(scanned.blocks, scanned.options, solution);
+  EXPECT_FALSE(solution.fit.easing.empty());
+  for (std::size_t i = 0; i < std::size(angles_deg); ++i) {
+    EXPECT_NEAR(*solution.fit.tube.program.rows[i].bend_radius_mm, 14, 0.4) << i;
+    EXPECT_NEAR(solution.fit.tube.program.rows[i].length_mm, 45, 0.15) << i;
+  }
 }
 
 }  // namespace
