@@ -34,6 +34,7 @@
 #include "pipeline/spine/sample_intake.h"
 #include "pipeline/spine/shrinking.h"
 #include "pipeline/spine/spine_polygon.h"
+#include "pipeline/spine/thin_parts.h"
 #include "pipeline/spine/tube_choice.h"
 #include "pipeline/structure/neighbour_separation.h"
 #include "pipeline/structure/structure.h"
@@ -240,7 +241,9 @@ hal::Result<ApproximatedTube> Reconstruction::Impl::Connect(
     std::span<const SpineNode> nodes) const {
   ApproximatedTube tube;
   const double r_mm = intake_.pipe_radius_mm();
-  auto polygon = ChooseTube(SpinePolygons(nodes, r_mm), r_mm, options_.nominal, tube.left_out_mm);
+  std::vector<SpinePolygon> polygons = SpinePolygons(nodes, r_mm);
+  FollowThinParts(intake_.grid(), r_mm, polygons);
+  auto polygon = ChooseTube(std::move(polygons), r_mm, options_.nominal, tube.left_out_mm);
   if (!polygon) return hal::Fail(polygon.error());
   tube.polygon = std::move(*polygon);
   if (IsLoop(tube.polygon, r_mm)) {

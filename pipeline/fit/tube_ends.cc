@@ -49,6 +49,9 @@ struct EndSettings {
   double scattered = 1.4;
   // [of r_P] Borders of sectors may be so far apart beyond their own width. By trial.
   double disagreement = 0.15;
+  // Of the points of sectors that tell a border: one that does not has as many of the tube. By
+  // trial.
+  double silent_part = 0.3;
   // Of the whole tube: their border is known better than the points of a scan lie apart.
   std::size_t enough_points = 100'000;
   // Of the walk: least points of a round, and most rounds. By trial.
@@ -177,9 +180,18 @@ std::optional<Border> CommonBorder(Sectors& sectors, double pipe_radius_mm) {
     return border && border->least_mm >= common - disagree_mm - kEnds.scattered * usual_width_mm &&
            border->at_mm <= common + disagree_mm + kEnds.scattered * width_mm;
   };
+  // Of a thin scan a sector's points may lie too far apart to tell a border by themselves.
+  std::vector<double> counts;
+  for (std::size_t i = 0; i < kSectors; ++i) {
+    if (own[i]) counts.push_back(static_cast<double>(sectors[i].size()));
+  }
+  const double least_count = kEnds.silent_part * Median(std::move(counts));
+  const auto is_silent = [&](std::size_t i) {
+    return !own[i] && static_cast<double>(sectors[i].size()) >= least_count;
+  };
   std::vector<double> pooled;
   for (std::size_t i = 0; i < kSectors; ++i) {
-    if (!borders.empty() && !agrees(own[i])) continue;
+    if (!borders.empty() && !agrees(own[i]) && !is_silent(i)) continue;
     pooled.insert(pooled.end(), sectors[i].begin(), sectors[i].end());
   }
   return FindBorder(pooled, pipe_radius_mm);

@@ -23,8 +23,11 @@ struct MoveSettings {
   // or fixture at the border of a scan: the tube goes straight on there. The latter: of a bend that
   // is as tight as the fit lets it be.
   double border = 1.0, tight_border = 2.0;
-  // [of the usual number of samples a length] Less is not seen.
-  double seen = 0.4;
+  // [of the usual number of samples a length] Less is not seen, but for so many samples of a bend
+  // and of the straight beyond it, [sigma] root mean square, that lie there as well as others do
+  // elsewhere: a scan may grow thin. What lies beside a tube's end by chance is off by a fifth of a
+  // pipe radius (the fit's reach).
+  double seen = 0.4, thin_samples = 8, thin_beyond = 4, thin_sigmas = 2.5;
   // [of r_P] and [sigma] 1 sigma of an outermost bend's samples, and of them together with those
   // beyond it: fittings and caps leave 0.07 and more, and 0.19; a dent in the bend leaves less.
   double unexplained = 0.06, unexplained_beyond = 0.1, unexplained_sigmas = 5.0;
@@ -200,7 +203,15 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   if (spline.arcs.empty()) return false;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const double few = FewSamplesPerMm(fit, segments);
+  const auto lies_there = [&](std::size_t arc, std::size_t outer) {
+    const double of_arc = fit.segment_samples[arc], beyond = fit.segment_samples[outer];
+    if (beyond < kMoves.thin_beyond || of_arc + beyond < kMoves.thin_samples) return false;
+    const double squares_mm2 =
+        of_arc * fit.segment_mean_square_mm2[arc] + beyond * fit.segment_mean_square_mm2[outer];
+    return squares_mm2 < std::pow(kMoves.thin_sigmas * fit.sigma_mm, 2) * (of_arc + beyond);
+  };
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
+    if (lies_there(arc, outer)) return false;
     return fit.segment_samples[outer] < few * fit.tube.pipe_radius_mm &&
            (fit.segment_samples[arc] < few * segments[arc].length_mm ||
             segments[arc].length_mm < kMoves.border * fit.tube.pipe_radius_mm ||

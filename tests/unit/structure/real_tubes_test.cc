@@ -54,11 +54,13 @@ INSTANTIATE_TEST_SUITE_P(
                     RealCase{"EasedByRamps", {.easing_r = 0.8, .ramps = true}, {}},
                     RealCase{"Dented", {.dents = {{.along = 0.45, .depth_r = 0.08}}}, {}},
                     RealCase{"Drifting", {}, {.drift_mm = 0.1, .drift_deg = 0.02}},
-                    RealCase{"HeavyTails", {}, {.heavy_tail = 0.5}}),
+                    RealCase{"HeavyTails", {}, {.heavy_tail = 0.5}},
+                    RealCase{"ThinEnd", {}, {.thinning = 100}}),
     [](const auto& tube) { return std::string(tube.param.name); });
 
 // The tubes that tests/bench draws with these seeds, and their scans.
-tests::RealCloud DrawnScan(std::uint64_t seed, const tests::Form& form) {
+tests::RealCloud DrawnScan(std::uint64_t seed, const tests::Form& form,
+                           const tests::RealScan& scan = {}) {
   std::mt19937_64 random(seed);
   const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = 5,
                                             .bends = 5,
@@ -70,7 +72,24 @@ tests::RealCloud DrawnScan(std::uint64_t seed, const tests::Form& form) {
                                             .max_angle_deg = 100},
                                            random);
   random.discard(10);  // what it draws of form and scan
-  return tests::ScanRealTube(tube, form, {}, random);
+  return tests::ScanRealTube(tube, form, scan, random);
+}
+
+// A hundredth of the samples are enough for bends as clear as these, and for where the tube ends.
+TEST(ThinTube, HasTheBendsAndTheEndOfItsThinPart) {
+  const hal::SteadyClock clock;
+  for (const std::uint64_t seed : {51'000'669, 51'000'137, 52'000'745}) {
+    SCOPED_TRACE(seed);
+    const auto cloud = DrawnScan(seed, {}, {.thinning = 100});
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    ASSERT_EQ(measured->tube.program.bend_count(), 5U);
+    // Which way round it is told is open.
+    double found_mm = 0, true_mm = 0;
+    for (const hal::BendRow& row : measured->tube.program.rows) found_mm += row.length_mm;
+    for (const hal::BendRow& row : cloud.truth.program.rows) true_mm += row.length_mm;
+    EXPECT_NEAR(found_mm, true_mm, 5.0) << "the points at the end are 1 mm apart along it";
+  }
 }
 
 // Fittings whose samples bend the spine's nodes aside.
