@@ -211,11 +211,12 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
     return squares_mm2 < std::pow(kMoves.thin_sigmas * fit.sigma_mm, 2) * (of_arc + beyond);
   };
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
-    if (lies_there(arc, outer)) return false;
-    return fit.segment_samples[outer] < few * fit.tube.pipe_radius_mm &&
-           (fit.segment_samples[arc] < few * segments[arc].length_mm ||
-            segments[arc].length_mm < kMoves.border * fit.tube.pipe_radius_mm ||
-            segments[arc].bend_radius_mm < kMoves.tight * fit.tube.pipe_radius_mm);
+    const bool few_are_there =
+        fit.segment_samples[outer] < few * fit.tube.pipe_radius_mm &&
+        (fit.segment_samples[arc] < few * segments[arc].length_mm ||
+         segments[arc].length_mm < kMoves.border * fit.tube.pipe_radius_mm ||
+         segments[arc].bend_radius_mm < kMoves.tight * fit.tube.pipe_radius_mm);
+    return few_are_there && !lies_there(arc, outer);
   };
   const std::size_t last = segments.size() - 1;
   const bool drop_last = unseen(last - 1, last);

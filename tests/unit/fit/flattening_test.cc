@@ -132,6 +132,8 @@ TEST(StructureMoves, BendsWithoutSamplesAreDropped) {
   fit.tube = tube;
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   for (const auto& segment : segments) fit.segment_samples.push_back(20 * segment.length_mm);
+  fit.sigma_mm = 0.05;
+  fit.segment_mean_square_mm2.assign(segments.size(), fit.sigma_mm * fit.sigma_mm);
   ArcLineSpline spline = SplineFromTube(tube);
   EXPECT_FALSE(DropUnseen(spline, fit));
   fit.segment_samples[4] = 0;  // the arc still is seen: the scan ended in the bend
@@ -139,6 +141,23 @@ TEST(StructureMoves, BendsWithoutSamplesAreDropped) {
   fit.segment_samples[3] *= 0.1;
   EXPECT_TRUE(DropUnseen(spline, fit));
   EXPECT_EQ(spline.arcs.size(), 1U);
+}
+
+TEST(StructureMoves, BendsOfAThinScanAreKeptWhereTheirSamplesLieOnThem) {
+  Random random(6);
+  SurfaceFit fit;
+  fit.tube = tests::RandomTube({.bends = 2}, random);
+  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  for (const auto& segment : segments) fit.segment_samples.push_back(20 * segment.length_mm);
+  fit.segment_samples[3] = 4;
+  fit.segment_samples[4] = 6;
+  fit.sigma_mm = 0.05;
+  fit.segment_mean_square_mm2.assign(segments.size(), fit.sigma_mm * fit.sigma_mm);
+  ArcLineSpline spline = SplineFromTube(fit.tube);
+  EXPECT_FALSE(DropUnseen(spline, fit));
+  // As far off as what lies there by chance.
+  fit.segment_mean_square_mm2[4] = 25 * fit.sigma_mm * fit.sigma_mm;
+  EXPECT_TRUE(DropUnseen(spline, fit));
 }
 
 }  // namespace
