@@ -26,6 +26,11 @@ struct ReviseSettings {
   // a slight one has hardly a plane.
   double between = 4.0, turned_deg = 3.0, turned_sigmas = 2.0;
   double slight_deg = 10.0, slight_turned_deg = 60.0;
+  // [degrees] Bends of less may stand in for bows: one of L / N looks like sqrt(24) / N rad, and
+  // L / 220 is the worst that is no bend.
+  double as_bow_deg = 1.3;
+  // [of the points] With fewer on it a part of the tube may have lost its way.
+  double on_tube = 0.95;
   // [of the points] That stay on the tube when a slight bend is taken away.
   double kept = 0.98;
   // [of a straight's length] Bows from which on it may be a slight bend: sold as straight is
@@ -149,10 +154,20 @@ std::vector<ControlPolygon> WithRunsMerged(const SurfaceFit& fit, const ControlP
   return list;
 }
 
+// Those that a bow may look like.
+std::vector<std::size_t> SlightBends(const hal::BendProgram& program) {
+  std::vector<std::size_t> slight;
+  for (std::size_t i = 0; i + 1 < program.rows.size(); ++i) {
+    if (program.rows[i].angle_deg < kRevise.as_bow_deg) slight.push_back(i);
+  }
+  return slight;
+}
+
 // What might be there instead, of fewer bends or of more; towards the nominal, where there is one.
 std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t> nominal_bends) {
   std::vector<Change> changes;
-  const auto polygon = PolygonFromTube(now.fit.tube);
+  // Best-fit lines of bowed straights pass each other: a tube made of them leaves its points.
+  const auto polygon = PolygonFromTube(now.straight);
   if (!polygon) return changes;
   const auto& rows = now.fit.tube.program.rows;
   const std::size_t bends = now.fit.tube.program.bend_count();
@@ -166,8 +181,16 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
   if (fewer) {
     for (auto& corners : WithRunsMerged(now.fit, *polygon)) add(std::move(corners), false);
   }
-  for (std::size_t i = 0; fewer && i + 1 < rows.size(); ++i) {
-    if (rows[i].angle_deg < kRevise.least_deg) add(Without(*polygon, i + 1), true);
+  const std::vector<std::size_t> slight = SlightBends(now.fit.tube.program);
+  if (fewer && slight.size() > 1) {
+    // From the last on, so that those before it keep their places.
+    ControlPolygon without = *polygon;
+    for (std::size_t i = slight.size(); i-- > 0;) without = Without(without, slight[i] + 1);
+    add(std::move(without), false);
+  }
+  for (std::size_t i = 0; fewer && i < slight.size(); ++i) {
+    const bool is_none = rows[slight[i]].angle_deg < kRevise.least_deg;
+    add(Without(*polygon, slight[i] + 1), is_none);
   }
   const EasedSpine spine = SpineOf(now.bows.state);
   double radius_mm = kFar;
@@ -223,10 +246,32 @@ BowedSolution Solved(const ControlPolygon& corners, std::span<const PointBlock> 
   return SolveWithBows(*tube, blocks, options, std::move(found.sharp));
 }
 
+// As FitSurface(). Where a part of the tube ends up off its points, those have no weight beside a
+// small noise, and nothing leads back: then a fit to which all within reach count goes first.
+SurfaceFit FitFromAfar(const hal::Tube& start, std::span<const PointBlock> blocks,
+                       const SurfaceFitOptions& options) {
+  SurfaceFit near = FitSurface(start, blocks, options);
+  const auto points = static_cast<double>(near.points);
+  if (static_cast<double>(near.used) > kRevise.on_tube * points) return near;
+  SurfaceFitOptions to_all = options;
+  to_all.min_sigma_mm = std::max(options.min_sigma_mm, options.reach_mm / kFullWeight);
+  const SurfaceFit led = FitSurface(start, blocks, to_all);
+  SurfaceFitOptions from_there = options;
+  from_there.easing = led.easing;
+  SurfaceFit far = FitSurface(led.tube, blocks, from_there);
+  const double sigma_mm = std::max(near.sigma_mm, far.sigma_mm);
+  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kRevise.points));
+  const auto cost = [&](const SurfaceFit& fit) {
+    return CostOf({fit.tube, fit.flattening, fit.easing, {}}, few, options.reach_mm, sigma_mm);
+  };
+  return cost(far) < cost(near) ? std::move(far) : std::move(near);
+}
+
 BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
                     const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution{
-      straight ? std::move(*straight) : FitSurface(start, blocks, options), {}, std::nullopt};
+      straight ? std::move(*straight) : FitFromAfar(start, blocks, options), {}, std::nullopt, {}};
+  solution.straight = solution.fit.tube;
   solution.bows = FitBows(blocks, options, solution.fit);
   if (!solution.bows.is_pulled_aside) return solution;
   solution.undented =
@@ -238,7 +283,8 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
     // What dents hid.
     from_there.easing = FindEasing(solution.fit, *solution.undented, from_there).easing;
   }
-  solution.fit = FitSurface(start, *solution.undented, from_there);
+  solution.fit = FitFromAfar(start, *solution.undented, from_there);
+  solution.straight = solution.fit.tube;
   solution.bows = FitBows(*solution.undented, from_there, solution.fit);
   return solution;
 }
@@ -268,7 +314,7 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
   with_other.easing = {};
   if (is_sharp) with_other.easing.variance_mm2.assign(bends, easing_mm * easing_mm);
   BowedSolution other =
-      Solve(is_sharp ? solution.fit.tube : start, blocks, with_other, std::nullopt);
+      Solve(is_sharp ? solution.straight : start, blocks, with_other, std::nullopt);
   BowedSolution& eased = is_sharp ? other : solution;
   BowedSolution& sharp = is_sharp ? solution : other;
   const double worth = std::max(1.0, std::min(eased.bows.worth, sharp.bows.worth));

@@ -16,6 +16,7 @@ struct BowedSolution {
   SurfaceFit fit;
   BowedFit bows;
   std::optional<OwnedBlocks> undented;  // none: there are no dents
+  hal::Tube straight;  // as if no straight bowed: all of it runs where the points are
 };
 // `straight`: what FitSurface() makes of these, if it is known.
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,

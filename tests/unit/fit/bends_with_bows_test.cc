@@ -14,10 +14,12 @@ namespace {
 
 class BendsWithBows : public testing::Test {
  protected:
+  BendsWithBows() { Scan(1.0 / 500, 0.05); }
   // `bow`: of its straights.
-  BendsWithBows() {
+  void Scan(double bow, double noise_mm) {
     std::mt19937_64 random(3);
-    cloud_ = tests::ScanRealTube(ThreeBends(), {.bow = 1.0 / 500}, {.points = 12'000}, random);
+    cloud_ = tests::ScanRealTube(ThreeBends(), {.bow = bow},
+                                 {.points = 12'000, .noise_mm = noise_mm}, random);
     blocks_ = {{Eigen::Vector3d::Zero(), 1e3, cloud_.points_W}};
   }
   // Begun from these corners.
@@ -46,6 +48,32 @@ TEST_F(BendsWithBows, TwoBendsForOneBecomeOne) {
   corners.bend_radii_mm.emplace_back(6);
   EXPECT_EQ(BendsFrom(corners, std::nullopt), 3U);
   EXPECT_EQ(BendsFrom(corners, 3), 3U);
+}
+
+// Far from other bends each, and beside a noise that makes them hundreds of sigma.
+TEST_F(BendsWithBows, SlightBendsForBowsBecomeNone) {
+  Scan(1.0 / 400, 0.01);
+  ControlPolygon corners = *PolygonFromTube(cloud_.truth);
+  for (const std::size_t straight : {2, 1}) {
+    const Eigen::Vector3d from = corners.points_mm[straight], to = corners.points_mm[straight + 1];
+    const Eigen::Vector3d across = (to - from).unitOrthogonal();
+    const auto at = static_cast<std::ptrdiff_t>(straight);
+    corners.points_mm.insert(corners.points_mm.begin() + at + 1,
+                             0.5 * (from + to) + 0.003 * (to - from).norm() * across);
+    corners.bend_radii_mm.insert(corners.bend_radii_mm.begin() + at, 15);
+  }
+  EXPECT_EQ(BendsFrom(corners, std::nullopt), 3U);
+}
+
+// Beside a small noise what lies beyond a wrong angle has no weight, and does not lead back.
+TEST_F(BendsWithBows, APartThatBeginsOffItsPointsComesBack) {
+  Scan(1.0 / 400, 0.01);
+  hal::Tube start = cloud_.truth;
+  start.program.rows[1].angle_deg += 3.5;
+  EXPECT_LT(FitSurface(start, blocks_, options_).used, 10'000U);
+  const BowedSolution solution = SolveWithBows(start, blocks_, options_);
+  EXPECT_GT(solution.fit.used, 11'900U);
+  EXPECT_LT(solution.bows.noise_mm, 0.0105);
 }
 
 TEST_F(BendsWithBows, ThoseThatWereMadeStay) {
