@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -12,6 +13,8 @@
 #include "hal/tube_features.h"
 #include "pipeline/features/unrolled_wall.h"
 #include "pipeline/math/dense_solve.h"
+#include "pipeline/math/product_sums.h"
+#include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -33,6 +36,8 @@ struct DentSettings {
   // wall's own form at the edge of what is looked at. They decide only where points leave it open.
   double power = 0.5, half_axis = 0.7, wall = 0.05;
   int most_steps = 40;
+  // Of chi square: a step that makes it less by no more is the last.
+  double hardly = 1e-6;
   // [of depth] 1 sigma of a dent that is known no better was not fitted.
   double vague = 0.33;
 };
@@ -53,14 +58,31 @@ enum Unknown : Eigen::Index {
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
+// Points side by side, for sums that take some of them at once: as many as a batch.
+constexpr std::size_t kDentBatch = 64;
+constexpr int kOff = kUnknowns;  // what the numbers leave, after their derivatives
+using DentSums = ProductSums<kUnknowns + 1, kDentBatch>;
+
+BENDLOOP_LOOP void AddDentRowsBody(DentSums& sums) { AddProducts(sums); }
+BENDLOOP_MULTIVERSION(void, AddDentRows, (DentSums & sums), (sums))
+
+// A point with what does not change while the numbers do.
+struct DentPoint {
+  double along_mm, around_mm, off_mm;
+  double cosine, sine, reach;  // of its place around; its place along, of what is looked at
+};
+
 class DentFit {
  public:
   DentFit(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
           double pipe_radius_mm, double noise_mm)
-      : points_(points.begin(), points.end()),
-        reach_mm_(reach_mm),
-        r_mm_(pipe_radius_mm),
-        noise_mm_(noise_mm) {
+      : reach_mm_(reach_mm), noise_mm_(noise_mm) {
+    points_.reserve(points.size());
+    for (const WallPoint& point : points) {
+      const double around = point.around_mm / pipe_radius_mm;
+      points_.push_back({point.along_mm, point.around_mm, point.off_mm, std::cos(around),
+                         std::sin(around), point.along_mm / reach_mm});
+    }
     at_[kDepth] = depth_mm;
     at_[kAxisU] = at_[kAxisV] = -std::log(0.5 * size_mm);
     about_ = at_;
@@ -71,19 +93,19 @@ class DentFit {
 
   FittedDent Fit() {
     Solve();
-    std::erase_if(points_, [&](const WallPoint& point) {
-      return std::abs(Residual(point, at_, nullptr)) > kDents.flier * noise_mm_;
+    const Shape shape(at_);
+    std::erase_if(points_, [&](const DentPoint& point) {
+      std::array<double, kUnknowns + 1> row;
+      FindRow(point, at_, shape, [&row](int k) -> double& { return row[k]; });
+      return std::abs(row[kOff]) > kDents.flier * noise_mm_;
     });
     FittedDent dent;
     if (points_.size() < kDents.least_points) return dent;
-    Solve();
-    Square matrix;
-    Unknowns right;
-    const double cost = Normal(at_, &matrix, &right);
+    const Normal normal = Solve();
     // Where the form is not the dent's, the residuals say so.
     const double scale =
-        std::max(1.0, cost / static_cast<double>(points_.size() - std::size_t{kUnknowns}));
-    const Square covariance = scale * Inverse(matrix);
+        std::max(1.0, normal.cost / static_cast<double>(points_.size() - std::size_t{kUnknowns}));
+    const Square covariance = scale * Inverse(normal.matrix);
     const auto sigma = [&](Unknown k) { return std::sqrt(std::max(0.0, covariance(k, k))); };
     dent.along_mm = at_[kU], dent.along_sigma_mm = sigma(kU);
     dent.around_mm = at_[kV], dent.around_sigma_mm = sigma(kV);
@@ -99,76 +121,99 @@ class DentFit {
   }
 
  private:
-  // How far the point lies out of what the numbers say; its derivatives to them.
-  double Residual(const WallPoint& point, const Unknowns& x, Unknowns* row) const {
-    const double u = point.along_mm - x[kU], v = point.around_mm - x[kV];
-    const double of_u = std::exp(x[kAxisU]), of_v = std::exp(x[kAxisV]);
-    const double z_u = of_u * u + x[kLean] * v, z_v = of_v * v;
-    const double q = std::max(1e-12, z_u * z_u + z_v * z_v);
-    const double power = std::exp(x[kPower]);
-    const double g = std::pow(q, power);
-    const double f = std::exp(-std::numbers::ln2 * g);
-    const double wall_u = point.along_mm / reach_mm_;
-    const double cosine = std::cos(point.around_mm / r_mm_);
-    const double sine = std::sin(point.around_mm / r_mm_);
-    const double wall = x[kWall] + (x[kWall + 1] + x[kWall + 3] * wall_u) * cosine +
-                        (x[kWall + 2] + x[kWall + 4] * wall_u) * sine;
-    if (row) {
-      const double by_q = x[kDepth] * std::numbers::ln2 * power * g / q * f;
-      *row << -f, -2.0 * by_q * z_u * of_u, -2.0 * by_q * (z_u * x[kLean] + z_v * of_v),
-          2.0 * by_q * z_u * of_u * u, 2.0 * by_q * z_u * v, 2.0 * by_q * z_v * of_v * v,
-          by_q * q * std::log(q), 1.0, cosine, sine, wall_u * cosine, wall_u * sine;
-    }
-    return point.off_mm - (wall - x[kDepth] * f);
-  }
-
   // Sum of squares in sigmas, and the normal equations.
-  double Normal(const Unknowns& x, Square* matrix, Unknowns* right) const {
-    double cost = (x - about_).cwiseProduct(certainty_).squaredNorm();
-    if (matrix) {
-      matrix->setZero();
-      matrix->diagonal() = certainty_.cwiseAbs2();
-      *right = certainty_.cwiseAbs2().cwiseProduct(about_ - x);
-    }
-    const double weight = 1.0 / (noise_mm_ * noise_mm_);
-    Unknowns row;
-    for (const WallPoint& point : points_) {
-      const double residual = Residual(point, x, matrix ? &row : nullptr);
-      cost += weight * residual * residual;
-      if (!matrix) continue;
-      for (Eigen::Index k = 0; k < kUnknowns; ++k) {
-        (*right)[k] += weight * row[k] * residual;
-        for (Eigen::Index i = 0; i <= k; ++i) (*matrix)(k, i) += weight * row[k] * row[i];
-      }
-    }
-    if (matrix) *matrix = Square(matrix->selfadjointView<Eigen::Lower>());
-    return cost;
-  }
-
-  // Levenberg and Marquardt.
-  void Solve() {
+  struct Normal {
+    double cost = 0;
     Square matrix;
     Unknowns right;
-    double damping = 1e-3, cost = Normal(at_, &matrix, &right);
+  };
+  // What all points have in common of the numbers.
+  struct Shape {
+    explicit Shape(const Unknowns& x)
+        : of_u(std::exp(x[kAxisU])), of_v(std::exp(x[kAxisV])), power(std::exp(x[kPower])) {}
+    double of_u, of_v, power;
+  };
+
+  // How far the point lies out of what the numbers say, and its derivatives to them.
+  template <class Row>
+  static void FindRow(const DentPoint& point, const Unknowns& x, const Shape& shape, Row row) {
+    const double u = point.along_mm - x[kU], v = point.around_mm - x[kV];
+    const double z_u = shape.of_u * u + x[kLean] * v, z_v = shape.of_v * v;
+    const double q = std::max(1e-12, z_u * z_u + z_v * z_v);
+    const double log_q = std::log(q);
+    const double g = std::exp(shape.power * log_q);
+    const double f = std::exp(-std::numbers::ln2 * g);
+    const double by_q = x[kDepth] * std::numbers::ln2 * shape.power * g / q * f;
+    row(kDepth) = -f;
+    row(kU) = -2.0 * by_q * z_u * shape.of_u;
+    row(kV) = -2.0 * by_q * (z_u * x[kLean] + z_v * shape.of_v);
+    row(kAxisU) = 2.0 * by_q * z_u * shape.of_u * u;
+    row(kLean) = 2.0 * by_q * z_u * v;
+    row(kAxisV) = 2.0 * by_q * z_v * shape.of_v * v;
+    row(kPower) = by_q * q * log_q;
+    row(kWall) = 1.0;
+    row(kWall + 1) = point.cosine;
+    row(kWall + 2) = point.sine;
+    row(kWall + 3) = point.reach * point.cosine;
+    row(kWall + 4) = point.reach * point.sine;
+    const double wall = x[kWall] + (x[kWall + 1] + x[kWall + 3] * point.reach) * point.cosine +
+                        (x[kWall + 2] + x[kWall + 4] * point.reach) * point.sine;
+    row(kOff) = point.off_mm - (wall - x[kDepth] * f);
+  }
+
+  Normal NormalAt(const Unknowns& x) const {
+    const Shape shape(x);
+    DentSums sums;
+    for (std::size_t first = 0; first < points_.size(); first += kDentBatch) {
+      const std::size_t count = std::min(kDentBatch, points_.size() - first);
+      for (std::size_t l = 0; l < kDentBatch; ++l) {
+        sums.weight[l] = l < count ? 1.0 : 0.0;
+        // What fills the last batch has no weight; any point will do.
+        const DentPoint& point = points_[l < count ? first + l : first];
+        FindRow(point, x, shape, [&sums, l](int k) -> double& { return sums.functions[k][l]; });
+      }
+      AddDentRows(sums);
+    }
+    const double weight = 1.0 / (noise_mm_ * noise_mm_);
+    Normal normal;
+    normal.cost =
+        (x - about_).cwiseProduct(certainty_).squaredNorm() + weight * sums.sum[kOff][kOff];
+    normal.right = certainty_.cwiseAbs2().cwiseProduct(about_ - x);
+    for (int k = 0; k < kUnknowns; ++k) {
+      normal.right[k] += weight * sums.sum[kOff][k];
+      for (int i = k; i < kUnknowns; ++i) {
+        normal.matrix(i, k) = normal.matrix(k, i) = weight * sums.sum[i][k];
+      }
+    }
+    normal.matrix.diagonal() += certainty_.cwiseAbs2();
+    return normal;
+  }
+
+  // Levenberg and Marquardt, to `at_`. The equations are summed with the cost, as most steps lead
+  // on. Returns those of where it came to.
+  Normal Solve() {
+    Normal here = NormalAt(at_);
+    double damping = 1e-3;
     for (int step = 0; step < kDents.most_steps && damping < 1e8; ++step) {
-      Square damped = matrix;
+      Square damped = here.matrix;
       damped.diagonal() *= 1.0 + damping;
-      const Unknowns to = at_ + Unknowns(SolveSymmetric(damped, right));
-      const double there = to.allFinite() ? Normal(to, nullptr, nullptr) : cost + 1.0;
-      if (!(there < cost)) {
+      const Unknowns to = at_ + Unknowns(SolveSymmetric(damped, here.right));
+      const Normal there = to.allFinite() ? NormalAt(to) : Normal{here.cost + 1.0, {}, {}};
+      if (!(there.cost < here.cost)) {
         damping *= 8.0;
         continue;
       }
-      const bool is_done = cost - there < 1e-6;
+      const bool is_done = here.cost - there.cost < kDents.hardly;
       at_ = to;
+      here = there;
       damping *= 0.2;
       if (is_done) break;
-      cost = Normal(at_, &matrix, &right);
     }
+    return here;
   }
 
-  std::vector<WallPoint> points_;
-  double reach_mm_, r_mm_, noise_mm_;
+  std::vector<DentPoint> points_;
+  double reach_mm_, noise_mm_;
   Unknowns at_ = Unknowns::Zero(), about_ = Unknowns::Zero(), certainty_ = Unknowns::Zero();
 };
 

@@ -38,9 +38,22 @@ struct RegistrationSettings {
 };
 constexpr RegistrationSettings kRegistration;
 
+// What a point says.
+struct PassRow {
+  LocalRow row;
+  std::int32_t segment;
+  unsigned pass;
+};
+
 struct PassPoint {
   Eigen::Vector3d place_mm;
   unsigned pass;
+};
+// Those of a block.
+struct PassBlock {
+  Eigen::Vector3d center_mm;
+  double half_diagonal_mm;
+  std::size_t begin, end;
 };
 
 // What the points say of the tube's parameters and the passes' offsets.
@@ -165,6 +178,7 @@ class PassFit {
     middle_mm_.setZero();
     std::size_t next = 0;
     for (const PointBlock& block : blocks) {
+      const std::size_t begin = points_.size();
       for (; next < block.points.size(); next += stride) {
         if (next >= block.to_sensor.size() || !block.to_sensor[next].known()) continue;
         const unsigned pass = PassOf(block.to_sensor[next]);
@@ -174,8 +188,25 @@ class PassFit {
         ++count_[pass];
       }
       next -= block.points.size();
+      if (points_.size() > begin) {
+        blocks_.push_back({block.center_mm, block.half_diagonal_mm, begin, points_.size()});
+      }
     }
     if (!points_.empty()) middle_mm_ /= static_cast<double>(points_.size());
+  }
+
+  // How far the offsets move any point at most.
+  double MostMovedMm() const {
+    double furthest_mm = 0, most_mm = 0;
+    for (const PassBlock& block : blocks_) {
+      furthest_mm =
+          std::max(furthest_mm, (block.center_mm - middle_mm_).norm() + block.half_diagonal_mm);
+    }
+    for (int at = 0; at < offsets_.size(); at += kOffset) {
+      most_mm = std::max(most_mm, offsets_.segment<3>(at).norm() +
+                                      offsets_.segment<3>(at + 3).norm() * furthest_mm);
+    }
+    return most_mm;
   }
 
   // `sigma_mm`: the noise that gives the weights; 0: that of these distances.
@@ -183,35 +214,36 @@ class PassFit {
                   double sigma_mm) const {
     const double r_mm = parameters.Initial()[parameters.pipe_radius()];
     const auto frames = SegmentFrames(spine, kBeyond * r_mm, {});
-    std::vector<std::int32_t> all(frames.size());
-    for (std::size_t k = 0; k < all.size(); ++k) all[k] = static_cast<std::int32_t>(k);
-    struct Row {
-      LocalRow row;
-      std::int32_t segment;
-      unsigned pass;
-    };
-    std::vector<Row> rows;
+    std::vector<PassRow> rows;
+    rows.reserve(points_.size());
     std::vector<double> magnitudes;
-    for (const PassPoint& point : points_) {
-      const Eigen::Vector3d p = Moved(point.place_mm, point.pass);
-      const NearSegment near = NearestSegment(p, frames, all);
-      if (near.segment < 0 || !(std::abs(near.distance_mm - r_mm) < reach_mm_)) continue;
-      const auto k = static_cast<std::size_t>(near.segment);
-      // The sections of bends that are not round tell of them and not of passes.
-      if (!fit_.flattening.empty() && !spine.is_line(k)) continue;
-      Row& row = rows.emplace_back();
-      Eigen::Vector3d outward;
-      row.row[kRound + kOffset] = LocalDerivative(frames[k], r_mm, p, row.row, outward);
-      row.row.segment<3>(kRound) = outward;
-      row.row.segment<3>(kRound + 3) = (p - middle_mm_).cross(outward);
-      row.segment = near.segment;
-      row.pass = point.pass;
-      magnitudes.push_back(std::abs(row.row[kRound + kOffset]));
+    magnitudes.reserve(points_.size());
+    const double near_mm = r_mm + reach_mm_ + MostMovedMm();
+    std::vector<std::int32_t> candidates;
+    for (const PassBlock& block : blocks_) {
+      CandidateSegments({block.center_mm, block.half_diagonal_mm, {}}, frames, near_mm, candidates);
+      for (std::size_t i = block.begin; i < block.end; ++i) {
+        const PassPoint& point = points_[i];
+        const Eigen::Vector3d p = Moved(point.place_mm, point.pass);
+        const NearSegment near = NearestSegment(p, frames, candidates);
+        if (near.segment < 0 || !(std::abs(near.distance_mm - r_mm) < reach_mm_)) continue;
+        const auto k = static_cast<std::size_t>(near.segment);
+        // The sections of bends that are not round tell of them and not of passes.
+        if (!fit_.flattening.empty() && !spine.is_line(k)) continue;
+        PassRow& row = rows.emplace_back();
+        Eigen::Vector3d outward;
+        row.row[kRound + kOffset] = LocalDerivative(frames[k], r_mm, p, row.row, outward);
+        row.row.segment<3>(kRound) = outward;
+        row.row.segment<3>(kRound + 3) = (p - middle_mm_).cross(outward);
+        row.segment = near.segment;
+        row.pass = point.pass;
+        magnitudes.push_back(std::abs(row.row[kRound + kOffset]));
+      }
     }
     Joint joint;
     joint.sigma_mm = sigma_mm > 0 ? sigma_mm : std::max(1e-4, 1.4826 * Median(magnitudes));
     std::vector<LocalSum> sums(frames.size() * static_cast<std::size_t>(passes_), LocalSum::Zero());
-    for (const Row& row : rows) {
+    for (const PassRow& row : rows) {
       const double d = row.row[kRound + kOffset];
       const double weight = RobustWeight(d, joint.sigma_mm);
       joint.robust += RobustSum(d, joint.sigma_mm);
@@ -288,6 +320,7 @@ class PassFit {
   Easing easing_;
   Eigen::VectorXd offsets_, sigmas_;
   std::vector<PassPoint> points_;
+  std::vector<PassBlock> blocks_;
   std::vector<std::size_t> count_;
   Eigen::Vector3d middle_mm_ = Eigen::Vector3d::Zero();
   Eigen::MatrixXd covariance_;

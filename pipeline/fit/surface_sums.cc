@@ -382,7 +382,9 @@ void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLa
 void SegmentPoints::MakeRoom(std::size_t more) {
   const auto needed = static_cast<Eigen::Index>(size + more);
   if (needed > x.size()) {
-    const Eigen::Index room = std::max(2 * x.size(), needed);
+    // Points that came early would be copied time and again; room that is not filled costs nothing.
+    constexpr Eigen::Index kFirstRoom = 1024;
+    const Eigen::Index room = std::max({2 * x.size(), needed, kFirstRoom});
     for (Lane* lane : {&x, &y, &z, &distance}) lane->conservativeResize(room);
   }
   if (weighted && weight.size() < x.size()) weight.conservativeResize(x.size());
