@@ -41,8 +41,9 @@ std::string WhyStopIsTooShort(const config::CellConfig& cell, const ServiceTimes
   return "a stop in the middle of a commit may last " + MsText(all) +
          " (commit_timeout_ms, connect_timeout_ms, response_timeout_ms, and " +
          MsText(kLastWrites) + " for the disk), and the service is ended after " +
-         MsText(service.stop) +
-         ": raise TimeoutStopSec of bendloopd.service (bendloop check --unit-drop-in does), or "
+         MsText(service.stop) + " (" +
+         (service.stop_from.empty() ? "as shipped" : service.stop_from) +
+         "): raise TimeoutStopSec of bendloopd.service (bendloop check --unit-drop-in does), or "
          "shorten these; what is cut short is settled at the next start";
 }
 

@@ -13,6 +13,7 @@ namespace bendloop::host {
 struct ServiceTimes {
   std::chrono::nanoseconds watchdog = std::chrono::seconds(10);  // WatchdogSec; 0: none
   std::chrono::nanoseconds stop = std::chrono::seconds(20);      // TimeoutStopSec
+  std::string stop_from = {};  // the file that says so; "": the shipped unit
 };
 
 // The cell loop turns at least as often, whatever it waits for: that alone feeds the watchdog.

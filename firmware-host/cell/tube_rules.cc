@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "firmware-host/cell/bender_desk.h"
-#include "firmware-host/cell/service_times.h"
 
 namespace bendloop::host {
 namespace {
@@ -52,10 +51,10 @@ std::string WhyNothingIsCorrected(const config::CellConfig& cell) {
          "cell makes sure of that";
 }
 
-std::vector<std::string> RemarksOn(const config::CellConfig& cell) {
+std::vector<std::string> RemarksOn(const config::CellConfig& cell, const ServiceTimes& service) {
   std::vector<std::string> remarks;
   for (std::string& remark : std::vector{WhyNothingIsCorrected(cell), WhyNothingLiesBetween(cell),
-                                         WhyStopIsTooShort(cell, {})}) {
+                                         WhyStopIsTooShort(cell, service)}) {
     if (!remark.empty()) remarks.push_back(std::move(remark));
   }
   return remarks;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "config/cell_config.h"
+#include "firmware-host/cell/service_times.h"
 #include "firmware-host/ledger/tube_ledger.h"
 
 namespace bendloop::host {
@@ -16,7 +17,7 @@ LedgerRules LedgerRulesOf(const config::CellConfig& cell);
 std::string WhyNothingIsCorrected(const config::CellConfig& cell);
 
 // What a setter should know of a cell file that is right: what it asks for and does not get, each
-// with the mend.
-std::vector<std::string> RemarksOn(const config::CellConfig& cell);
+// with the mend. `service`: what the service manager grants here.
+std::vector<std::string> RemarksOn(const config::CellConfig& cell, const ServiceTimes& service);
 
 }  // namespace bendloop::host

@@ -18,6 +18,7 @@
 #include "firmware-host/cell/run_context.h"
 #include "firmware-host/cell/scan_state.h"
 #include "firmware-host/cell/service_needs.h"
+#include "firmware-host/cell/service_unit.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/console/printable.h"
@@ -137,7 +138,7 @@ hal::Result<std::string> CheckFile(const std::string& file) {
     if (const std::string why = TooCoarse(*cell); !why.empty()) {
       return hal::Fail(hal::ErrorKind::kBadInput, file + ": " + why);
     }
-    for (const std::string& remark : RemarksOn(*cell)) {
+    for (const std::string& remark : RemarksOn(*cell, TimesOfUnit())) {
       Note(file + ": " + remark);
     }
   }

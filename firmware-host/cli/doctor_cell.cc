@@ -13,6 +13,8 @@
 #include <system_error>
 #include <utility>
 
+#include "firmware-host/cell/service_unit.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -42,6 +44,37 @@ Finding LookAtService(const InstalledPlaces& places) {
                  ? "'systemctl status bendloopd' and 'journalctl -u bendloopd' say why"
                  : "systemctl enable --now bendloopd, once /etc/bendloop/cell.toml is "
                    "yours");
+}
+
+// Of a name in /etc and in /usr/lib the system takes that in /etc. What was copied there by hand,
+// as the manual of version 0.1.0 said, goes on in place of each later package's.
+Finding LookForCopies(const InstalledPlaces& places) {
+  constexpr const char* kName = "unit and rules";
+  const std::vector<fs::path> units =
+      UnitFiles({places.etc, places.run, places.local_lib, places.usr_lib});
+  std::error_code error;
+  if (!units.empty() && !fs::is_regular_file(units.front(), error)) {
+    return Bad(kName, units.front().string() + " masks the service", "systemctl unmask bendloopd");
+  }
+  std::vector<std::pair<fs::path, fs::path>> copies;  // and what they take the place of
+  if (units.size() > 1) copies.emplace_back(units[0], units[1]);
+  for (const char* file : {"sysusers.d/bendloop.conf", "tmpfiles.d/bendloop.conf", kRule}) {
+    if (!fs::is_regular_file(places.etc / file, error)) continue;
+    if (!fs::exists(places.usr_lib / file, error)) continue;
+    copies.emplace_back(places.etc / file, places.usr_lib / file);
+  }
+  if (copies.empty()) return Good(kName, units.empty() ? "none installed" : units[0].string());
+  std::string found;
+  std::string mend = "older copies lack what this version grants and needs: ";
+  for (const auto& [copy, packaged] : copies) {
+    found +=
+        (found.empty() ? "" : "; ") + copy.string() + " is used in place of " + packaged.string();
+    mend += "mv " + copy.string() + " " + copy.string() + ".old && ";
+  }
+  return Bad(kName, found,
+             mend +
+                 "dpkg-reconfigure bendloop && systemctl reenable bendloopd; settings of your own "
+                 "belong in /etc/systemd/system/bendloopd.service.d/");
 }
 
 Finding LookForUser(const InstalledPlaces& places) {
@@ -172,7 +205,7 @@ InstalledPlaces SystemPlaces() {
 }
 
 std::vector<Finding> ExamineInstalled(const InstalledPlaces& places) {
-  return {LookAtService(places), LookForUser(places)};
+  return {LookAtService(places), LookForCopies(places), LookForUser(places)};
 }
 
 std::vector<Finding> ExamineCell(const InstalledPlaces& places, const config::CellConfig& cell) {

@@ -16,6 +16,7 @@ struct InstalledPlaces {
   DoctorPlaces machine;
   std::filesystem::path etc = "/etc";
   std::filesystem::path run = "/run";
+  std::filesystem::path local_lib = "/usr/local/lib";
   std::filesystem::path usr_lib = "/usr/lib";
   // The first line that a command prints; "": none.
   std::function<std::string(const std::string&)> first_line_of;
@@ -24,7 +25,7 @@ struct InstalledPlaces {
 };
 InstalledPlaces SystemPlaces();
 
-// Is bendloop installed here as it should be: service, user, udev rule?
+// Is bendloop installed here as it should be: service, unit, user, udev rule?
 std::vector<Finding> ExamineInstalled(const InstalledPlaces& places);
 // May this user open what the cell file names: scanner, bender, state directory?
 std::vector<Finding> ExamineCell(const InstalledPlaces& places, const config::CellConfig& cell);

@@ -18,6 +18,7 @@
 #include "firmware-host/cell/part_plan.h"
 #include "firmware-host/cell/plc_reporter.h"
 #include "firmware-host/cell/service_times.h"
+#include "firmware-host/cell/service_unit.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/version.h"
@@ -146,7 +147,7 @@ hal::Result<void> Daemon::Impl::Prepare() {
   spdlog::info("bender: {}", desk_->name());
   const std::string off = WhyNothingIsCorrected(cell_);
   alarms_.board().Set(AlarmCode::kCorrectionsOff, !off.empty(), off);
-  for (const std::string& remark : RemarksOn(cell_)) {
+  for (const std::string& remark : RemarksOn(cell_, TimesOfUnit())) {
     if (remark != off) alarms_.board().Begin(AlarmCode::kSettingsRemark, remark);
   }
   ShowLock();

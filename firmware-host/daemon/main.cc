@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "firmware-host/acquisition/realtime.h"
+#include "firmware-host/cell/service_unit.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/printable.h"
@@ -61,7 +62,8 @@ void CatchSignals() {
 int CheckOnly(const bendloop::host::DaemonOptions& options) {
   const auto settings = bendloop::host::LoadDaemonSettings(options);
   if (!settings) return Report(settings.error());
-  for (const std::string& remark : bendloop::host::RemarksOn(settings->cell)) {
+  const bendloop::host::ServiceTimes service = bendloop::host::TimesOfUnit();
+  for (const std::string& remark : bendloop::host::RemarksOn(settings->cell, service)) {
     bendloop::host::TellPerson("bendloopd", "note: " + remark);
   }
   std::printf("%s: ok, cell '%s', part '%s', %zu bends\n", options.config.c_str(),

@@ -108,6 +108,35 @@ same "the upgrade"
 [ -e "$root/etc/bendloop/register-maps/default.toml.dpkg-dist" ] || fail "the new register map is not laid beside the edited one"
 ! grep -q 'no cell is configured' "$work/upgrade" || fail "a configured cell is told to configure itself"
 
+step "Copied by hand, as version 0.1.0 had it: told, and mended by the installer's own words"
+copied="systemd/system/bendloopd.service tmpfiles.d/bendloop.conf"
+for file in $copied; do
+  mkdir -p "$root/etc/$(dirname "$file")"
+  sed '/^Environment=\|root/d' "$root/usr/lib/$file" >"$root/etc/$file"
+done
+! grep -q 'by hand' "$work/upgrade" || fail "copies are told where none are: $(cat "$work/upgrade")"
+inside bendloop doctor --json >"$work/doctor"
+! grep -q 'etc/udev/rules.d' "$work/doctor" || fail "a copy that is not there: $(cat "$work/doctor")"
+for file in $copied; do
+  grep -q "/etc/$file is used in place of /usr/lib/$file" "$work/doctor" || fail "the doctor does not see it: $(cat "$work/doctor")"
+done
+inside sh -c 'cd /root/newer && apt-get -q -y -o Dpkg::Options::=--force-confold --reinstall install ./bendloop_*.deb' \
+  >"$work/copies" 2>&1 || fail "$(cat "$work/copies")"
+[ "$(grep -c '^  mv /etc/' "$work/copies")" = 2 ] || fail "does not tell the two copies: $(cat "$work/copies")"
+# Its lines, not a copy of them here. No service manager runs here that would be asked.
+sed -n '/^  mv \/etc/p; s/^  \(dpkg-reconfigure bendloop\) &&.*/\1/p' "$work/copies" >"$root/tmp/mend"
+rm -rf "$root/run/bendloop"
+inside sh -e /tmp/mend >"$work/mended" 2>&1 || fail "the mend: $(cat "$work/mended")"
+! grep -q 'by hand' "$work/mended" || fail "still told: $(cat "$work/mended")"
+[ -d "$root/run/bendloop/root" ] || fail "the daemon's root folder is not made: $(cat "$work/mended")"
+inside bendloop doctor --json >"$work/doctor"
+! grep -q 'is used in place of' "$work/doctor" || fail "the doctor still tells it: $(cat "$work/doctor")"
+for file in $copied; do
+  [ -e "$root/etc/$file.old" ] || fail "the copy of $file is lost"
+  rm "$root/etc/$file.old"
+done
+same "the mend"
+
 step "Remove: settings and data stay; install again: they are taken up"
 inside apt-get -q -y remove bendloop bendloop-demo >"$work/remove" 2>&1 || fail "$(cat "$work/remove")"
 same "removing"

@@ -28,21 +28,21 @@ config::CellConfig Cell(config::BenderKind link) {
 
 TEST(RemarksOn, PartsBetweenWithoutEffectAreSaid) {
   config::CellConfig cell = Cell(config::BenderKind::kSimulated);
-  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+  EXPECT_THAT(RemarksOn(cell, {}), IsEmpty());
   cell.scan.parts_between = 2;
-  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("parts_between has no effect")));
+  EXPECT_THAT(RemarksOn(cell, {}), ElementsAre(HasSubstr("parts_between has no effect")));
   cell.scan.tubes = config::TubeSource::kCounted;
-  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+  EXPECT_THAT(RemarksOn(cell, {}), IsEmpty());
 
   cell = Cell(config::BenderKind::kModbusTcp);  // and a map without a count
   cell.scan.parts_between.reset();
-  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("corrections are off"),
-                                           HasSubstr("parts_between has no effect")));
+  EXPECT_THAT(RemarksOn(cell, {}), ElementsAre(HasSubstr("corrections are off"),
+                                               HasSubstr("parts_between has no effect")));
   cell.bender.register_map.parts_bent.emplace();
-  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+  EXPECT_THAT(RemarksOn(cell, {}), IsEmpty());
   cell = Cell(config::BenderKind::kNone);
   cell.scan.parts_between = 1;
-  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("the cell has no bender")));
+  EXPECT_THAT(RemarksOn(cell, {}), ElementsAre(HasSubstr("the cell has no bender")));
 }
 
 std::string ShippedText(const std::string& name) {
@@ -78,10 +78,15 @@ TEST(ServiceTimes, AWatchdogThatACellThatIsWellCannotFeedIsRefused) {
 TEST(ServiceTimes, ACommitThatAStopWouldCutShortIsSaid) {
   config::CellConfig cell = Cell(config::BenderKind::kModbusTcp);
   cell.bender.register_map.parts_bent.emplace();
-  EXPECT_THAT(RemarksOn(cell), IsEmpty());
+  EXPECT_THAT(RemarksOn(cell, {}), IsEmpty());
   cell.bender.commit_timeout = 15s;
-  EXPECT_THAT(RemarksOn(cell), ElementsAre(HasSubstr("raise TimeoutStopSec")));
+  EXPECT_THAT(RemarksOn(cell, {}), ElementsAre(HasSubstr("raise TimeoutStopSec")));
+  EXPECT_THAT(WhyStopIsTooShort(cell, {}), HasSubstr("ended after 20000 ms (as shipped)"));
   EXPECT_EQ(WhyStopIsTooShort(cell, {.stop = 60s}), "");
+  EXPECT_THAT(RemarksOn(cell, {.stop = 60s}), IsEmpty());
+  // The true figure, and the file that says so.
+  EXPECT_THAT(RemarksOn(cell, {.stop = 3s, .stop_from = "/etc/x.conf"}),
+              ElementsAre(HasSubstr("ended after 3000 ms (/etc/x.conf)")));
 }
 
 TEST(BenderFollower, LooksMoreOftenWhileACycleRuns) {

@@ -22,6 +22,7 @@ class DoctorCell : public ::testing::Test {
     places_.machine = {root_ / "proc", root_ / "sys", root_ / "dev", root_ / "state"};
     places_.etc = root_ / "etc";
     places_.run = root_ / "run";
+    places_.local_lib = root_ / "usr/local/lib";
     places_.usr_lib = root_ / "usr/lib";
     places_.first_line_of = [this](const std::string& command) {
       EXPECT_THAT(command, HasSubstr("systemctl is-active bendloopd"));
@@ -62,6 +63,34 @@ TEST_F(DoctorCell, AsksTheServiceManagerWhereThereIsOne) {
   EXPECT_THAT(Find("service").mend, HasSubstr("journalctl"));
   service_ = "active";
   EXPECT_TRUE(Find("service").ok);
+}
+
+TEST_F(DoctorCell, TellsOfCopiesThatTakeThePlaceOfThePackagesFiles) {
+  const std::string name = "unit and rules";
+  EXPECT_TRUE(Find(name).ok);  // nothing is installed
+  const std::string shipped = "usr/lib/systemd/system/bendloopd.service";
+  const std::string copied = "etc/systemd/system/bendloopd.service";
+  Put(shipped, "[Service]");
+  EXPECT_TRUE(Find(name).ok);
+  EXPECT_THAT(Find(name).found, HasSubstr(shipped));
+  Put("etc/systemd/system/bendloopd.service.d/50-cell.conf", "[Service]");
+  Put("etc/tmpfiles.d/bendloop.conf", "");  // put there by hand, and there is no package
+  EXPECT_TRUE(Find(name).ok);
+  Put(copied, "[Service]");
+  EXPECT_EQ(Find(name).found,
+            (root_ / copied).string() + " is used in place of " + (root_ / shipped).string());
+  EXPECT_THAT(Find(name).mend, HasSubstr("mv " + (root_ / copied).string()));
+  EXPECT_THAT(Find(name).mend, HasSubstr("dpkg-reconfigure bendloop"));
+  fs::remove(root_ / copied);
+  Put("usr/lib/tmpfiles.d/bendloop.conf", "");
+  EXPECT_THAT(Find(name).found, HasSubstr("etc/tmpfiles.d/bendloop.conf is used in place of"));
+  fs::remove(root_ / "etc/tmpfiles.d/bendloop.conf");
+  EXPECT_TRUE(Find(name).ok);
+  Put("usr/local/lib/systemd/system/bendloopd.service", "[Service]");
+  EXPECT_THAT(Find(name).found, HasSubstr("usr/local/lib"));
+  EXPECT_FALSE(Find(name).ok);
+  fs::create_symlink("/dev/null", root_ / copied);
+  EXPECT_THAT(Find(name).mend, HasSubstr("unmask"));
 }
 
 TEST_F(DoctorCell, LooksForUserAndGroup) {
