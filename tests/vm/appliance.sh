@@ -19,56 +19,15 @@ grep -E 'committed as sequence|of the tolerance' demo.log
 
 step "The service: a cell on loopback, rated as it runs"
 cp one_bend.toml /etc/bendloop/parts/
-cat >/etc/bendloop/cell.toml <<'CELL'
-schema = "bendloop.cell/1"
-name = "Guest"
-part = "parts/one_bend.toml"
-[scanner]
-kind = "stream"
-port = 7420
-[bender]
-link = "modbus-tcp"
-port = 1502
-register_map = "register-maps/default.toml"
-# A guest in software is slow.
-connect_timeout_ms = 3000
-response_timeout_ms = 3000
-commit_timeout_ms = 10000
-[correction]
-# Each part brings a commit, however small.
-deadband_sigmas = 0
-[realtime]
-mode = "required"
-CELL
+{
+  cell_of Guest 7420 1502
+  printf '[realtime]\nmode = "required"\n'
+} >/etc/bendloop/cell.toml
 granted
-mkfifo bender.in scanner.in
-mkdir tray
-bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --tray tray \
-  --program demo-out/first-program.json --part-number 7 --pipe-radius 4 --springback-20 1.2 \
-  --springback-120 3.6 --elongation 1.5 --scatter-angle 0.3 <bender.in >bender.out 2>&1 &
-exec 3>bender.in
-bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate 4000 <scanner.in >scanner.out 2>&1 &
-exec 4>scanner.in
-await 300 "bender" said listening bender.out
-await 300 "scanner" said listening scanner.out
+machines_on demo-out/first-program.json 4000
 systemctl enable --now bendloopd || fail "the service does not start"
 systemctl --quiet is-active bendloopd || fail "the service is not up"
 systemd-analyze security bendloopd | tail -n 1
-
-part=0
-bend() { # the next part lies on the tray
-  part=$((part + 1))
-  tube=$(printf 'tray/part-%04d.json' "$part")
-  echo bend >&3
-  await 300 "part $part on the tray" test -e "$tube"
-  sleep 0.5 # the daemon looks at the bender twice a second
-}
-sequence() {
-  : >bender.out
-  echo status >&3
-  until grep -q sequence bender.out; do sleep 0.1; done
-  sed -n 's/.*sequence[^0-9]*\([0-9]*\).*/\1/p' bender.out | head -n 1
-}
 
 seconds() { cut -d ' ' -f 1 /proc/uptime; }
 step "A scan over TCP, a correction over Modbus"
@@ -76,20 +35,11 @@ await_ready
 before=$(results)
 bend
 begun=$(seconds)
-echo "scan $tube" >&4
+scan
 await_result "$before"
 whole=$(awk -v a="$begun" -v b="$(seconds)" 'BEGIN { printf "%.1f", b - a }')
 newest_is_committed
 echo "scanned, measured and committed in $whole s"
-
-another_part() { # measured and corrected
-  await_ready
-  before=$(results)
-  bend
-  echo "scan $tube" >&4
-  await_result "$before"
-  newest_is_committed
-}
 
 step "Reloaded between two parts, by systemctl"
 pid=$(systemctl show -p MainPID --value bendloopd)
@@ -103,7 +53,7 @@ await 300 "end of the alarm" alarm_ended BL5013
 await_ready
 [ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a reload began another process"
 [ "$(systemctl show -p ReloadResult --value bendloopd)" = success ] || fail "the reload failed"
-another_part
+whole_part
 echo "a wrong file refused, a good one taken, by the same process; the next part committed"
 
 step "A support bundle of the installed service"
@@ -122,7 +72,7 @@ fill 1
 fill 2
 before=$(results)
 bend
-echo "scan $tube" >&4
+scan
 await 300 "alarm of the full disk" alarmed BL5006
 sleep 5
 bendloop status | grep '^alarm' || true
@@ -133,16 +83,16 @@ await 300 "end of BL5012" alarm_ended BL5012
 await_ready
 before=$(results)
 bend
-echo "scan $tube" >&4
+scan
 await_result "$before"
-another_part
+whole_part
 for code in BL5001 BL5002 BL5003 BL5006 BL5012; do await 300 "end of $code" alarm_ended "$code"; done
 echo "told, and gone when there is room again; the next part committed"
 
 step "The clock stepped a year ahead, and two years back"
 for years in 1 -2 1; do
   date -s "@$(($(date +%s) + years * 31536000))"
-  another_part
+  whole_part
 done
 systemctl --quiet is-active bendloopd || fail "a step of the clock ended the service"
 [ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a full disk or the clock ended the process"
@@ -160,7 +110,7 @@ neighbour=$!
 swapped_mb() { awk '/^SwapTotal/ { all = $2 } /^SwapFree/ { free = $2 } END { print int((all - free) / 1024) }' /proc/meminfo; }
 swaps() { [ "$(swapped_mb)" -gt 100 ]; }
 await 300 "a machine that swaps" swaps
-another_part
+whole_part
 daemon_kb() { sed -n "s/^$1:[^0-9]*\([0-9]*\) kB/\1/p" "/proc/$pid/status"; }
 [ "$(daemon_kb VmSwap)" = 0 ] || fail "$(daemon_kb VmSwap) kB of the daemon are swapped out"
 echo "$(swapped_mb) MB swapped out, none of the daemon, which has $(daemon_kb VmLck) kB locked; the part committed"
@@ -173,7 +123,7 @@ sh -c 'while :; do :; done' &
 neighbours=$!
 sh -c 'while :; do :; done' &
 neighbours="$neighbours $!"
-another_part
+whole_part
 # shellcheck disable=SC2086  # process numbers
 kill $neighbours
 [ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a neighbour ended the process"
@@ -189,7 +139,7 @@ while [ "$i" -lt "$kills" ]; do
   was=$(sequence)
   before=$(results)
   bend
-  echo "scan $tube" >&4
+  scan
   # From the scan's first profile to after the commit.
   delay=$(awk -v seed="$i" -v whole="$whole" 'BEGIN { srand(seed); rand(); printf "%.2f", 1.1 * whole * rand() }')
   sleep "$delay"
@@ -219,7 +169,7 @@ for session in /var/lib/bendloop/sessions/*.session; do
 done
 before=$(results)
 bend
-echo "scan $tube" >&4
+scan
 await_result "$before"
 newest_is_committed
 echo "$kills kills: service up $kills times, $sent programs sent once, $unfinished scans cut before their result," \

@@ -44,27 +44,11 @@ cp "$work"/packages/bendloop_*.deb "$root/root"
 inside() { chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive "$@" </dev/null; }
 inside sh -c 'cd /root && apt-get -q -y install ./bendloop_*.deb' >install.log 2>&1 || fail "$(cat install.log)"
 cp "$here/one_bend.toml" "$root/etc/bendloop/parts"
-# A guest in software is slow: its times are longer than a cell's.
-cat >"$root/etc/bendloop/cell.toml" <<CELL
-schema = "bendloop.cell/1"
-name = "Power cuts"
-part = "parts/one_bend.toml"
-[scanner]
-kind = "stream"
-host = "10.0.2.2"
-port = $(port_of scanner)
-[bender]
-link = "modbus-tcp"
-host = "10.0.2.2"
-port = $(port_of bender)
-register_map = "register-maps/default.toml"
-connect_timeout_ms = 3000
-response_timeout_ms = 3000
-commit_timeout_ms = 10000
-[correction]
-# Each part brings a commit, however small.
-deadband_sigmas = 0
-CELL
+scanner_port=$(port_of scanner)
+bender_port=$(port_of bender)
+# In a shell of its own: what guests and this machine call alike is not the same.
+# shellcheck source=/dev/null
+(. "$here/guest_service.sh" && cell_of "Power cuts" "$scanner_port" "$bender_port" 10.0.2.2) >"$root/etc/bendloop/cell.toml"
 inside bendloop check /etc/bendloop/cell.toml || fail "the cell is wrong"
 mkdir -p "$root/etc/systemd/system/bendloopd.service.d"
 inside bendloop check --unit-drop-in /etc/bendloop/cell.toml >"$root/etc/systemd/system/bendloopd.service.d/50-cell.conf"

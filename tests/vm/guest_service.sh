@@ -1,5 +1,5 @@
 # shellcheck shell=sh
-# In a guest: what the scripts that try the service share. Read by them, in /root.
+# In a guest: what the scripts that try the service share. Read by them, in /root. Functions alone.
 step() { echo "== [$(cut -d ' ' -f 1 /proc/uptime) s] $*"; }
 fail() {
   echo "guest: failed: $*"
@@ -44,4 +44,67 @@ granted() {
   mkdir -p /etc/systemd/system/bendloopd.service.d
   bendloop check --unit-drop-in /etc/bendloop/cell.toml >/etc/systemd/system/bendloopd.service.d/50-cell.conf
   systemctl daemon-reload
+}
+
+# cell_of NAME SCANNER_PORT BENDER_PORT [HOST]: a cell file for scripts with these machines (default: on loopback)
+cell_of() {
+  host=${4:-127.0.0.1}
+  cat <<CELL
+schema = "bendloop.cell/1"
+name = "$1"
+part = "parts/one_bend.toml"
+[scanner]
+kind = "stream"
+host = "$host"
+port = $2
+[bender]
+link = "modbus-tcp"
+host = "$host"
+port = $3
+register_map = "register-maps/default.toml"
+# A guest in software is slow: its times are longer than a cell's.
+connect_timeout_ms = 3000
+response_timeout_ms = 3000
+commit_timeout_ms = 10000
+[correction]
+# Each part brings a commit, however small.
+deadband_sigmas = 0
+CELL
+}
+# machines_on PROGRAM RATE: a bender with this program and a scanner of so many profiles a second, on loopback, for
+# `cell_of NAME 7420 1502`; asked by bend, scan and sequence
+machines_on() {
+  part=0
+  mkfifo bender.in scanner.in
+  mkdir tray
+  bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --tray tray --program "$1" \
+    --part-number 7 --pipe-radius 4 --springback-20 1.2 --springback-120 3.6 --elongation 1.5 --scatter-angle 0.3 \
+    <bender.in >bender.out 2>&1 &
+  exec 3>bender.in
+  bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate "$2" <scanner.in >scanner.out 2>&1 &
+  exec 4>scanner.in
+  await 300 "bender" said listening bender.out
+  await 300 "scanner" said listening scanner.out
+}
+bend() { # the next part lies on the tray
+  part=$((part + 1))
+  tube=$(printf 'tray/part-%04d.json' "$part")
+  echo bend >&3
+  await 300 "part $part on the tray" test -e "$tube"
+  sleep 1 # the daemon looks at the bender twice a second
+}
+scan() { echo "scan $tube" >&4; } # the part that was bent last
+sequence() { # of the bender's program
+  : >bender.out
+  echo status >&3
+  await 300 "the bender's answer" said sequence bender.out
+  sed -n 's/.*sequence[^0-9]*\([0-9]*\).*/\1/p' bender.out | head -n 1
+}
+whole_part() { # bent, scanned, measured and corrected
+  await_ready
+  before=$(results)
+  bend
+  scan
+  await_result "$before"
+  newest_is_committed
 }

@@ -6,65 +6,19 @@ set -e
 number() { # number FILE: its user_version, which stands in the head of a SQLite file
   od -An -t u1 -j 60 -N 4 "/var/lib/bendloop/$1" | awk '{ print $4 + 256 * ($3 + 256 * ($2 + 256 * $1)) }'
 }
-whole_part() { # measured and corrected
-  await_ready
-  before=$(results)
-  part=$((part + 1))
-  tube=$(printf 'tray/part-%04d.json' "$part")
-  echo bend >&3
-  await 300 "part $part on the tray" test -e "$tube"
-  sleep 1 # the daemon looks at the bender twice a second
-  echo "scan $tube" >&4
-  await_result "$before"
-  newest_is_committed
-}
-sequence() {
-  : >bender.out
-  echo status >&3
-  await 300 "the bender's answer" said sequence bender.out
-  sed -n 's/.*sequence[^0-9]*\([0-9]*\).*/\1/p' bender.out | head -n 1
-}
 
 step "Version 0.1.0, at work"
 apt-get -q -y install ./bendloop_0.1.0_*.deb >install.log 2>&1 || fail "$(cat install.log)"
 cp -r /usr/share/bendloop/parts /usr/share/bendloop/register-maps /etc/bendloop/
 cp one_bend.toml /etc/bendloop/parts/
 echo "# wired by the integrator" >>/etc/bendloop/register-maps/default.toml
-cat >/etc/bendloop/cell.toml <<'CELL'
-schema = "bendloop.cell/1"
-name = "Upgraded"
-part = "parts/one_bend.toml"
-[scanner]
-kind = "stream"
-port = 7420
-[bender]
-link = "modbus-tcp"
-port = 1502
-register_map = "register-maps/default.toml"
-# A guest in software is slow.
-connect_timeout_ms = 3000
-response_timeout_ms = 3000
-commit_timeout_ms = 10000
-[correction]
-# Each part brings a commit, however small.
-deadband_sigmas = 0
-CELL
+cell_of Upgraded 7420 1502 >/etc/bendloop/cell.toml
 cat >program.json <<'JSON'
 {"rows": [{"length_mm": 110, "rotation_deg": 0, "angle_deg": 60, "bend_radius_mm": 20},
   {"length_mm": 120, "rotation_deg": 0, "angle_deg": 0, "bend_radius_mm": null}]}
 JSON
-mkfifo bender.in scanner.in
-mkdir tray
-bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --tray tray --program program.json \
-  --part-number 7 --pipe-radius 4 --springback-20 1.2 --springback-120 3.6 --elongation 1.5 --scatter-angle 0.3 \
-  <bender.in >bender.out 2>&1 &
-exec 3>bender.in
-bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate 200 <scanner.in >scanner.out 2>&1 &
-exec 4>scanner.in
-await 300 "bender" said listening bender.out
-await 300 "scanner" said listening scanner.out
+machines_on program.json 200
 systemctl enable --now bendloopd >enable.log 2>&1 || fail "the service does not start: $(cat enable.log)"
-part=0
 whole_part
 whole_part
 was=$(sequence)
