@@ -69,6 +69,36 @@ inside sh -c "$command"
 inside bendloop check /etc/bendloop/cell.toml || fail "the example is wrong"
 inside bendloopd --config /etc/bendloop/cell.toml --check-only
 
+step "A stop that may last longer is told with the unit's own time, until the cell's drop-in has more"
+cat >"$root/tmp/slow.toml" <<'END'
+schema = "bendloop.cell/1"
+name = "Slow"
+part = "/etc/bendloop/parts/demo.toml"
+[scanner]
+kind = "stream"
+port = 9
+[bender]
+link = "modbus-tcp"
+port = 9
+register_map = "/etc/bendloop/register-maps/default.toml"
+commit_timeout_ms = 40000
+END
+stop_told() { # stop_told WORDS TIMES: by both programs together
+  inside bendloop check /tmp/slow.toml >"$work/stop" 2>&1 || fail "$(cat "$work/stop")"
+  inside bendloopd --config /tmp/slow.toml --check-only >>"$work/stop" 2>&1 || fail "$(cat "$work/stop")"
+  [ "$(grep -c "$1" "$work/stop")" = "$2" ] || fail "not told $2 times, $1: $(cat "$work/stop")"
+}
+stop_told 'ended after 20000 ms (/usr/lib/systemd/system/bendloopd.service)' 2
+drop_in=$root/etc/systemd/system/bendloopd.service.d
+mkdir -p "$drop_in"
+inside bendloop check --unit-drop-in /tmp/slow.toml >"$drop_in/50-cell.conf"
+stop_told 'ended after' 0
+printf '[Service]\nTimeoutStopSec=1min\n' >"$drop_in/60-site.conf"
+stop_told 'ended after' 0
+printf '[Service]\nTimeoutStopSec=3s\n' >"$drop_in/60-site.conf"
+stop_told 'ended after 3000 ms (/etc/systemd/system/bendloopd.service.d/60-site.conf)' 2
+rm -r "$drop_in"
+
 step "Who is in the group may ask the daemon, and nobody else"
 cat >"$root/tmp/asked.toml" <<'END'
 schema = "bendloop.cell/1"
