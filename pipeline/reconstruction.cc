@@ -124,8 +124,8 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
                                    final.options.reach_mm, tube.blocks, workers);
   FoundEasing found = FindEasing(structure, tube.blocks, final.options);
   final.options.easing = std::move(found.easing);
-  BowedSolution solution =
-      SolveWithBows(structure.tube, tube.blocks, final.options, std::move(found.sharp));
+  BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), tube.blocks,
+                                         final.options, std::move(found.sharp));
   tube.structure.margin =
       std::min(structure.margin, ReviseBends(tube.blocks, final.options, nominal_bends, solution));
   TryOneDie(tube.blocks, final.options, solution);

@@ -227,8 +227,13 @@ double CostOf(const BowedTubeState& state, std::span<const PointBlock> blocks, d
 // How much better `a` explains the points [variances].
 double GainOf(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
               double reach_mm) {
-  const std::span<const PointBlock> of_a = a.undented ? *a.undented : blocks;
-  const OwnedBlocks points = Thinned(of_a, StrideTo(CountPoints(of_a), kRevise.points));
+  // Of those that fewer points were left out of as dents: a tube that lost its way takes for dents
+  // what it lost.
+  const auto of = [&blocks](const BowedSolution& solution) {
+    return solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
+  };
+  const std::span<const PointBlock> left = CountPoints(of(a)) < CountPoints(of(b)) ? of(b) : of(a);
+  const OwnedBlocks points = Thinned(left, StrideTo(CountPoints(left), kRevise.points));
   const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
   return CostOf(b.bows.state, points, reach_mm, sigma_mm) -
          CostOf(a.bows.state, points, reach_mm, sigma_mm);
@@ -243,7 +248,7 @@ BowedSolution Solved(const ControlPolygon& corners, std::span<const PointBlock> 
   start.tube = *tube;
   FoundEasing found = FindEasing(start, blocks, options);
   options.easing = std::move(found.easing);
-  return SolveWithBows(*tube, blocks, options, std::move(found.sharp));
+  return SolveWithBows(found.eased.value_or(*tube), blocks, options, std::move(found.sharp));
 }
 
 // As FitSurface(). Where a part of the tube ends up off its points, those have no weight beside a
@@ -279,11 +284,14 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
   if (!solution.undented) return solution;
   SurfaceFitOptions from_there = options;
   from_there.easing = solution.fit.easing;
+  hal::Tube from = start;
   if (from_there.easing.empty()) {
     // What dents hid.
-    from_there.easing = FindEasing(solution.fit, *solution.undented, from_there).easing;
+    FoundEasing hidden = FindEasing(solution.fit, *solution.undented, from_there);
+    from_there.easing = std::move(hidden.easing);
+    from = hidden.eased.value_or(start);
   }
-  solution.fit = FitFromAfar(start, *solution.undented, from_there);
+  solution.fit = FitFromAfar(from, *solution.undented, from_there);
   solution.straight = solution.fit.tube;
   solution.bows = FitBows(*solution.undented, from_there, solution.fit);
   return solution;

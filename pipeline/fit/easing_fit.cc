@@ -44,7 +44,7 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
   options.easing = {};
   SurfaceFit sharp = FitSurface(structure.tube, few, options);
   const auto none = [&sharp, stride] {
-    return stride > 1 ? FoundEasing{} : FoundEasing{{}, std::move(sharp)};
+    return stride > 1 ? FoundEasing{} : FoundEasing{{}, std::move(sharp), std::nullopt};
   };
   const double start_mm = kEasingFit.start * structure.tube.pipe_radius_mm;
   options.easing.variance_mm2.assign(bends, start_mm * start_mm);
@@ -67,7 +67,7 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
   options.easing = second.easing;
   const SurfaceFit eased = FitSurface(second.tube, few, options);
   if (gain(eased) < kEasingFit.insist * kEasingFit.insist * eased.design_effect) return none();
-  return {eased.easing, std::nullopt};
+  return {eased.easing, std::nullopt, eased.tube};
 }
 
 }  // namespace bendloop::pipeline

@@ -92,6 +92,33 @@ TEST(ThinTube, HasTheBendsAndTheEndOfItsThinPart) {
   }
 }
 
+// Straights of 25 to 40 pipe radii that bow by L / 500: what a first solution of their bows comes
+// to beside a slight bend that is none may lie half a tube aside.
+TEST(LongBowedTube, IsNotLostWhereBowsAndASlightBendAreHardlyToldApart) {
+  std::mt19937_64 random(51'000'046);
+  const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = 5,
+                                            .bends = 5,
+                                            .min_bend_radius = 2,
+                                            .max_bend_radius = 4,
+                                            .min_straight = 25,
+                                            .max_straight = 40,
+                                            .min_angle_deg = 15,
+                                            .max_angle_deg = 100},
+                                           random);
+  // As tests/bench draws it.
+  random.discard(1);
+  const double s_bow = 0.002 * std::uniform_real_distribution<double>(0, 0.3)(random);
+  random.discard(8);
+  const auto cloud =
+      tests::ScanRealTube(tube, {.bow = 0.002, .s_bow = s_bow}, {.points = 48'000}, random);
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  EXPECT_EQ(measured->tube.program.bend_count(), 5U);
+  const auto all = static_cast<double>(measured->fit.samples + measured->fit.outliers);
+  EXPECT_GT(static_cast<double>(measured->fit.samples), 0.98 * all);
+}
+
 // Fittings whose samples bend the spine's nodes aside.
 TEST(FittedTube, HasNoBendInWhatSitsOnItsEnd) {
   const hal::SteadyClock clock;

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a bowed tube is in the rows of the trade, and how sure.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "pipeline/fit/bowed_tube.h"
+#include "pipeline/fit/fit_priors.h"
+#include "pipeline/fit/normal_equations.h"
+#include "pipeline/math/cross_matrix.h"
+#include "pipeline/math/dense_product.h"
+#include "pipeline/math/dense_solve.h"
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+bool HasCorners(const hal::BendProgram& program) {
+  return std::all_of(program.rows.begin(), program.rows.end() - 1, [](const hal::BendRow& row) {
+    return row.angle_deg > kBowed.least_deg && row.angle_deg < kBowed.most_deg;
+  });
+}
+
+bool BowedTube::IsPulledAside() const {
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    if (PulledAside(i) > ranks_[i] + kBowed.no_noise_sigmas * std::sqrt(2.0 * ranks_[i])) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool BowedTube::MoveTo(SurfaceFit& fit) const {
+  const Eigen::MatrixXd map = TradeMap();
+  Eigen::VectorXd step = step_;
+  step.head(parameters_.size()) = Within(step_) - parameters_.Initial();
+  const Eigen::VectorXd to = TradeAt(step);
+  if (!to.allFinite() || !map.allFinite()) return false;
+  SurfaceFit moved = fit;
+  moved.tube = TradeTube(parameters_, state_.tube, to);
+  if (!HasCorners(moved.tube.program)) return false;
+  if (FarthestEndMm(moved.tube, LinesAt(step_)) >
+      kBowed.near_bows * HighestBow() + kBowed.near * r_mm_) {
+    return false;
+  }
+  moved.flattening = parameters_.FlatteningAt(to);
+  moved.easing = parameters_.EasingAt(to);
+  const TubeParameters at(moved.tube, options_.free_pipe_radius, moved.flattening, moved.easing);
+  const EasedSpine spine = SpineOf(moved.tube.program, moved.tube.X_WT, moved.easing);
+  moved.last_start = at.FrameDerivatives(spine).back().row(0);
+  SetCovariance(Mapped(map, noise_mm2_ * inverse_ + Disagreement()), options_.free_pipe_radius,
+                moved);
+  fit = std::move(moved);
+  return true;
+}
+
+void BowedTube::Doubt(bool would_move, SurfaceFit& fit) const {
+  const int n = parameters_.size();
+  Eigen::MatrixXd covariance = fit.covariance + Disagreement().topLeftCorner(n, n);
+  const Eigen::VectorXd aside = step_.head(n);
+  if (would_move) covariance += aside * aside.transpose();
+  SetCovariance(std::move(covariance), options_.free_pipe_radius, fit);
+}
+
+Eigen::MatrixXd BowedTube::Disagreement() const {
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size_, size_);
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    const double worth = worth_[ClassOf(places_[i].segment)];
+    const Eigen::MatrixXd motion = MotionOf(places_[i]);
+    const LocalMatrix information = InformationOf(places_[i].sum);
+    const LocalVector pull = LeftPull(places_[i]);
+    const double chi_square = pull.dot(inverses_[i] * pull) / (worth * noise_mm2_);
+    const double of_noise = ranks_[i] + kBowed.noise_sigmas * std::sqrt(2.0 * ranks_[i]);
+    if (!(chi_square > of_noise)) continue;
+    const Eigen::MatrixXd back = Product(inverse_, motion.transpose());
+    const LocalMatrix others =
+        LocalMatrix::Identity() -
+        kBowed.leverage / worth * Product(information, Product(motion, back));
+    const Eigen::VectorXd moves = back * (Inverse(others) * pull) / worth;
+    sum.noalias() += (1.0 - of_noise / chi_square) * moves * moves.transpose();
+  }
+  return sum;
+}
+
+std::vector<SpineLine> BowedTube::LinesAt(const Eigen::VectorXd& numbers) const {
+  std::vector<SpineLine> lines;
+  for (std::size_t k = 0; k < frames_.size(); ++k) {
+    if (!spine_.is_line(k)) continue;
+    const hal::SpineSegment& straight = spine_.segments[k];
+    LocalVector motion = motions_[k] * numbers;
+    if (own_[k] >= 0) {
+      motion += LineMotion(k) * numbers.segment<kBowModes>(own_[k]);
+    }
+    const Eigen::Matrix3d axes = straight.axes();
+    const Eigen::Vector3d turn = axes * motion.segment<3>(3);
+    const Eigen::Vector3d direction = straight.tangent + turn.cross(straight.tangent);
+    lines.push_back({straight.start_mm + axes * motion.head<3>(), direction.normalized()});
+  }
+  return lines;
+}
+
+Eigen::VectorXd BowedTube::TradeAt(const Eigen::VectorXd& numbers) const {
+  return TradeNumbers(parameters_, state_.tube, LinesAt(numbers),
+                      parameters_.Initial() + numbers.head(parameters_.size()));
+}
+
+Eigen::MatrixXd BowedTube::TradeMap() const {
+  Eigen::MatrixXd map(parameters_.size(), size_);
+  for (int i = 0; i < size_; ++i) {
+    const double small =
+        std::max(1e-9, 1e-2 * std::sqrt(std::max(0.0, noise_mm2_ * inverse_(i, i))));
+    Eigen::VectorXd more = step_, less = step_;
+    more[i] += small;
+    less[i] -= small;
+    map.col(i) = (TradeAt(more) - TradeAt(less)) / (2.0 * small);
+  }
+  return map;
+}
+
+}  // namespace bendloop::pipeline
