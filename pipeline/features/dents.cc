@@ -36,8 +36,8 @@ struct DentSettings {
   // wall's own form at the edge of what is looked at. They decide only where points leave it open.
   double power = 0.5, half_axis = 0.7, wall = 0.05;
   int most_steps = 40;
-  // Of chi square: a step that makes it less by no more is the last.
-  double hardly = 1e-6;
+  // Of chi square: a step that makes it less by no more, a thirtieth of a sigma long, is the last.
+  double hardly = 1e-3;
   // [of depth] 1 sigma of a dent that is known no better was not fitted.
   double vague = 0.33;
 };
