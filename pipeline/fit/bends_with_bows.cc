@@ -154,11 +154,15 @@ std::vector<ControlPolygon> WithRunsMerged(const SurfaceFit& fit, const ControlP
   return list;
 }
 
-// Those that a bow may look like.
-std::vector<std::size_t> SlightBends(const hal::BendProgram& program) {
+// Those that a bow may look like, where straights are taken for straight or once they are bowed:
+// one that stood in for a bow may be anything then.
+std::vector<std::size_t> SlightBends(const BowedSolution& now) {
+  const auto &as_straight = now.straight.program.rows, &as_bowed = now.fit.tube.program.rows;
   std::vector<std::size_t> slight;
-  for (std::size_t i = 0; i + 1 < program.rows.size(); ++i) {
-    if (program.rows[i].angle_deg < kRevise.as_bow_deg) slight.push_back(i);
+  for (std::size_t i = 0; i + 1 < as_straight.size(); ++i) {
+    if (std::min(as_straight[i].angle_deg, as_bowed[i].angle_deg) < kRevise.as_bow_deg) {
+      slight.push_back(i);
+    }
   }
   return slight;
 }
@@ -181,7 +185,7 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
   if (fewer) {
     for (auto& corners : WithRunsMerged(now.fit, *polygon)) add(std::move(corners), false);
   }
-  const std::vector<std::size_t> slight = SlightBends(now.fit.tube.program);
+  const std::vector<std::size_t> slight = SlightBends(now);
   if (fewer && slight.size() > 1) {
     // From the last on, so that those before it keep their places.
     ControlPolygon without = *polygon;

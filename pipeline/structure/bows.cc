@@ -48,10 +48,13 @@ bool IsBow(const SurfaceFit& fit, std::size_t bend, std::span<const PointBlock> 
   if (row.angle_deg > kBows.slight_deg) return false;
   if (row.angle_deg < least_angle_deg) return true;
   const double least_mm = *row.bend_radius_mm - fit.sigma.rows[bend].bend_radius_mm.value_or(0.0);
-  if (least_mm > kBows.widest * fit.tube.pipe_radius_mm) return true;
-  const double evidence = KinkEvidence(fit, bend, blocks, reach_mm, form);
-  if (std::isinf(evidence))
-    return row.angle_deg < kBows.eased_deg && form.across > kBows.eased_across;
+  const double widest_mm = kBows.widest * fit.tube.pipe_radius_mm;
+  // Straights that bow beside it make a bend look wide.
+  const double evidence = KinkEvidence(fit, bend, widest_mm, blocks, reach_mm, form);
+  if (std::isinf(evidence)) {
+    return least_mm > widest_mm ||
+           (row.angle_deg < kBows.eased_deg && form.across > kBows.eased_across);
+  }
   return evidence < kBows.kink_odds;
 }
 

@@ -55,16 +55,16 @@ struct Stretch {
 // A bow's height by the part of its length; 1 in the middle.
 double Bow(double part) { return part <= 0 || part >= 1 ? 0.0 : 4.0 * part * (1.0 - part); }
 
-Shapes ShapesAt(double along_mm, const Stretch& stretch) {
+// `made`: the same bend as a machine would have made it.
+Shapes ShapesAt(double along_mm, const Stretch& stretch, const Stretch& made) {
   const double long_mm = stretch.to_mm() - stretch.from_mm();
   const double part = (along_mm - stretch.from_mm()) / long_mm;
   Shapes shapes;
   shapes[kOffset] = 1;
   shapes[kSlope] = part - 0.5;
   shapes[kBow] = Bow(part);
-  shapes[kSides] = 10.4 * part * (1.0 - part) * (1.0 - 2.0 * part);  // 1 at most
-  shapes[kKink] =
-      stretch.BentMm(along_mm) / stretch.arc_mm * stretch.bend_radius_mm;  // a rad of it
+  shapes[kSides] = 10.4 * part * (1.0 - part) * (1.0 - 2.0 * part);           // 1 at most
+  shapes[kKink] = made.BentMm(along_mm) / made.arc_mm * made.bend_radius_mm;  // a rad of it
   shapes[kBefore] = Bow((along_mm - stretch.from_mm()) / -stretch.from_mm());
   shapes[kAfter] = Bow(along_mm / stretch.to_mm());
   return shapes;
@@ -141,14 +141,18 @@ std::vector<Turned> PlacesAround(const std::vector<hal::SpineSegment>& segments,
 
 }  // namespace
 
-double KinkEvidence(const SurfaceFit& fit, std::size_t bend, std::span<const PointBlock> blocks,
-                    double reach_mm, const FormDeviation& form) {
+double KinkEvidence(const SurfaceFit& fit, std::size_t bend, double widest_mm,
+                    std::span<const PointBlock> blocks, double reach_mm,
+                    const FormDeviation& form) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const std::size_t k = 2 * bend + 1;
   const double r_mm = fit.tube.pipe_radius_mm;
   const Stretch stretch{segments[k - 1].length_mm, segments[k].length_mm, segments[k + 1].length_mm,
                         segments[k].bend_radius_mm};
   if (!(stretch.arc_mm > 0)) return 0.0;
+  Stretch made = stretch;
+  made.bend_radius_mm = std::min(made.bend_radius_mm, widest_mm);
+  made.arc_mm *= made.bend_radius_mm / stretch.bend_radius_mm;
   if (std::min(-stretch.from_mm(), stretch.to_mm()) < kKinks.shortest * r_mm) {
     return std::numeric_limits<double>::infinity();
   }
@@ -173,7 +177,7 @@ double KinkEvidence(const SurfaceFit& fit, std::size_t bend, std::span<const Poi
     const Eigen::Matrix2d covariance = noise_mm2 * inverse + form_mm2 * Eigen::Matrix2d::Identity();
     const Eigen::Vector2d bent_mm(stretch.BentMm(place.along_mm), 0);
     const Eigen::Vector2d at_mm = inverse * place.pull + bent_mm;
-    const Shapes shapes = ShapesAt(place.along_mm, stretch);
+    const Shapes shapes = ShapesAt(place.along_mm, stretch, made);
     const Eigen::Matrix2d weight = covariance.inverse();
     as_bow.Add(shapes, at_mm, weight);
     as_bend.Add(shapes, at_mm, weight);
