@@ -376,7 +376,8 @@ hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
   return tube;
 }
 
-// Rows of arcs alone are told, but where the nominal has as many.
+// Rows of arcs alone are told, but where the nominal has as many. Cuts and holes of a spine that
+// may be another are places on a wall that is not there: none are.
 hal::Result<Measurement> TellArcs(hal::Result<Measurement> found,
                                   const ReconstructionOptions& options) {
   if (!found || !IsArcsAlone(found->tube)) return found;
@@ -385,8 +386,9 @@ hal::Result<Measurement> TellArcs(hal::Result<Measurement> found,
   }
   SayWhy(
       "arc follows upon arc: a coil or another spine without lines and arcs may be shown by "
-      "them, compare --model freeform.",
+      "them, compare --model freeform. Nothing is told of cuts and holes.",
       *found);
+  found->features = {};
   return found;
 }
 

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <vector>
 
 #include "hal/angles.h"
+#include "pipeline/features/end_border.h"
 #include "pipeline/features/end_columns.h"
 #include "pipeline/features/posterior.h"
 #include "pipeline/features/sampling.h"
@@ -48,7 +50,8 @@ struct EndCutSettings {
   double may_be_oblique = 2.5;
   // [of the mean gap] The walk's first steps.
   double first_step = 0.1;
-  // Samples of an end: so many tell as much of it as all; laser lines should have theirs whole.
+  // Samples of an end: so many tell where about the plane is, and then all that lie beside it are
+  // asked (end_border.h); laser lines should have theirs whole.
   std::size_t enough_samples = 12'000, enough_of_lines = 40'000;
   // [of the mean gap] Lines are blurred by so much, one after the other, before they are taken as
   // they are: what they leave free may be a needle, which a walk finds only by and by.
@@ -322,48 +325,70 @@ std::optional<Evidence> LookAtColumns(std::span<const EndSample> samples, double
   return evidence;
 }
 
-// Samples of the tube near one of its ends.
-std::vector<EndSample> SamplesNear(const hal::Tube& tube, bool at_start, const EndAxis& axis,
-                                   double sigma_mm, double window_mm,
-                                   std::span<const PointBlock> blocks) {
-  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-  const std::size_t at = at_start ? 0 : segments.size() - 1;
-  const hal::SpineSegment& straight = segments[at];
-  const Eigen::Vector3d &end = axis.end_mm, &outward = axis.outward;
-  const Eigen::Vector3d tangent = at_start ? Eigen::Vector3d(-outward) : outward;
-  const Eigen::Vector3d quarter = tangent.cross(hal::AroundZero(segments, at)).normalized();
-  const Eigen::Vector3d zero = quarter.cross(tangent);
-  const double r_mm = tube.pipe_radius_mm, reach_mm = kSampling.on_surface * sigma_mm;
-  const double beyond_mm = kCut.beyond * r_mm;
-  const double around_mm = std::hypot(std::max(window_mm + r_mm, beyond_mm), 1.5 * r_mm);
-  // Of all of them; around the tube only of those that are taken.
+// Samples of the tube near one of its ends, all of them; how far around the tube is asked only of
+// those that are taken.
+class SamplesNear {
+ public:
+  SamplesNear(const hal::Tube& tube, bool at_start, const EndAxis& axis, double sigma_mm,
+              double window_mm, std::span<const PointBlock> blocks) {
+    const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+    const std::size_t at = at_start ? 0 : segments.size() - 1;
+    const hal::SpineSegment& straight = segments[at];
+    const Eigen::Vector3d &end = axis.end_mm, &outward = axis.outward;
+    const Eigen::Vector3d tangent = at_start ? Eigen::Vector3d(-outward) : outward;
+    const Eigen::Vector3d quarter = tangent.cross(hal::AroundZero(segments, at)).normalized();
+    const Eigen::Vector3d zero = quarter.cross(tangent);
+    const double r_mm = tube.pipe_radius_mm, reach_mm = kSampling.on_surface * sigma_mm;
+    const double beyond_mm = kCut.beyond * r_mm;
+    const double around_mm = std::hypot(std::max(window_mm + r_mm, beyond_mm), 1.5 * r_mm);
+    const double least_mm = std::max(0.0, r_mm - reach_mm), most_mm = r_mm + reach_mm;
+    const double from_mm = std::max(-window_mm - r_mm, -straight.length_mm);
+    for (const PointBlock& block : blocks) {
+      const double near_mm = around_mm + block.half_diagonal_mm;
+      if ((block.center_mm - end).squaredNorm() > near_mm * near_mm) continue;
+      for (std::size_t i = 0; i < block.points.size(); ++i) {
+        const Eigen::Vector3d from = block.points[i] - end;
+        const double at_mm = from.dot(outward);
+        if (at_mm < from_mm || at_mm > beyond_mm) continue;
+        const double x = from.dot(zero), y = from.dot(quarter);
+        const double square = x * x + y * y;
+        if (square > most_mm * most_mm || square < least_mm * least_mm) continue;
+        const bool known = i < block.to_sensor.size() && block.to_sensor[i].known();
+        all_.push_back({x, y, at_mm, known ? PassOf(block.to_sensor[i]) : kMostPasses});
+      }
+    }
+  }
+
+  std::size_t size() const { return all_.size(); }
+  // Every so many of them.
+  std::vector<EndSample> Every(std::size_t stride) const {
+    std::vector<EndSample> samples;
+    samples.reserve(all_.size() / stride + 1);
+    for (std::size_t i = 0; i < all_.size(); i += stride) samples.push_back(all_[i].Sample());
+    return samples;
+  }
+  // Those from `below_mm` before a plane to `above_mm` beyond it.
+  std::vector<EndSample> Band(const Eigen::Vector3d& plane_mm, double below_mm,
+                              double above_mm) const {
+    std::vector<EndSample> samples;
+    for (const Near& near : all_) {
+      const double out = 1.0 / std::sqrt(near.x * near.x + near.y * near.y);
+      const double off_mm =
+          near.at_mm - plane_mm[0] - out * (plane_mm[1] * near.x + plane_mm[2] * near.y);
+      if (off_mm > -below_mm && off_mm < above_mm) samples.push_back(near.Sample());
+    }
+    return samples;
+  }
+
+ private:
   struct Near {
     double x, y, at_mm;
     unsigned pass;
+
+    EndSample Sample() const { return {std::atan2(y, x), at_mm, pass}; }
   };
-  std::vector<Near> all;
-  const double least_mm = std::max(0.0, r_mm - reach_mm), most_mm = r_mm + reach_mm;
-  for (const PointBlock& block : blocks) {
-    const double near_mm = around_mm + block.half_diagonal_mm;
-    if ((block.center_mm - end).squaredNorm() > near_mm * near_mm) continue;
-    for (std::size_t i = 0; i < block.points.size(); ++i) {
-      const Eigen::Vector3d from = block.points[i] - end;
-      const double at_mm = from.dot(outward);
-      if (at_mm < -window_mm - r_mm || at_mm > beyond_mm || at_mm < -straight.length_mm) continue;
-      const double x = from.dot(zero), y = from.dot(quarter);
-      const double square = x * x + y * y;
-      if (square > most_mm * most_mm || square < least_mm * least_mm) continue;
-      const bool known = i < block.to_sensor.size() && block.to_sensor[i].known();
-      all.push_back({x, y, at_mm, known ? PassOf(block.to_sensor[i]) : kMostPasses});
-    }
-  }
-  std::vector<EndSample> samples;
-  const std::size_t stride = StrideTo(all.size(), kCut.enough_of_lines);
-  for (std::size_t i = 0; i < all.size(); i += stride) {
-    samples.push_back({std::atan2(all[i].y, all[i].x), all[i].at_mm, all[i].pass});
-  }
-  return samples;
-}
+  std::vector<Near> all_;
+};
 
 EndCutFound Found(const EndPlane& plane) {
   const double slope = std::hypot(plane.cosine, plane.sine);
@@ -389,8 +414,17 @@ EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm, do
   return plane;
 }
 
-// Mean and spread of all planes.
-EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r_mm) {
+// Of what is roughly known of a plane, what more is known; none: nothing.
+using BetterPlane = std::function<std::optional<Posterior>(const Posterior&)>;
+
+// A walk that found no way says less than the one before.
+bool HasMoved(const Posterior& walk, const Posterior& before) {
+  return walk.covariance.trace() > kCut.least_moved * before.covariance.trace();
+}
+
+// Mean and spread of all planes; `better`: asked when where about they lie is known.
+EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r_mm,
+                    const BetterPlane& better = {}) {
   const double prior_mm = kCut.usual_slope * r_mm;
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
     PlaneLikelihood likelihood(evidence, blur_mm);
@@ -404,18 +438,22 @@ EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r
                       first_mm * first_mm * Eigen::Matrix3d::Identity()};
   if (!evidence.sides.empty()) {
     for (const double blur : kCut.blurs) {
-      posterior = sample(posterior, kCut.blurred_walk, blur * evidence.gap_mm);
+      const Posterior blurred = sample(posterior, kCut.blurred_walk, blur * evidence.gap_mm);
+      if (!HasMoved(blurred, posterior)) continue;
+      posterior = blurred;
       Forget(posterior, blur * evidence.gap_mm, evidence);
     }
   }
   EndPlane plane;
   for (const int walk : {kCut.short_walk, kCut.walk}) {
     const Posterior sharp = sample(posterior, walk, 0.0);
-    // A walk that found no way says less than the blurred one.
-    const bool has_moved =
-        sharp.covariance.trace() > kCut.least_moved * posterior.covariance.trace();
-    if (has_moved) posterior = sharp;
+    if (HasMoved(sharp, posterior)) posterior = sharp;
     plane = PlaneOf(posterior, slope_mm, r_mm);
+    if (better && walk == kCut.short_walk) {
+      Posterior whole = posterior;
+      whole.mean.tail<2>() += slope_mm;
+      if (const auto found = better(whole)) return PlaneOf(*found, Eigen::Vector2d::Zero(), r_mm);
+    }
     if (plane.slope_sigmas < kCut.may_be_oblique) break;
   }
   return plane;
@@ -430,10 +468,18 @@ bool Agrees(const EndPlane& plane, const Evidence& lines, double r_mm) {
   return static_cast<double>(wrong) < kCut.most_wrong * static_cast<double>(lines.sides.size());
 }
 
-}  // namespace
+// How far along the tube samples reach.
+double DepthMm(std::span<const EndSample> samples) {
+  const auto [low, high] = std::minmax_element(
+      samples.begin(), samples.end(),
+      [](const EndSample& a, const EndSample& b) { return a.beyond_mm < b.beyond_mm; });
+  return high->beyond_mm - low->beyond_mm;
+}
 
-std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
-                                    double window_mm, double sigma_mm) {
+// `band`: of all samples, of which every `stride`-th is in `samples`.
+std::optional<EndPlane> FitPlane(std::span<const EndSample> samples, std::size_t stride,
+                                 const EndBand& band, double pipe_radius_mm, double window_mm,
+                                 double sigma_mm) {
   const double smear_mm = kSampling.SmearMm(sigma_mm, pipe_radius_mm);
   Eigen::Vector2d slope_mm = Eigen::Vector2d::Zero();
   if (const auto lines = LookAtLines(samples, pipe_radius_mm, window_mm, smear_mm, sigma_mm)) {
@@ -443,7 +489,38 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
   }
   const auto evidence = LookAtColumns(samples, pipe_radius_mm, window_mm, smear_mm, slope_mm);
   if (!evidence) return std::nullopt;
-  return PlaneAmong(*evidence, slope_mm, pipe_radius_mm);
+  // Where laser lines are seen the columns have said all; a few samples look like some by chance.
+  if (evidence->sides.size() > evidence->columns.size())
+    return PlaneAmong(*evidence, slope_mm, pipe_radius_mm);
+  const std::size_t all = samples.size() * stride;
+  const double seen_mm2 = 2.0 * std::numbers::pi * pipe_radius_mm * DepthMm(samples);
+  RoughEnd rough;
+  rough.pipe_radius_mm = pipe_radius_mm;
+  rough.smear_mm = smear_mm;
+  rough.per_mm2 = static_cast<double>(all) / seen_mm2;
+  rough.slope_mm = kCut.usual_slope * pipe_radius_mm;
+  rough.is_thinned = all > kCut.enough_samples;
+  return PlaneAmong(*evidence, slope_mm, pipe_radius_mm, [&](const Posterior& plane) {
+    rough.plane = plane;
+    return FitEndBorder(rough, band);
+  });
+}
+
+}  // namespace
+
+std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
+                                    double window_mm, double sigma_mm) {
+  const EndBand band = [&](const Eigen::Vector3d& plane_mm, double below_mm, double above_mm) {
+    std::vector<EndSample> taken;
+    for (const EndSample& sample : samples) {
+      const double off_mm = sample.beyond_mm - plane_mm[0] -
+                            plane_mm[1] * std::cos(sample.around_rad) -
+                            plane_mm[2] * std::sin(sample.around_rad);
+      if (off_mm > -below_mm && off_mm < above_mm) taken.push_back(sample);
+    }
+    return taken;
+  };
+  return FitPlane(samples, 1, band, pipe_radius_mm, window_mm, sigma_mm);
 }
 
 EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnds& ends) {
@@ -457,8 +534,12 @@ EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnd
         at_start ? found.program.rows.front().length_mm : found.program.rows.back().length_mm;
     const double window_mm = std::min(kCut.window * r_mm, straight_mm);
     const EndAxis& axis = at_start ? ends.first : ends.last;
-    const auto plane = FitEndPlane(SamplesNear(found, at_start, axis, sigma_mm, window_mm, blocks),
-                                   r_mm, window_mm, sigma_mm);
+    const SamplesNear near(found, at_start, axis, sigma_mm, window_mm, blocks);
+    const std::size_t stride = StrideTo(near.size(), kCut.enough_of_lines);
+    const EndBand band = [&](const Eigen::Vector3d& plane_mm, double below_mm, double above_mm) {
+      return near.Band(plane_mm, below_mm, above_mm);
+    };
+    const auto plane = FitPlane(near.Every(stride), stride, band, r_mm, window_mm, sigma_mm);
     if (!plane) continue;
     (at_start ? cuts.first : cuts.last) = Found(*plane);
     // Laser lines tell of an end's place at its axis whether it is square or not.

@@ -46,6 +46,9 @@ struct WallAbout {
   std::span<const Eigen::Vector2d> samples;
   std::span<const MissedPlace> missed;
   double smear_mm = 0;
+  // Of the samples, about a place: the same for all shapes, or their likelihoods would not compare.
+  SampleDensity density;
+  Eigen::Vector2d about_mm = Eigen::Vector2d::Zero();
 };
 
 enum class Shape { kHole, kLeaningHole, kSlot };
@@ -79,7 +82,8 @@ class ShapeWalk {
     }
     for (const Eigen::Vector2d& sample : near_) near_up_.push_back(HeightMm(sample.y()));
     if (wall.missed.empty()) {
-      density_ = DensityBeside(about, wall.samples);
+      density_ = wall.density;
+      density_about_mm_ = wall.about_mm;
     } else {
       sideways_smear_mm_ = kBorder.sideways * smear_mm_;
       double sigma_mm = 0;
@@ -111,7 +115,7 @@ class ShapeWalk {
       log -= 0.5 * std::pow(lean / kBorder.usual_lean, 2);
     }
     const OpeningBorder border = BorderOf(x, shape_, about_.pipe_radius_mm);
-    log += density_.Missing(border, about_.middle_mm);
+    log += density_.Missing(border, density_about_mm_);
     return log + (shape_ == Shape::kLeaningHole ? LogLeaning(border) : LogFlat(border));
   }
 
@@ -233,6 +237,7 @@ class ShapeWalk {
   double smear_mm_;
   double sideways_smear_mm_ = 0;  // beside it, of laser lines
   SampleDensity density_;
+  Eigen::Vector2d density_about_mm_ = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> near_;
   std::vector<MissedPlace> missed_;
   std::vector<double> near_up_, missed_up_;  // how high the wall is at each
@@ -247,6 +252,38 @@ std::optional<ShapeFit> FitLean(const WallAbout& wall, OpeningBorder about) {
   fit = leaning.Fit(kBorder.walk);
   if (fit.leans_sigmas < kBorder.lean_sigmas) return std::nullopt;
   return fit;
+}
+
+// What a drill that leans leaves of a round wall, as seen along the normal: of a flat one it would
+// be an ellipse, each place of which lies as far aside as the wall there is lower.
+double LeaningAreaMm2(const OpeningBorder& border) {
+  constexpr int kPlaces = 32, kRounds = 6;
+  const double r_mm = border.pipe_radius_mm, half_mm = 0.5 * border.width_mm;
+  const auto height = [&](double y_mm) {
+    return std::sqrt(std::max(0.0, r_mm * r_mm - y_mm * y_mm));
+  };
+  const double tan = border.lean.norm(), stretched_mm = half_mm * std::sqrt(1.0 + tan * tan);
+  const Eigen::Vector2d along = border.lean / tan, across(-along.y(), along.x());
+  const double middle_up = height(border.middle_mm.y());
+  Eigen::Vector2d first = Eigen::Vector2d::Zero(), last = first;
+  double twice_mm2 = 0;
+  for (int i = 0; i < kPlaces; ++i) {
+    const double turn = 2.0 * std::numbers::pi * i / kPlaces;
+    const Eigen::Vector2d flat =
+        stretched_mm * std::cos(turn) * along + half_mm * std::sin(turn) * across;
+    double up = 0;
+    for (int round = 0; round < kRounds; ++round) {
+      up = height(border.middle_mm.y() + flat.y() + border.lean.y() * up) - middle_up;
+    }
+    const Eigen::Vector2d place = flat + up * border.lean;
+    if (i > 0) twice_mm2 += last.x() * place.y() - last.y() * place.x();
+    if (i == 0) first = place;
+    last = place;
+  }
+  twice_mm2 += last.x() * first.y() - last.y() * first.x();
+  // A polygon of so many corners lacks this part of a round place's area.
+  constexpr double kStep = 2.0 * std::numbers::pi / kPlaces;
+  return 0.5 * twice_mm2 * kStep / std::sin(kStep);
 }
 
 // How far a lean of 1 moves the border of a round hole, at most.
@@ -278,6 +315,7 @@ double OpeningBorder::DistanceMm(const Eigen::Vector2d& place_mm) const {
 }
 
 double OpeningBorder::AreaMm2() const {
+  if (is_hole() && !lean.isZero() && pipe_radius_mm > 0) return LeaningAreaMm2(*this);
   return (0.25 * std::numbers::pi * width_mm * width_mm + (length_mm - width_mm) * width_mm) *
          std::sqrt(1.0 + lean.squaredNorm());
 }
@@ -311,7 +349,7 @@ SampleDensity DensityBeside(const OpeningBorder& border, std::span<const Eigen::
 
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
                          double smear_mm, std::span<const MissedPlace> missed) {
-  const WallAbout wall{samples, missed, smear_mm};
+  const WallAbout wall{samples, missed, smear_mm, DensityBeside(about, samples), about.middle_mm};
   const ShapeFit slot = ShapeWalk(wall, about, Shape::kSlot).Fit(kBorder.walk);
   const OpeningBorder& long_one = slot.fitted.border;
   const double longer_mm = long_one.length_mm - long_one.width_mm;

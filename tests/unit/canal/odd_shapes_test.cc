@@ -61,5 +61,18 @@ TEST(OddShapes, ACoilIsOneOfItsPipeAndNotAPipeAsWide) {
               testing::AnyOf(HasSubstr("measured as a free form"), HasSubstr("arc follows upon")));
 }
 
+// Places on a wall that is not there: they came with sigmas of hundredths.
+TEST(OddShapes, OfACoilNoCutsAndHolesAreTold) {
+  tests::Random random(3);
+  const auto found = MeasureShape(tests::PipeAlong(tests::Helix(20, 12, 2), 3, 3000, 0.05, random),
+                                  TubeModel::kTube);
+  ASSERT_TRUE(found) << found.error().message;
+  ASSERT_THAT(Said(*found), HasSubstr("arc follows upon"));
+  EXPECT_FALSE(found->features.is_known);
+  EXPECT_FALSE(found->features.first_end);
+  EXPECT_FALSE(found->features.last_end);
+  EXPECT_TRUE(found->features.openings.empty());
+}
+
 }  // namespace
 }  // namespace bendloop::pipeline

@@ -114,6 +114,34 @@ TEST(EndPlane, IsAsSureAsTheSampledBorderLets) {
   EXPECT_LT(std::sqrt(errors.slope_sigmas / errors.count), 1.3);
 }
 
+// However dense they are: of an end only some are looked at, but of its border all. `thought`: how
+// far noise is thought to displace them, of how far it does.
+void ExpectAllSamplesCount(unsigned seed, double thought, double most_over_bound) {
+  constexpr double kDensity = 60, kSmearMm = 0.02;
+  constexpr int kTubes = 24;
+  Tubes tubes(seed);
+  Errors errors;
+  for (int i = 0; i < kTubes; ++i) {
+    const Border border = tubes.ABorder(i % 2 == 0 ? 3.0 : 0.0);
+    const auto plane = FitEndPlane(tubes.Scattered(border, kDensity, kSmearMm), kRadiusMm,
+                                   kWindowMm, 2 * thought * kSmearMm);
+    ASSERT_TRUE(plane);
+    errors.Add(border, *plane);
+  }
+  const double information = 0.903 * kDensity / kSmearMm * 2 * std::numbers::pi * kRadiusMm;
+  const double bound_mm = 1 / std::sqrt(information);
+  EXPECT_LT(errors.At(), most_over_bound * bound_mm);
+  EXPECT_LT(errors.Slope(), 1.3 * std::sqrt(2.0) * bound_mm / kRadiusMm);
+  EXPECT_LT(std::sqrt(errors.at_sigmas / errors.count), 1.4);
+  EXPECT_LT(std::sqrt(errors.slope_sigmas / errors.count), 1.3);
+}
+TEST(EndPlane, OfDenseSamplesIsToldByAllBesideTheBorder) { ExpectAllSamplesCount(11, 1.0, 1.3); }
+// Not knowing the noise costs a place a quarter of its bound, and slopes nothing.
+TEST(EndPlane, OfDenseSamplesTellsOtherNoiseByItself) {
+  ExpectAllSamplesCount(12, 2.0, 1.7);
+  ExpectAllSamplesCount(13, 0.5, 1.7);
+}
+
 // Of laser lines along the border one may have passed just beyond it: half a gap is unknown.
 TEST(EndPlane, OfLaserLinesIsBetweenTheLastAndTheNext) {
   for (const int passes : {1, 3}) {

@@ -10,6 +10,7 @@
 #include "hal/angles.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/opening_lines.h"
+#include "tests/support/cut_walls.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -106,6 +107,54 @@ std::vector<WallSample> LinesOn(const OpeningBorder& hole, double gap_mm, std::m
     }
   }
   return samples;
+}
+
+// What a drill that leans leaves of a round wall is neither a circle nor an ellipse.
+TEST(OpeningBorder, OfALeaningHoleIsAsLargeAsItsPlacesAre) {
+  OpeningBorder hole;
+  hole.length_mm = hole.width_mm = 6;
+  hole.pipe_radius_mm = 8;
+  hole.middle_mm = {0.1, -0.4};
+  hole.lean = {0.2, 0.5};
+  constexpr double kStepMm = 0.01;
+  double places = 0;
+  for (double x = -7.995; x < 8; x += kStepMm) {
+    for (double y = -7.995; y < 8; y += kStepMm) places += hole.DistanceMm({x, y}) < 0 ? 1 : 0;
+  }
+  EXPECT_NEAR(hole.AreaMm2(), places * kStepMm * kStepMm, 0.01);
+}
+
+TEST(OpeningBorder, OfALeaningHoleIsAsSureAsItsSamplesLet) {
+  constexpr double kDensity = 20, kSmearMm = 0.05;
+  constexpr int kHoles = 14;
+  std::mt19937_64 random(31);
+  OpeningBorder hole;
+  hole.length_mm = hole.width_mm = 6;
+  hole.pipe_radius_mm = 8;
+  hole.lean = {0.2, 0.5};
+  OpeningBorder about = hole;
+  about.lean.setZero();
+  about.middle_mm.x() += 0.1;
+  about.length_mm = 7.2, about.width_mm = 6.2;
+  about.axis_rad = std::atan2(0.5, 0.2);
+  const Eigen::VectorXd bound = tests::OpeningBound(hole, 5, kDensity, kSmearMm);
+  int leaning = 0;
+  double bounds2 = 0, sigmas2 = 0;
+  for (int i = 0; i < kHoles; ++i) {
+    const FittedOpening fitted =
+        FitOpening(tests::SampleWall(hole, kDensity, kSmearMm, random), about, kSmearMm);
+    if (fitted.border.lean.isZero()) continue;
+    ++leaning;
+    const Eigen::Vector2d off = fitted.border.middle_mm - hole.middle_mm;
+    const Eigen::Vector2d leans = fitted.border.lean - hole.lean;
+    bounds2 += off.cwiseQuotient(bound.head<2>()).squaredNorm() +
+               leans.cwiseQuotient(bound.tail<2>()).squaredNorm();
+    sigmas2 += off.cwiseQuotient(fitted.sigma.middle_mm).squaredNorm() +
+               leans.cwiseQuotient(fitted.sigma.lean).squaredNorm();
+  }
+  ASSERT_EQ(leaning, kHoles);
+  EXPECT_LT(std::sqrt(bounds2 / (4 * leaning)), 1.3);
+  EXPECT_LT(std::sqrt(sigmas2 / (4 * leaning)), 1.3);
 }
 
 TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "pipeline/features/end_lines.h"
+#include "pipeline/features/posterior.h"
+
+namespace bendloop::pipeline {
+
+// The samples from `below_mm` before a plane to `above_mm` beyond it, all of them; a plane is where
+// it meets the axis, and how far it rises towards cosine and sine [mm].
+using EndBand = std::function<std::vector<EndSample>(const Eigen::Vector3d& plane_mm,
+                                                     double below_mm, double above_mm)>;
+
+// What is known of an end before all samples about its border are looked at.
+struct RoughEnd {
+  Posterior plane;
+  double pipe_radius_mm = 0;
+  double smear_mm = 0;      // 1 sigma by which noise is thought to displace a sample
+  double per_mm2 = 0;       // samples
+  double slope_mm = 0;      // 1 sigma of the rise before the scan
+  bool is_thinned = false;  // from a part of the samples
+};
+
+// The plane where scattered samples stop, from all that lie about it. Each of them lies before the
+// plane but for its noise, and as many as the density behind the border says are missing beyond:
+// the likelihood of a Poisson process, which is all that samples tell. How far noise displaces them
+// is what was thought, or, where they say otherwise, what they say; both answers count by how
+// likely they are. None: they are not scattered (laser lines, a grid), some of the turn is hidden,
+// or too few lie about the border to tell more than `rough`.
+std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band);
+
+}  // namespace bendloop::pipeline
