@@ -12,9 +12,9 @@ struct FoundEasing {
   Easing easing;  // of every bend [mm^2], to begin the fit of all points with; none: they are sharp
   // The fit of all points with sharp bends, where they are sharp and it was made on the way.
   std::optional<SurfaceFit> sharp;
-  // Where bends are eased, the tube that they are eased in, by a part of the points: to begin there.
-  // Easing moves bends inwards by its variance / 2 CLR; from where sharp ones lie a fit may go
-  // astray.
+  // Where bends are eased, the tube that they are eased in, by a part of the points: to begin
+  // there. Easing moves bends inwards by its variance / 2 CLR; from where sharp ones lie a fit may
+  // go astray.
   std::optional<hal::Tube> eased;
 };
 
