@@ -49,8 +49,12 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
         is_last && bowed.Weight() < least_part * static_cast<double>(points_now.point_count());
     if (!bowed.IsSolved() || is_lost || round > kBowed.most_rounds ||
         (is_last && !(bowed.IsSettled() && bowed.MoveTo(fit)))) {
-      straight.Doubt(true, fit);
-      return {no_bows, straight.noise_mm(), straight.worth(), true};
+      // A radius that bows beside a slight bend made wide is as unsure as it is unusual.
+      BowedTube doubtful(before, no_bows, straight.UsualRadius(), options);
+      doubtful.Take(few, fit.sigma_mm);
+      doubtful.Solve(true);
+      doubtful.Doubt(true, fit);
+      return {no_bows, doubtful.noise_mm(), doubtful.worth(), true};
     }
     bows = {bowed.Next(), std::max(options.min_sigma_mm, bowed.noise_mm()), bowed.worth(),
             bowed.IsPulledAside()};
