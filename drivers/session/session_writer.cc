@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <new>
 #include <span>
 #include <string_view>
 #include <system_error>
@@ -102,7 +103,12 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
 }
 
 SessionWriter::~SessionWriter() {
-  if (database_) (void)Finish();
+  if (!database_) return;
+  try {
+    (void)Finish();
+  } catch (const std::bad_alloc&) {
+    // As after a power cut: what was committed is there.
+  }
 }
 
 Result<void> SessionWriter::Begin() {

@@ -11,6 +11,7 @@
 #include "firmware-host/console/version.h"
 #include "firmware-host/console/whole_file.h"
 #include "firmware-host/daemon/lost_part.h"
+#include "firmware-host/daemon/memory_guard.h"
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/report/report.h"
 #include "firmware-host/result/json.h"
@@ -237,7 +238,9 @@ void PartKeeper::WriteReport() {
   report_ = std::async(
       std::launch::async, [this, path = store_.report(),
                            runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
-        Judge(AlarmCode::kReportNotWritten, WriteOutputFile(path, ReportHtml(runs)));
+        Judge(AlarmCode::kReportNotWritten, OrOutOfMemory(path.string() + ": the report", [&] {
+                return WriteOutputFile(path, ReportHtml(runs));
+              }));
       });
 }
 

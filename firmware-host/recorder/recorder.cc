@@ -3,6 +3,8 @@
 
 #include <pthread.h>
 
+#include <new>
+#include <optional>
 #include <system_error>
 #include <utility>
 
@@ -15,15 +17,21 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// With what waits in the queue, and the time that the disk takes, a power cut costs less than the
-// last second.
-constexpr auto kCommitInterval = std::chrono::milliseconds(500);
+// With the time that the disk takes, during which others come, a power cut costs less than the last
+// second. Counted from when a profile came, as it may have waited for the disk.
+constexpr auto kCommitInterval = std::chrono::milliseconds(250);
+
+// How often the age of what is not safe yet is looked at, when nothing comes.
+constexpr auto kLookPeriod = std::chrono::milliseconds(50);
 
 // Sessions that may wait for the disk. Each brings some KB that no other bound counts.
 constexpr std::size_t kMostSessions = 64;
 
 // Events that fit where no profile does any more: more than one scan has.
 constexpr std::size_t kEventRoom = 1024;
+
+// Written profiles that are kept for the next ones.
+constexpr std::size_t kMostSpare = 256;
 
 }  // namespace
 
@@ -32,7 +40,10 @@ class Recorder::Session {
  public:
   explicit Session(drivers::SessionWriter w) : writer(std::move(w)) {}
   drivers::SessionWriter writer;
-  std::uint64_t dropped = 0;  // gaps, and profiles that could not be written
+  std::uint64_t dropped = 0;                       // gaps, and profiles that could not be written
+  std::optional<std::chrono::nanoseconds> oldest;  // of the profiles that may not be safe yet
+  bool has_begun = false;                          // its first profiles are safe
+  bool is_counted = false;                         // the disk was looked at
 };
 
 Recorder::Recorder(RecorderOptions options, const hal::Clock& clock)
@@ -117,6 +128,7 @@ void Recorder::Add(const hal::LaserProfile& profile) {
       spare_.pop_back();
     }
     item.profile = profile;
+    item.came = clock_.Now();
     counters_.queued_points += profile.points.size();
   }
   changed_.notify_one();
@@ -179,17 +191,15 @@ RecorderCounters Recorder::counters() const {
 
 void Recorder::Run() {
   pthread_setname_np(pthread_self(), "recorder");
+  spare_.reserve(kMostSpare);
   std::unique_ptr<Session> session;
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait_for(lock, std::chrono::milliseconds(250),
-                      [this] { return stop_ || !queue_.empty(); });
+    changed_.wait_for(lock, kLookPeriod, [this] { return stop_ || !queue_.empty(); });
     if (queue_.empty()) {
       if (stop_) break;
       lock.unlock();
-      if (session) {
-        if (const auto ticked = session->writer.Tick(); !ticked) Fail(ticked.error().message);
-      }
+      KeepSafe(session);
       lock.lock();
       continue;
     }
@@ -198,14 +208,62 @@ void Recorder::Run() {
     queue_.pop_front();
     if (item.step == Step::kBegin) --queued_sessions_;
     lock.unlock();
-    Write(item, session);
+    WriteOrTell(item, session);
     lock.lock();
-    busy_ = false;
     if (item.step == Step::kProfile) {
       counters_.queued_points -= item.profile.points.size();
-      if (spare_.size() < 256) spare_.push_back(std::move(item.profile));
+      if (spare_.size() < kMostSpare) spare_.push_back(std::move(item.profile));
     }
+    if (queue_.empty()) {
+      lock.unlock();
+      KeepSafe(session);
+      lock.lock();
+    }
+    busy_ = false;
     if (queue_.empty()) idle_.notify_all();
+  }
+}
+
+// SQLite tells want of memory as any error of the disk; all else throws.
+void Recorder::WriteOrTell(Item& item, std::unique_ptr<Session>& session) {
+  try {
+    Write(item, session);
+  } catch (const std::bad_alloc&) {
+    LeaveOutForMemory(item.step, session);
+  }
+}
+
+void Recorder::LeaveOutForMemory(Step step, std::unique_ptr<Session>& session) {
+  if (session) ++session->dropped;
+  const bool ends = step == Step::kFinish || step == Step::kDiscard;
+  if (step == Step::kBegin || ends) session.reset();
+  const std::lock_guard lock(mutex_);
+  if (step == Step::kBegin || step == Step::kFinish) ++counters_.dropped_sessions;
+  if (step == Step::kProfile) ++counters_.dropped_profiles;
+  if (step == Step::kEvent) ++counters_.dropped_events;
+  try {
+    Tell("is not recorded as a whole: out of memory in the recorder; see what else runs here");
+  } catch (const std::bad_alloc&) {
+    counters_.last_error = "out of memory";  // short enough to need none
+  }
+}
+
+// Once everything that came is written: syncs it, if it is the first, or old enough.
+void Recorder::KeepSafe(std::unique_ptr<Session>& session) {
+  if (!session) return;
+  try {
+    if (session->oldest &&
+        (!session->has_begun || clock_.Now() - *session->oldest >= kCommitInterval)) {
+      session->oldest.reset();
+      session->has_begun = true;
+      if (const auto committed = session->writer.Commit(); !committed) {
+        Fail(committed.error().message);
+      }
+    }
+    if (const auto ticked = session->writer.Tick(); !ticked) Fail(ticked.error().message);
+    if (!std::exchange(session->is_counted, true)) LookAtDisk();
+  } catch (const std::bad_alloc&) {
+    LeaveOutForMemory(Step::kGap, session);
   }
 }
 
@@ -230,7 +288,7 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
         session = std::make_unique<Session>(std::move(*writer));
         check(session->writer.SetMeta(item.meta));
       }
-      LookAtDisk();
+      if (!session) LookAtDisk();  // else when its first profiles are safe
       const std::lock_guard lock(mutex_);
       ++(session ? counters_.sessions : counters_.dropped_sessions);
       return;
@@ -239,6 +297,7 @@ void Recorder::Write(Item& item, std::unique_ptr<Session>& session) {
       if (!session) return;
       const bool written = check(session->writer.Write(item.profile));
       if (!written) ++session->dropped;
+      if (!session->oldest) session->oldest = item.came;
       const std::lock_guard lock(mutex_);
       ++(written ? counters_.profiles : counters_.dropped_profiles);
       return;

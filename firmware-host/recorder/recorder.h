@@ -58,7 +58,10 @@ struct RecorderCounters {
 // a `gap` event and meta `recording` = "incomplete". Everything that waits is bounded, however long
 // the disk hangs: points, profiles and events, and sessions, of which further ones are left out as
 // a whole. Events have some room of their own, so that a scan's end gets through where its last
-// profiles do not.
+// profiles do not. Where its thread gets no memory, what it was at is left out and told likewise.
+//
+// A power cut costs what came in the last quarter of a second, and while the disk took what was
+// before it: a session's first profiles are synced at once, later ones at that age.
 class Recorder {
  public:
   using Meta = std::map<std::string, std::string>;
@@ -96,6 +99,7 @@ class Recorder {
     hal::ScanEvent event;
     std::string name;
     Meta meta;
+    std::chrono::nanoseconds came{0};  // profiles: when they were queued, on the clock
   };
   class Session;
 
@@ -107,6 +111,9 @@ class Recorder {
   void End(Item item);
   void Run();
   void Write(Item& item, std::unique_ptr<Session>& session);
+  void WriteOrTell(Item& item, std::unique_ptr<Session>& session);
+  void LeaveOutForMemory(Step step, std::unique_ptr<Session>& session);
+  void KeepSafe(std::unique_ptr<Session>& session);
   void Fail(const std::string& what);
   void LookAtDisk();
   void MakeRoom(const std::string& name);

@@ -6,9 +6,11 @@
 #include <sqlite3.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <fstream>
 #include <mutex>
+#include <new>
 
 #include "drivers/session/session_reader.h"
 
@@ -16,6 +18,16 @@ namespace bendloop::host {
 namespace {
 
 namespace fs = std::filesystem;
+
+// Set by a test while the recorder's thread reads it.
+class SharedClock final : public hal::Clock {
+ public:
+  std::chrono::nanoseconds Now() const override { return std::chrono::nanoseconds(now_ns_.load()); }
+  void SleepUntil(std::chrono::nanoseconds deadline) override { now_ns_ = deadline.count(); }
+
+ private:
+  std::atomic<std::int64_t> now_ns_{0};
+};
 
 class RecorderTest : public ::testing::Test {
  protected:
@@ -214,6 +226,78 @@ TEST_F(RecorderTest, AScansEndGetsThroughWhereItsProfilesDoNot) {
   recorder.Flush();
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 10u);
   EXPECT_THAT(events_, ::testing::ElementsAre(::testing::HasSubstr("lost 40 profiles"), "the end"));
+}
+
+// What a reader finds is what a power cut leaves: the file is not finished, no clock has gone on.
+TEST_F(RecorderTest, TheFirstProfileIsSafeAtOnce) {
+  SharedClock still;
+  Recorder recorder({directory_}, still);
+  recorder.Begin("part-0001", {});
+  recorder.Add(Profile(0));
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 1u);
+}
+
+TEST_F(RecorderTest, LaterProfilesAreSafeAQuarterSecondAfterTheyCame) {
+  SharedClock clock;
+  Recorder recorder({directory_}, clock);
+  const auto safe = [&] {
+    recorder.Flush();
+    return ProfilesOf(recorder.PathOf("part-0001"));
+  };
+  recorder.Begin("part-0001", {});
+  recorder.Add(Profile(0));
+  EXPECT_EQ(safe(), 1u);
+  recorder.Add(Profile(1));
+  EXPECT_EQ(safe(), 1u) << "not a sync for each profile";
+  clock.SleepFor(std::chrono::milliseconds(250));
+  recorder.Add(Profile(2));
+  EXPECT_EQ(safe(), 3u);
+}
+
+TEST_F(RecorderTest, WhatWaitedForTheDiskIsSafeAsSoonAsItIsWritten) {
+  SharedClock clock;
+  std::mutex disk;  // held: the disk hangs
+  std::unique_lock hang(disk);
+  RecorderOptions options{directory_};
+  options.kept = [&] {
+    const std::lock_guard wait(disk);
+    return std::set<std::string>{};
+  };
+  Recorder recorder(options, clock);
+  recorder.Begin("part-0001", {});
+  for (std::uint64_t i = 0; i < 100; ++i) recorder.Add(Profile(i));
+  clock.SleepFor(std::chrono::seconds(2));
+  hang.unlock();
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 100u);
+}
+
+TEST_F(RecorderTest, OutOfMemoryIsToldAndCostsOneSession) {
+  bool has_memory = false;
+  RecorderOptions options{directory_};
+  options.kept = [&] {
+    if (!has_memory) throw std::bad_alloc();
+    return std::set<std::string>{};
+  };
+  Recorder recorder(options, clock_);
+  recorder.Begin("part-0001", {});
+  recorder.Add(Profile(0));
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_EQ(recorder.counters().dropped_sessions, 1u);
+  EXPECT_EQ(recorder.counters().queued_points, 0u);
+  EXPECT_THAT(recorder.counters().last_error, ::testing::HasSubstr("part-0001.session"));
+  EXPECT_THAT(recorder.counters().last_error, ::testing::HasSubstr("out of memory"));
+
+  has_memory = true;
+  recorder.Begin("part-0002", {});
+  recorder.Add(Profile(0));
+  recorder.Finish({});
+  recorder.Flush();
+  EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0002")), 1u);
+  EXPECT_EQ(meta_["recording"], "complete");
+  EXPECT_EQ(recorder.counters().dropped_sessions, 1u);
 }
 
 TEST_F(RecorderTest, DiscardLeavesNoFile) {

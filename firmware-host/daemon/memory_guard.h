@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <new>
+#include <string>
+
+#include "hal/result.h"
+
+namespace bendloop::host {
+
+// For work beside the cell loop that the cell can do without: where memory is short, `what` was not
+// done, which is told, and done again when it is due next. Its exception would end the daemon, or
+// be lost with its future.
+inline hal::Result<void> OrOutOfMemory(const std::string& what,
+                                       const std::function<hal::Result<void>()>& work) {
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+    return hal::Fail(hal::ErrorKind::kDevice,
+                     what + ": out of memory; see what else runs on this machine");
+  }
+}
+
+}  // namespace bendloop::host
