@@ -191,9 +191,9 @@ RecorderCounters Recorder::counters() const {
 
 void Recorder::Run() {
   pthread_setname_np(pthread_self(), "recorder");
-  spare_.reserve(kMostSpare);
   std::unique_ptr<Session> session;
   std::unique_lock lock(mutex_);
+  spare_.reserve(kMostSpare);
   for (;;) {
     changed_.wait_for(lock, kLookPeriod, [this] { return stop_ || !queue_.empty(); });
     if (queue_.empty()) {
