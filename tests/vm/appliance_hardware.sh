@@ -40,7 +40,7 @@ done
   tail -n +1 -F "$work/console" 2>/dev/null | grep -q --line-buffered '^host: bend' && echo bend >&3
 } &
 children="$children $!"
-export GUEST_DISK="$image" GUEST_MEMORY_MB=1024 GUEST_CPUS=1
+export GUEST_DISK="$image" GUEST_MEMORY_MB=1024 GUEST_CPUS=1 GUEST_SECONDS="${GUEST_SECONDS:-1500}"
 GUEST_SERIAL=$(sed -n 's/^listening //p' "$work/bender.out")
 export GUEST_SERIAL
 code=0

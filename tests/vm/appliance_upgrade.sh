@@ -11,6 +11,6 @@ work=$(mktemp -d)
 trap 'rm -rf --one-file-system "$work"' EXIT
 old=$("$here/old_package.sh" "$cache")
 image=$("$here/appliance_image.sh" "$build" "$cache" "$work")
-export GUEST_DISK="$image" GUEST_MEMORY_MB=1024 GUEST_CPUS=1
+export GUEST_DISK="$image" GUEST_MEMORY_MB=1024 GUEST_CPUS=1 GUEST_SECONDS="${GUEST_SECONDS:-1500}"
 "$here/run_guest.sh" "$cache" "" "$here/upgrade_guest.sh" "$old" "$work"/packages/bendloop_*.deb "$here/guest_service.sh" \
   "$here/one_bend.toml"
