@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/fit/nearest_lanes.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -27,6 +28,21 @@ BENDLOOP_MULTIVERSION(void, Turns,
                        double bend_radius_mm, double* along_mm),
                       (local, count, opposite, angle, bend_radius_mm, along_mm))
 
+// Where segment `c` is nearer than any before it.
+BENDLOOP_LOOP void TakeNearerBody(const double* distance_mm, std::size_t count, std::size_t c,
+                                  double* least_mm, std::size_t* nearest) {
+#pragma omp simd
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool nearer = distance_mm[i] < least_mm[i];
+    nearest[i] = nearer ? c : nearest[i];
+    least_mm[i] = nearer ? distance_mm[i] : least_mm[i];
+  }
+}
+BENDLOOP_MULTIVERSION(void, TakeNearer,
+                      (const double* distance_mm, std::size_t count, std::size_t c,
+                       double* least_mm, std::size_t* nearest),
+                      (distance_mm, count, c, least_mm, nearest))
+
 }  // namespace
 
 void NearestLanes::Find(std::span<const Eigen::Vector3d> points,
@@ -42,12 +58,10 @@ void NearestLanes::Find(std::span<const Eigen::Vector3d> points,
   for (std::size_t c = 0; c < candidates.size(); ++c) {
     ToSegment(frames[static_cast<std::size_t>(candidates[c])], lanes_, count, locals_[c]);
   }
-  for (std::size_t i = 0; i < count; ++i) {
-    std::size_t best = 0;
-    for (std::size_t c = 1; c < candidates.size(); ++c) {
-      if (locals_[c].distance[i] < locals_[best].distance[i]) best = c;
-    }
-    nearest_[i] = best;
+  std::fill_n(nearest_.begin(), count, 0);
+  for (std::size_t c = 1; c < candidates.size(); ++c) {
+    if (c == 1) std::copy_n(locals_[0].distance.begin(), count, least_mm_.begin());
+    TakeNearer(locals_[c].distance.data(), count, c, least_mm_.data(), nearest_.data());
   }
   for (std::size_t c = 0; c < candidates.size(); ++c) {
     const SegmentFrame& frame = frames[static_cast<std::size_t>(candidates[c])];

@@ -28,7 +28,7 @@ class NearestLanes {
   PointLanes lanes_;
   std::vector<LocalLanes> locals_;
   std::array<std::size_t, kBatch> nearest_{};
-  std::array<double, kBatch> inside_mm_{};
+  std::array<double, kBatch> inside_mm_{}, least_mm_{};
 };
 
 // Where on an arc the points are, as seen from its centre [mm from its start]: outside the arc at

@@ -2,10 +2,13 @@
 #include "pipeline/fit/surface_pass.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <limits>
 #include <utility>
 
 #include "pipeline/fit/nearest_lanes.h"
+#include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -15,6 +18,10 @@ struct PassSettings {
   std::size_t chunk = 8192;
   // Each holds sums of its own. By trial.
   std::size_t most_rounds = 16;
+  // A segment's room to begin with: so many times its share of the points, and so many points at
+  // least. Less is copied time and again as it grows, far more is memory that is handed out and
+  // taken back with every tube. By trial.
+  std::size_t first_room = 2, least_room = 1024;
 };
 constexpr PassSettings kPass;
 
@@ -41,6 +48,47 @@ void AssignBatch(const NearestLanes& nearest, std::span<const std::int32_t> cand
   }
 }
 
+// Distances of a batch from the surface; how many are out of reach.
+BENDLOOP_LOOP int FromSurfaceBody(const LocalLanes& local, double pipe_radius_mm, double reach_mm,
+                                  std::size_t count, std::array<double, kBatch>& distance_mm) {
+  int far = 0;
+#pragma omp simd reduction(+ : far)
+  for (std::size_t i = 0; i < count; ++i) {
+    distance_mm[i] = local.distance[i] - pipe_radius_mm;
+    far += std::abs(distance_mm[i]) < reach_mm ? 0 : 1;
+  }
+  return far;
+}
+BENDLOOP_MULTIVERSION(int, FromSurface,
+                      (const LocalLanes& local, double pipe_radius_mm, double reach_mm,
+                       std::size_t count, std::array<double, kBatch>& distance_mm),
+                      (local, pipe_radius_mm, reach_mm, count, distance_mm))
+
+// Takes a batch over as a whole where all its points are alike certain, nearest to one segment and
+// within reach, as most are. The same as AssignBatch, to the bit.
+bool AssignTogether(const NearestLanes& nearest, std::span<const std::int32_t> candidates,
+                    double pipe_radius_mm, double reach_mm, std::size_t count,
+                    SurfaceAssignment& result) {
+  const std::size_t c = nearest.Candidate(0);
+  if (candidates.size() > 1) {
+    std::size_t others = 0;
+    for (std::size_t i = 1; i < count; ++i) others |= nearest.Candidate(i) ^ c;
+    if (others != 0) return false;
+  }
+  const LocalLanes& local = nearest.Local(c);
+  alignas(32) std::array<double, kBatch> distance_mm;
+  if (FromSurface(local, pipe_radius_mm, reach_mm, count, distance_mm) > 0) return false;
+  const auto k = static_cast<std::size_t>(candidates[c]);
+  double sum_mm2 = result.segment_sum_mm2[k];
+  for (std::size_t i = 0; i < count; ++i) sum_mm2 += distance_mm[i] * distance_mm[i];
+  result.segment_sum_mm2[k] = sum_mm2;
+  result.segment_count[k] += static_cast<double>(count);
+  result.distances_mm.insert(result.distances_mm.end(), distance_mm.data(),
+                             distance_mm.data() + count);
+  result.segments[k].AddFirst(local, count, distance_mm);
+  return true;
+}
+
 }  // namespace
 
 void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
@@ -52,6 +100,10 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
   result.total = 0;
   result.segment_count.assign(frames.size(), 0.0);
   result.segment_sum_mm2.assign(frames.size(), 0.0);
+  const std::size_t share = CountPoints(blocks) / std::max<std::size_t>(1, frames.size());
+  for (SegmentPoints& points : result.segments) {
+    if (points.x.size() == 0) points.MakeRoom(std::max(kPass.first_room * share, kPass.least_room));
+  }
   std::vector<std::int32_t> candidates;
   NearestLanes nearest;
   for (const PointBlock& block : blocks) {
@@ -67,7 +119,7 @@ void AssignPoints(std::span<const SegmentFrame> frames, double pipe_radius_mm,
       if (weighted) {
         AssignBatch<true>(nearest, candidates, pipe_radius_mm, reach_mm, count,
                           block.certainties.data() + first, result);
-      } else {
+      } else if (!AssignTogether(nearest, candidates, pipe_radius_mm, reach_mm, count, result)) {
         AssignBatch<false>(nearest, candidates, pipe_radius_mm, reach_mm, count, nullptr, result);
       }
     }

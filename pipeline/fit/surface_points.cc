@@ -58,6 +58,22 @@ void OwnedBlocks::Add(const PointBlock& from, std::size_t i) {
   Add(from.points[i]);
 }
 
+void OwnedBlocks::AddEvery(std::size_t stride, const PointBlock& from, std::size_t& next) {
+  const std::size_t size = from.points.size(), held = points_.size();
+  const std::size_t count = next < size ? (size - next - 1) / stride + 1 : 0;
+  if (count > points_.capacity() - held || !from.certainties.empty()) {
+    for (std::size_t i = next; i < size; i += stride) Add(from, i);
+  } else if (count > 0) {
+    points_.resize(held + count);
+    const Eigen::Vector3d* point = &from.points[next];
+    for (std::size_t i = 0; i < count; ++i) points_[held + i] = point[i * stride];
+    auto& of_block = blocks_.back().points;
+    of_block = {of_block.data(), of_block.size() + count};
+  }
+  next += count * stride;
+  next -= size;
+}
+
 bool AreWeighted(std::span<const PointBlock> blocks) {
   return std::any_of(blocks.begin(), blocks.end(),
                      [](const PointBlock& block) { return !block.certainties.empty(); });
@@ -91,8 +107,7 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride) {
   std::size_t next = 0;
   for (const PointBlock& block : blocks) {
     thinned.Begin(block.center_mm, block.half_diagonal_mm);
-    for (; next < block.points.size(); next += stride) thinned.Add(block, next);
-    next -= block.points.size();
+    thinned.AddEvery(stride, block, next);
   }
   return thinned;
 }
@@ -126,8 +141,7 @@ OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride) {
     }
     last = &place;
     const PointBlock& block = blocks[place.block];
-    for (; next < block.points.size(); next += stride) gathered.Add(block, next);
-    next -= block.points.size();
+    gathered.AddEvery(stride, block, next);
   }
   return gathered;
 }

@@ -43,6 +43,9 @@ class OwnedBlocks {
   void Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm);
   void Add(const Eigen::Vector3d& point);
   void Add(const PointBlock& from, std::size_t i);  // with its certainty
+  // Every `stride`-th of the block's points from `next` on; becomes where that of a block behind it
+  // is.
+  void AddEvery(std::size_t stride, const PointBlock& from, std::size_t& next);
 
   std::size_t point_count() const { return points_.size(); }
   operator std::span<const PointBlock>() const { return blocks_; }

@@ -382,12 +382,22 @@ void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLa
 void SegmentPoints::MakeRoom(std::size_t more) {
   const auto needed = static_cast<Eigen::Index>(size + more);
   if (needed > x.size()) {
-    // Points that came early would be copied time and again; room that is not filled costs nothing.
-    constexpr Eigen::Index kFirstRoom = 1024;
-    const Eigen::Index room = std::max({2 * x.size(), needed, kFirstRoom});
+    const Eigen::Index room = std::max(2 * x.size(), needed);
     for (Lane* lane : {&x, &y, &z, &distance}) lane->conservativeResize(room);
   }
   if (weighted && weight.size() < x.size()) weight.conservativeResize(x.size());
+}
+
+void SegmentPoints::AddFirst(const LocalLanes& from, std::size_t count,
+                             const std::array<double, kBatch>& from_surface_mm) {
+  const auto append = [this, count](const std::array<double, kBatch>& lane, Lane& to) {
+    std::copy_n(lane.data(), count, to.data() + size);
+  };
+  append(from.x, x);
+  append(from.y, y);
+  append(from.z, z);
+  append(from_surface_mm, distance);
+  size += count;
 }
 
 CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,

@@ -68,6 +68,9 @@ struct SegmentPoints {
     distance[at] = from.distance[i];
     ++size;
   }
+  // The first `count` of a batch, which are all alike certain; has room for them.
+  void AddFirst(const LocalLanes& from, std::size_t count,
+                const std::array<double, kBatch>& from_surface_mm);
   void Add(const LocalLanes& from, std::size_t i, double from_surface_mm) {
     const auto at = static_cast<Eigen::Index>(size);
     x[at] = from.x[i];

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <memory>
 
+#include "pipeline/math/ball_lanes.h"
 #include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
@@ -37,14 +38,7 @@ class Neighbours {
       many_ = std::make_unique_for_overwrite<double[]>(3 * room_);
       values_ = many_.get();
     }
-    const double inverse = 1.0 / radius_mm;
-    for (const Eigen::Vector3d& candidate : candidates) {
-      const Eigen::Vector3d p = inverse * (candidate - point);
-      lane(0)[count_] = p.x();
-      lane(1)[count_] = p.y();
-      lane(2)[count_] = p.z();
-      count_ += p.squaredNorm() < 1.0 ? 1 : 0;
-    }
+    count_ = GatherInBall(candidates, point, 1.0 / radius_mm, {lane(0), lane(1), lane(2)});
     size_ = (count_ + 3) / 4 * 4;
     for (std::size_t i = count_; i < size_; ++i) lane(0)[i] = lane(1)[i] = lane(2)[i] = 1.0;
   }

@@ -9,6 +9,7 @@
 #include <map>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -79,12 +80,13 @@ struct Seen {
 struct Arc {
   Eigen::Vector3d place, tangent;
   Eigen::Vector3d curvature = Eigen::Vector3d::Zero();  // towards its middle, across the tangent
+  static constexpr double kStraight = 1e-6;             // [1/r_P] less curved is a line
 
   Seen Look(const Eigen::Vector3d& sample) const {
     const Eigen::Vector3d v = sample - place;
     const double k = curvature.norm();
     Seen seen;
-    if (k < 1e-6) {
+    if (k < kStraight) {
       seen.along = v.dot(tangent);
       seen.foot = seen.along * tangent;
     } else {
@@ -105,7 +107,7 @@ struct Arc {
   // The arc from `along` on.
   Arc From(double along) const {
     const double k = curvature.norm();
-    if (k < 1e-6) return {place + along * tangent, tangent, curvature};
+    if (k < kStraight) return {place + along * tangent, tangent, curvature};
     const Eigen::Vector3d inward = curvature / k;
     const double turn = along * k, c = std::cos(turn), s = std::sin(turn);
     return {place + (s * tangent + (1.0 - c) * inward) / k, c * tangent + s * inward,
@@ -119,11 +121,38 @@ struct Arc {
 };
 
 bool IsInWindow(const Seen& seen) { return seen.along > -kThin.behind && seen.along < kThin.ahead; }
-// Tukey's.
-double WeightOf(const Seen& seen) {
-  const double off = seen.off / kThin.inlier;
+// Tukey's. `off`: from the surface.
+double WeightOf(double off) {
+  off /= kThin.inlier;
   const double w = 1.0 - off * off;
   return w > 0 ? w * w : 0.0;
+}
+
+// Weights of the samples that the arc sees, added up. As by Look(), but without angles: of many
+// arcs the best is asked for.
+double ScoreOf(const Arc& arc, std::span<const Eigen::Vector3d> samples) {
+  const double k = arc.curvature.norm();
+  const bool is_straight = k < Arc::kStraight;
+  const Eigen::Vector3d inward = arc.curvature / std::max(k, Arc::kStraight);
+  const double radius = is_straight ? 0.0 : 1.0 / k;
+  // The window as a sector about the arc's middle, of less than half a turn.
+  const double low_c = std::cos(kThin.behind * k), low_s = std::sin(kThin.behind * k);
+  const double high_c = std::cos(kThin.ahead * k), high_s = std::sin(kThin.ahead * k);
+  double sum = 0;
+  for (const Eigen::Vector3d& sample : samples) {
+    const Eigen::Vector3d v = sample - arc.place;
+    const double x = v.dot(arc.tangent), y = is_straight ? 0.0 : v.dot(inward);
+    const double from_middle = radius - y;
+    const bool in_window =
+        is_straight ? x > -kThin.behind && x < kThin.ahead
+                    : x * low_c > -from_middle * low_s && from_middle * high_s > x * high_c;
+    if (!in_window) continue;
+    const double beyond = std::sqrt(x * x + from_middle * from_middle) - radius;
+    const double in_plane2 = is_straight ? 0.0 : beyond * beyond - y * y;
+    const double rho = std::sqrt(std::max(0.0, v.squaredNorm() - x * x + in_plane2));
+    sum += WeightOf(rho - 1.0);
+  }
+  return sum;
 }
 
 // One end of a curve on its way.
@@ -208,20 +237,12 @@ class Way {
   // The arc that most samples ahead lie on, from where and whereto it goes now.
   void Turn(Arc& arc) const {
     const Eigen::Vector3d u = arc.tangent.unitOrthogonal(), v = arc.tangent.cross(u);
-    const auto score = [&](const Arc& trial) {
-      double sum = 0;
-      for (const Eigen::Vector3d& sample : samples_) {
-        const Seen seen = trial.Look(sample);
-        if (IsInWindow(seen)) sum += WeightOf(seen);
-      }
-      return sum;
-    };
     Arc best = arc;
-    double most = score(arc);
+    double most = ScoreOf(arc, samples_);
     const auto ask = [&](const Eigen::Vector3d& curvature) {
       Arc trial = arc;
       trial.curvature = curvature;
-      const double is = score(trial);
+      const double is = ScoreOf(trial, samples_);
       if (is > most) best = trial, most = is;
     };
     ask(Eigen::Vector3d::Zero());
@@ -252,7 +273,7 @@ class Way {
       for (const Eigen::Vector3d& sample : samples_) {
         const Seen seen = arc.Look(sample);
         if (!IsInWindow(seen)) continue;
-        const double weight = WeightOf(seen);
+        const double weight = WeightOf(seen.off);
         if (weight <= 0) continue;
         // How the surface moves outwards there.
         const double far = seen.foot.dot(arc.tangent);
