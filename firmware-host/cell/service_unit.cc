@@ -10,16 +10,17 @@
 #include <system_error>
 #include <utility>
 
+#include "hal/text.h"
+
 namespace bendloop::host {
 namespace {
 
 namespace fs = std::filesystem;
+using hal::Trimmed;
 using std::chrono::nanoseconds;
 
 // DefaultTimeoutStopSec of systemd-system.conf(5), where a unit says none.
 constexpr std::chrono::seconds kStopOfSystemd{90};
-
-constexpr const char* kBlank = " \t\r";
 
 // systemd.time(7); months and years would be no time of a stop.
 constexpr std::array<std::pair<std::string_view, double>, 24> kSeconds = {{
@@ -32,12 +33,6 @@ constexpr std::array<std::pair<std::string_view, double>, 24> kSeconds = {{
 
 // Beyond it a time counts as no bound.
 constexpr double kLongestSeconds = 1e9;
-
-std::string_view Trimmed(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(kBlank);
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(kBlank) - begin + 1);
-}
 
 // In the order that counts, highest first.
 std::vector<fs::path> FoldersOf(const UnitPlaces& places) {

@@ -165,11 +165,6 @@ void PointTangentsForward(SpinePolygon& polygon) {
   }
 }
 
-void Reverse(SpinePolygon& polygon) {
-  std::reverse(polygon.begin(), polygon.end());
-  for (SpineNode& node : polygon) node.tangent = -node.tangent;
-}
-
 // One end of a piece, or the node before it: the last may be disturbed by what ended the piece.
 struct PieceEnd {
   std::size_t piece = 0;
@@ -251,6 +246,11 @@ void JoinGaps(std::vector<SpinePolygon>& pieces, double radius_mm) {
 bool IsMuchRougher(const SpinePolygon& polygon, const SpinePolygon& than, double pipe_radius_mm) {
   return LogRoughness(polygon, pipe_radius_mm) >
          LogRoughness(than, pipe_radius_mm) + std::log(kPolygon.much_rougher);
+}
+
+void Reverse(SpinePolygon& polygon) {
+  std::reverse(polygon.begin(), polygon.end());
+  for (SpineNode& node : polygon) node.tangent = -node.tangent;
 }
 
 double LengthOf(const SpinePolygon& polygon) {

@@ -23,6 +23,9 @@ std::vector<SpinePolygon> JoinedOverGaps(std::vector<SpinePolygon> pieces, doubl
 // the edges of a clamp, which a cylinder can be fitted to as well.
 bool IsMuchRougher(const SpinePolygon& polygon, const SpinePolygon& than, double pipe_radius_mm);
 
+// The same curve from its other end.
+void Reverse(SpinePolygon& polygon);
+
 // Length along the nodes [mm], gaps included.
 double LengthOf(const SpinePolygon& polygon);
 

@@ -351,11 +351,6 @@ class Way {
   bool is_there_ = false;   // at the goal
 };
 
-void Turned(SpinePolygon& polygon) {
-  std::reverse(polygon.begin(), polygon.end());
-  for (SpineNode& node : polygon) node.tangent = -node.tangent;
-}
-
 // Most of its nodes are near some of the others.
 bool LiesAlong(const SpinePolygon& polygon, const SpinePolygon& other, double near_mm) {
   const auto near = std::count_if(polygon.begin(), polygon.end(), [&](const SpineNode& node) {
@@ -389,7 +384,7 @@ void FollowThinParts(const SampleGrid& grid, double pipe_radius_mm,
   SpinePolygon followed;
   SpinePolygon longest = WithGapsFollowed(grid, pipe_radius_mm, polygons.front(), followed);
   for (int end = 0; end < 2; ++end) {
-    Turned(longest);
+    Reverse(longest);
     const SpinePolygon beyond = Way(grid, pipe_radius_mm, longest).Follow();
     longest.insert(longest.end(), beyond.begin(), beyond.end());
     followed.insert(followed.end(), beyond.begin(), beyond.end());

@@ -11,24 +11,13 @@
 
 #include "config/load.h"
 #include "drivers/simulated_scanner/virtual_scan.h"
+#include "tests/support/hand_clock.h"
 
 namespace bendloop::host {
 namespace {
 
 using namespace std::chrono_literals;
-
-// Moves only when it is told, from any thread.
-class HandClock final : public hal::Clock {
- public:
-  std::chrono::nanoseconds Now() const override { return std::chrono::nanoseconds(now_ns_); }
-  void SleepUntil(std::chrono::nanoseconds deadline) override {
-    if (deadline > Now()) now_ns_ = deadline.count();
-  }
-  void Advance(std::chrono::nanoseconds by) { now_ns_ += by.count(); }
-
- private:
-  std::atomic<std::int64_t> now_ns_{1};
-};
+using tests::HandClock;
 
 // A scanner that does what its script says, sensible or not.
 class ScriptedSource final : public hal::ProfileSource {

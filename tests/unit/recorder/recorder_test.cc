@@ -6,28 +6,18 @@
 #include <sqlite3.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <condition_variable>
 #include <fstream>
 #include <mutex>
 #include <new>
 
 #include "drivers/session/session_reader.h"
+#include "tests/support/hand_clock.h"
 
 namespace bendloop::host {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Set by a test while the recorder's thread reads it.
-class SharedClock final : public hal::Clock {
- public:
-  std::chrono::nanoseconds Now() const override { return std::chrono::nanoseconds(now_ns_.load()); }
-  void SleepUntil(std::chrono::nanoseconds deadline) override { now_ns_ = deadline.count(); }
-
- private:
-  std::atomic<std::int64_t> now_ns_{0};
-};
 
 class RecorderTest : public ::testing::Test {
  protected:
@@ -230,7 +220,7 @@ TEST_F(RecorderTest, AScansEndGetsThroughWhereItsProfilesDoNot) {
 
 // What a reader finds is what a power cut leaves: the file is not finished, no clock has gone on.
 TEST_F(RecorderTest, TheFirstProfileIsSafeAtOnce) {
-  SharedClock still;
+  tests::HandClock still;
   Recorder recorder({directory_}, still);
   recorder.Begin("part-0001", {});
   recorder.Add(Profile(0));
@@ -239,7 +229,7 @@ TEST_F(RecorderTest, TheFirstProfileIsSafeAtOnce) {
 }
 
 TEST_F(RecorderTest, LaterProfilesAreSafeAQuarterSecondAfterTheyCame) {
-  SharedClock clock;
+  tests::HandClock clock;
   Recorder recorder({directory_}, clock);
   const auto safe = [&] {
     recorder.Flush();
@@ -250,13 +240,13 @@ TEST_F(RecorderTest, LaterProfilesAreSafeAQuarterSecondAfterTheyCame) {
   EXPECT_EQ(safe(), 1u);
   recorder.Add(Profile(1));
   EXPECT_EQ(safe(), 1u) << "not a sync for each profile";
-  clock.SleepFor(std::chrono::milliseconds(250));
+  clock.Advance(std::chrono::milliseconds(250));
   recorder.Add(Profile(2));
   EXPECT_EQ(safe(), 3u);
 }
 
 TEST_F(RecorderTest, WhatWaitedForTheDiskIsSafeAsSoonAsItIsWritten) {
-  SharedClock clock;
+  tests::HandClock clock;
   std::mutex disk;  // held: the disk hangs
   std::unique_lock hang(disk);
   RecorderOptions options{directory_};
@@ -267,7 +257,7 @@ TEST_F(RecorderTest, WhatWaitedForTheDiskIsSafeAsSoonAsItIsWritten) {
   Recorder recorder(options, clock);
   recorder.Begin("part-0001", {});
   for (std::uint64_t i = 0; i < 100; ++i) recorder.Add(Profile(i));
-  clock.SleepFor(std::chrono::seconds(2));
+  clock.Advance(std::chrono::seconds(2));
   hang.unlock();
   recorder.Flush();
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 100u);
