@@ -65,6 +65,19 @@ struct EndCutSettings {
 };
 constexpr EndCutSettings kCut;
 
+// A table of even steps: `places` count them, and become what is said there, straight between two.
+BENDLOOP_LOOP void LookUpBody(const double* table, double last, std::size_t count, double* places) {
+  for (std::size_t i = 0; i < count; ++i) {
+    double place = places[i] > 0 ? places[i] : 0.0;
+    place = place < last ? place : last;
+    const int at = static_cast<int>(place);
+    places[i] = table[at] + (place - at) * (table[at + 1] - table[at]);
+  }
+}
+BENDLOOP_MULTIVERSION(void, LookUp,
+                      (const double* table, double last, std::size_t count, double* places),
+                      (table, last, count, places))
+
 // The logarithm of the normal distribution and of a part that is always there, from a table.
 class LogNormalCdf {
  public:
@@ -73,19 +86,21 @@ class LogNormalCdf {
       const double z = kFrom + kStep * static_cast<double>(i);
       table_[i] = std::log(floor + (1.0 - floor) * 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0));
     }
+    table_[kSize] = table_[kSize - 1];
   }
-  double operator()(double z) const {
-    const double place = (z - kFrom) * (1.0 / kStep);
-    if (!(place > 0)) return table_.front();
-    if (!(place < static_cast<double>(kSize - 1))) return table_.back();
-    const auto at = static_cast<std::size_t>(place);
-    return table_[at] + (place - static_cast<double>(at)) * (table_[at + 1] - table_[at]);
+  // The sum over sigmas, which are lost.
+  double Sum(std::span<double> z) const {
+    for (double& of : z) of = (of - kFrom) * (1.0 / kStep);
+    LookUp(table_.data(), static_cast<double>(kSize - 1), z.size(), z.data());
+    double sum = 0;
+    for (const double log : z) sum += log;
+    return sum;
   }
 
  private:
   static constexpr std::size_t kSize = 481;
   static constexpr double kFrom = -6.0, kStep = 0.025;
-  std::array<double, kSize> table_{};
+  std::array<double, kSize + 1> table_{};
 };
 
 // The samples of so many columns are of one laser line, whose place they tell with errors of their
@@ -193,19 +208,20 @@ class PlaneLikelihood {
     }
   }
   double Log(const Eigen::VectorXd& x) {
-    return Sum(hits_, x, evidence_.lines_greatest, evidence_.hit) +
-           Sum(missed_, x, evidence_.lines_greatest, evidence_.missed) +
-           (evidence_.stops ? Sum(stops_, x, 0.0, *evidence_.stops) : 0.0);
+    const double greatest = evidence_.lines_greatest;
+    const double sum = evidence_.hit.Sum(ClearOf(hits_, x, greatest)) +
+                       evidence_.missed.Sum(ClearOf(missed_, x, greatest));
+    if (!evidence_.stops) return sum;
+    double of_stops = 0;
+    for (const double clear : ClearOf(stops_, x, 0.0)) of_stops += (*evidence_.stops)(clear);
+    return sum + of_stops;
   }
 
  private:
-  template <class Table>
-  static double Sum(SideLanes& lanes, const Eigen::VectorXd& x, double more, const Table& log) {
+  static std::span<double> ClearOf(SideLanes& lanes, const Eigen::VectorXd& x, double more) {
     FindClear(x[0], x[1], x[2], more, lanes.at.size(), lanes.cosine.data(), lanes.sine.data(),
               lanes.at.data(), lanes.scale.data(), lanes.clear.data());
-    double sum = 0;
-    for (const double clear : lanes.clear) sum += log(clear);
-    return sum;
+    return lanes.clear;
   }
 
   const Evidence& evidence_;
@@ -426,9 +442,10 @@ bool HasMoved(const Posterior& walk, const Posterior& before) {
 EndPlane PlaneAmong(Evidence evidence, const Eigen::Vector2d& slope_mm, double r_mm,
                     const BetterPlane& better = {}) {
   const double prior_mm = kCut.usual_slope * r_mm;
+  WalkDice dice(3);
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
     PlaneLikelihood likelihood(evidence, blur_mm);
-    return SamplePosterior(from, walk, [&](const Eigen::VectorXd& x) {
+    return SamplePosterior(from, walk, dice, [&](const Eigen::VectorXd& x) {
       const double steep = (x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm);
       return likelihood.Log(x) - 0.5 * steep;
     });

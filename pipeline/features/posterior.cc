@@ -11,24 +11,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-// SplitMix64: the same numbers with every standard library.
-class Dice {
- public:
-  double Uniform() {  // (0, 1)
-    state_ += 0x9E3779B97F4A7C15U;
-    std::uint64_t x = state_;
-    x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9U;
-    x = (x ^ (x >> 27U)) * 0x94D049BB133111EBU;
-    return (static_cast<double>((x ^ (x >> 31U)) >> 11U) + 0.5) * 0x1.0p-53;
-  }
-  double Normal() {
-    return std::sqrt(-2.0 * std::log(Uniform())) * std::cos(2.0 * std::numbers::pi * Uniform());
-  }
-
- private:
-  std::uint64_t state_ = 0x62656E646C6F6F70U;
-};
-
 // Rounds in which the steps learn, and the part of the walk that each of them takes.
 constexpr int kLearningRounds = 4;
 constexpr double kLearningPart = 0.2;
@@ -64,6 +46,24 @@ struct Sums {
 
 }  // namespace
 
+// SplitMix64: the same numbers with every standard library.
+double WalkDice::Uniform() {
+  state_ += 0x9E3779B97F4A7C15U;
+  std::uint64_t x = state_;
+  x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9U;
+  x = (x ^ (x >> 27U)) * 0x94D049BB133111EBU;
+  return (static_cast<double>((x ^ (x >> 31U)) >> 11U) + 0.5) * 0x1.0p-53;
+}
+
+void WalkDice::Throw() {
+  for (std::size_t k = 0; k < numbers_; ++k) {
+    const double first = Uniform(), second = Uniform();
+    thrown_.push_back(std::sqrt(-2.0 * std::log(first)) *
+                      std::cos(2.0 * std::numbers::pi * second));
+  }
+  thrown_.push_back(std::log(Uniform()));
+}
+
 Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& scale, int walk,
                           const std::function<double(const Eigen::VectorXd&)>& log_density) {
   return SamplePosterior({start, scale.array().square().matrix().asDiagonal()}, walk, log_density);
@@ -71,10 +71,16 @@ Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& s
 
 Posterior SamplePosterior(const Posterior& rough, int walk,
                           const std::function<double(const Eigen::VectorXd&)>& log_density) {
+  WalkDice dice(rough.mean.size());
+  return SamplePosterior(rough, walk, dice, log_density);
+}
+
+Posterior SamplePosterior(const Posterior& rough, int walk, WalkDice& dice,
+                          const std::function<double(const Eigen::VectorXd&)>& log_density) {
   const Eigen::VectorXd& start = rough.mean;
   const Eigen::Index n = start.size();
-  Dice dice;
-  Eigen::VectorXd at = start, to = start, step(n), off = Eigen::VectorXd::Zero(n);
+  std::size_t thrown = 0;
+  Eigen::VectorXd at = start, to = start, off = Eigen::VectorXd::Zero(n);
   double here = log_density(at);
   Eigen::MatrixXd shape = rough.covariance;
   double length = kBestStep / std::sqrt(static_cast<double>(n));
@@ -83,7 +89,7 @@ Posterior SamplePosterior(const Posterior& rough, int walk,
     Sums sums(n);  // about the start, so that no digits are lost
     int taken = 0;
     for (int taking = 0; taking < steps; ++taking) {
-      for (Eigen::Index k = 0; k < n; ++k) step[k] = dice.Normal();
+      const double* step = dice.Of(thrown++);
       to = at;
       double* sum = to.data();
       const double* column = factor.data();
@@ -91,7 +97,7 @@ Posterior SamplePosterior(const Posterior& rough, int walk,
         for (Eigen::Index i = k; i < n; ++i) sum[i] += column[i] * step[k];
       }
       const double there = log_density(to);
-      if (std::log(dice.Uniform()) < there - here) {
+      if (step[n] < there - here) {
         at.swap(to);
         off = at - start;
         here = there;

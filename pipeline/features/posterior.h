@@ -4,7 +4,9 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <vector>
 
 namespace bendloop::pipeline {
 
@@ -14,6 +16,26 @@ struct Posterior {
   Eigen::MatrixXd covariance;
 
   double Sigma(Eigen::Index i) const { return std::sqrt(std::max(0.0, covariance(i, i))); }
+};
+
+// What chance says to the steps of a walk: the same each time, so that several walks over as many
+// numbers share it.
+class WalkDice {
+ public:
+  explicit WalkDice(Eigen::Index numbers) : numbers_(static_cast<std::size_t>(numbers)) {}
+  // Of a step, counted from the first: as many normal numbers, and the logarithm of an even one.
+  const double* Of(std::size_t step) {
+    while (thrown_.size() <= step * (numbers_ + 1)) Throw();
+    return thrown_.data() + step * (numbers_ + 1);
+  }
+
+ private:
+  void Throw();
+  double Uniform();  // (0, 1)
+
+  std::size_t numbers_;
+  std::uint64_t state_ = 0x62656E646C6F6F70U;
+  std::vector<double> thrown_;
 };
 
 // Means over the density by Metropolis' walk, whose steps learn its shape first. Where points stop
@@ -27,6 +49,9 @@ Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& s
 
 // The same from what is roughly known: another density's mean and covariance.
 Posterior SamplePosterior(const Posterior& rough, int walk,
+                          const std::function<double(const Eigen::VectorXd&)>& log_density);
+// `dice`: of so many numbers.
+Posterior SamplePosterior(const Posterior& rough, int walk, WalkDice& dice,
                           const std::function<double(const Eigen::VectorXd&)>& log_density);
 
 }  // namespace bendloop::pipeline

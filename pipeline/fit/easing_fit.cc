@@ -42,6 +42,8 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
   const std::size_t stride = StrideTo(CountPoints(blocks), kEasingFit.points);
   const OwnedBlocks few = Thinned(blocks, stride);
   options.easing = {};
+  // That of the sharp tube goes on where it is of all points.
+  if (stride > 1) options.report = FitReport::kCost;
   SurfaceFit sharp = FitSurface(structure.tube, few, options);
   const auto none = [&sharp, stride] {
     return stride > 1 ? FoundEasing{} : FoundEasing{{}, std::move(sharp), std::nullopt};
@@ -52,6 +54,7 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
     return CostOf(sharp, eased.sigma_mm, options) - CostOf(eased, eased.sigma_mm, options);
   };
   // Most tubes' bends are sharp, and the first steps show it.
+  options.report = FitReport::kCost;
   const int most_steps = std::exchange(options.max_steps, 1);
   const SurfaceFit first = FitSurface(sharp.tube, few, options);
   const double led = (first.start_cost_mm2 - first.cost_mm2) / (first.sigma_mm * first.sigma_mm);

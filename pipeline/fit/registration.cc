@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -12,6 +13,7 @@
 #include "pipeline/math/dense_product.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
+#include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -20,6 +22,9 @@ constexpr int kOffset = 6;                                        // of a pass: 
 constexpr int kRound = 8;                                         // local state without flattening
 using LocalRow = Eigen::Matrix<double, kRound + kOffset + 1, 1>;  // and the distance
 using LocalSum = Eigen::Matrix<double, kRound + kOffset + 1, kRound + kOffset + 1>;
+// The same on and below the diagonal, with what fills whole registers.
+constexpr int kRowRoom = 16;
+using RowSum = Eigen::Matrix<double, kRowRoom, kRound + kOffset + 1>;
 
 struct RegistrationSettings {
   // So many points tell by how much passes do not meet.
@@ -44,6 +49,16 @@ struct PassRow {
   std::int32_t segment;
   unsigned pass;
 };
+
+// `row`: kRowRoom numbers.
+BENDLOOP_LOOP void AddRowBody(const double* row, double weight, double* sum) {
+  for (int k = 0; k < LocalRow::SizeAtCompileTime; ++k) {
+    const double weighted = weight * row[k];
+    for (int i = k / 4 * 4; i < kRowRoom; ++i) sum[kRowRoom * k + i] += weighted * row[i];
+  }
+}
+BENDLOOP_MULTIVERSION(void, AddRow, (const double* row, double weight, double* sum),
+                      (row, weight, sum))
 
 struct PassPoint {
   Eigen::Vector3d place_mm;
@@ -118,10 +133,10 @@ class PassFit {
   // Whether the first step makes the sum of squares so little less that further ones, which hardly
   // move anything, will not make it less by as much as is asked for.
   bool IsInVain() {
-    Joint joint = Start();
+    const Joint joint = Start();
     const double before = joint.robust * joint.sigma_mm * joint.sigma_mm;
-    if (!Step(joint)) return true;
-    const double after = joint.robust * joint.sigma_mm * joint.sigma_mm;
+    if (!MoveOn(joint)) return true;
+    const double after = SquaresMm2();
     return before < 0.5 * (1.0 + kRegistration.worth) * after;
   }
 
@@ -158,6 +173,12 @@ class PassFit {
   }
   // To where the points ask to go, and what they say there. False: nowhere.
   bool Step(Joint& joint) {
+    if (!MoveOn(joint)) return false;
+    joint = Linearize(TubeParameters(tube_, true, {}, easing_),
+                      SpineOf(tube_.program, tube_.X_WT, easing_), 0);
+    return true;
+  }
+  bool MoveOn(const Joint& joint) {
     const TubeParameters parameters(tube_, true, {}, easing_);
     const Eigen::VectorXd step = SolveSymmetric(joint.matrix, joint.right);
     if (!step.allFinite()) return false;
@@ -167,8 +188,6 @@ class PassFit {
     tube_ = parameters.TubeAt(to);
     easing_ = parameters.EasingAt(to);
     offsets_ += step.tail(offsets_.size());
-    joint = Linearize(TubeParameters(tube_, true, {}, easing_),
-                      SpineOf(tube_.program, tube_.X_WT, easing_), 0);
     return true;
   }
 
@@ -209,40 +228,81 @@ class PassFit {
     return most_mm;
   }
 
-  // `sigma_mm`: the noise that gives the weights; 0: that of these distances.
-  Joint Linearize(const TubeParameters& parameters, const EasedSpine& spine,
-                  double sigma_mm) const {
-    const double r_mm = parameters.Initial()[parameters.pipe_radius()];
+  // Calls `take` with the frame, its number, the moved point and its pass.
+  template <class Take>
+  void ForEachNear(const EasedSpine& spine, double r_mm, Take take) const {
     const auto frames = SegmentFrames(spine, kBeyond * r_mm, {});
-    std::vector<PassRow> rows;
-    rows.reserve(points_.size());
-    std::vector<double> magnitudes;
-    magnitudes.reserve(points_.size());
     const double near_mm = r_mm + reach_mm_ + MostMovedMm();
     std::vector<std::int32_t> candidates;
     for (const PassBlock& block : blocks_) {
       CandidateSegments({block.center_mm, block.half_diagonal_mm, {}}, frames, near_mm, candidates);
       for (std::size_t i = block.begin; i < block.end; ++i) {
-        const PassPoint& point = points_[i];
-        const Eigen::Vector3d p = Moved(point.place_mm, point.pass);
+        const Eigen::Vector3d p = Moved(points_[i].place_mm, points_[i].pass);
         const NearSegment near = NearestSegment(p, frames, candidates);
         if (near.segment < 0 || !(std::abs(near.distance_mm - r_mm) < reach_mm_)) continue;
         const auto k = static_cast<std::size_t>(near.segment);
         // The sections of bends that are not round tell of them and not of passes.
         if (!fit_.flattening.empty() && !spine.is_line(k)) continue;
-        PassRow& row = rows.emplace_back();
-        Eigen::Vector3d outward;
-        row.row[kRound + kOffset] = LocalDerivative(frames[k], r_mm, p, row.row, outward);
-        row.row.segment<3>(kRound) = outward;
-        row.row.segment<3>(kRound + 3) = (p - middle_mm_).cross(outward);
-        row.segment = near.segment;
-        row.pass = point.pass;
-        magnitudes.push_back(std::abs(row.row[kRound + kOffset]));
+        take(frames[k], near.segment, p, points_[i].pass);
       }
     }
+  }
+
+  static double SigmaOf(const std::vector<double>& magnitudes) {
+    return std::max(1e-4, 1.4826 * Median(magnitudes));
+  }
+
+  // Of the distances where the fit has come to, as Linearize() sums them.
+  double SquaresMm2() const {
+    const double r_mm = tube_.pipe_radius_mm;
+    std::vector<double> magnitudes;
+    magnitudes.reserve(points_.size());
+    LocalRow row;
+    Eigen::Vector3d outward;
+    ForEachNear(SpineOf(tube_.program, tube_.X_WT, easing_), r_mm,
+                [&](const SegmentFrame& frame, std::int32_t, const Eigen::Vector3d& p, unsigned) {
+                  magnitudes.push_back(std::abs(LocalDerivative(frame, r_mm, p, row, outward)));
+                });
+    const double sigma_mm = SigmaOf(magnitudes);
+    double robust = 0;
+    for (const double d : magnitudes) robust += RobustSum(d, sigma_mm);
+    return (robust + OffsetsCost()) * sigma_mm * sigma_mm;
+  }
+
+  // Of the offsets' own sigmas.
+  double OffsetsCost() const {
+    double cost = 0;
+    for (int i = 0; i < offsets_.size(); ++i) {
+      cost += offsets_[i] * offsets_[i] / (sigmas_[i % kOffset] * sigmas_[i % kOffset]);
+    }
+    return cost;
+  }
+
+  // `sigma_mm`: the noise that gives the weights; 0: that of these distances.
+  Joint Linearize(const TubeParameters& parameters, const EasedSpine& spine,
+                  double sigma_mm) const {
+    const double r_mm = parameters.Initial()[parameters.pipe_radius()];
+    std::vector<PassRow> rows;
+    rows.reserve(points_.size());
+    std::vector<double> magnitudes;
+    magnitudes.reserve(points_.size());
+    ForEachNear(spine, r_mm,
+                [&](const SegmentFrame& frame, std::int32_t segment, const Eigen::Vector3d& p,
+                    unsigned pass) {
+                  PassRow& row = rows.emplace_back();
+                  Eigen::Vector3d outward;
+                  row.row[kRound + kOffset] = LocalDerivative(frame, r_mm, p, row.row, outward);
+                  row.row.segment<3>(kRound) = outward;
+                  row.row.segment<3>(kRound + 3) = (p - middle_mm_).cross(outward);
+                  row.segment = segment;
+                  row.pass = pass;
+                  magnitudes.push_back(std::abs(row.row[kRound + kOffset]));
+                });
     Joint joint;
-    joint.sigma_mm = sigma_mm > 0 ? sigma_mm : std::max(1e-4, 1.4826 * Median(magnitudes));
-    std::vector<LocalSum> sums(frames.size() * static_cast<std::size_t>(passes_), LocalSum::Zero());
+    joint.sigma_mm = sigma_mm > 0 ? sigma_mm : SigmaOf(magnitudes);
+    std::vector<RowSum> sums(spine.segments.size() * static_cast<std::size_t>(passes_),
+                             RowSum::Zero());
+    std::array<double, kRowRoom> room{};
     for (const PassRow& row : rows) {
       const double d = row.row[kRound + kOffset];
       const double weight = RobustWeight(d, joint.sigma_mm);
@@ -250,20 +310,17 @@ class PassFit {
       joint.weight += weight;
       joint.squares += weight * d * d;
       if (weight <= 0) continue;
-      LocalSum& sum =
-          sums[static_cast<std::size_t>(row.segment) * static_cast<std::size_t>(passes_) +
-               row.pass];
-      for (Eigen::Index k = 0; k < row.row.size(); ++k) {
-        const double weighted = weight * row.row[k];
-        for (Eigen::Index i = k; i < row.row.size(); ++i) sum(i, k) += weighted * row.row[i];
-      }
+      RowSum& sum = sums[static_cast<std::size_t>(row.segment) * static_cast<std::size_t>(passes_) +
+                         row.pass];
+      std::copy_n(row.row.data(), row.row.size(), room.begin());
+      AddRow(room.data(), weight, sum.data());
     }
     Assemble(parameters, spine, sums, joint);
     return joint;
   }
 
   void Assemble(const TubeParameters& parameters, const EasedSpine& spine,
-                const std::vector<LocalSum>& sums, Joint& joint) const {
+                const std::vector<RowSum>& sums, Joint& joint) const {
     const int n = parameters.size(), all = n + static_cast<int>(offsets_.size());
     const auto derivatives = parameters.FrameDerivatives(spine);
     joint.matrix = Eigen::MatrixXd::Zero(all, all);
@@ -274,6 +331,7 @@ class PassFit {
       for (int pass = 0; pass < passes_; ++pass) {
         const LocalSum sum =
             sums[k * static_cast<std::size_t>(passes_) + static_cast<std::size_t>(pass)]
+                .topRows<LocalSum::RowsAtCompileTime>()
                 .selfadjointView<Eigen::Lower>();
         if (sum(kRound - 1, kRound - 1) == 0) continue;
         of_segment += sum;
@@ -301,8 +359,8 @@ class PassFit {
       const double certainty = of_offsets / (sigmas_[i % kOffset] * sigmas_[i % kOffset]);
       joint.matrix(n + i, n + i) += certainty;
       joint.right[n + i] -= certainty * offsets_[i];
-      joint.robust += offsets_[i] * offsets_[i] / (sigmas_[i % kOffset] * sigmas_[i % kOffset]);
     }
+    joint.robust += OffsetsCost();
   }
 
   void SetCovariance(const Joint& joint, const TubeParameters& parameters) {

@@ -186,11 +186,11 @@ class FitOfFew {
 
   SurfaceFit Solve() {
     for (int i = 0; state_.assignment.distances_mm.size() >= kFit.few_points; ++i) {
-      Linearize();
       fit_.tube = state_.tube;
       fit_.flattening = state_.flattening;
       fit_.easing = state_.easing;
       if (i >= options_.max_steps || damping_ > kFit.most_damping) break;
+      Linearize();
       const double chi_square = state_.ChiSquare(state_.sigma_mm, options_);
       if (i == 0) fit_.start_cost_mm2 = chi_square * state_.sigma_mm * state_.sigma_mm;
       const double hardly_mm2 = std::max(kFit.hardly, options_.tolerance * chi_square) *
@@ -210,7 +210,6 @@ class FitOfFew {
       if (fit_.converged) break;
       GoOn(better);
     }
-    Linearize();
     return Reported();
   }
 
@@ -256,13 +255,17 @@ class FitOfFew {
   SurfaceFit Reported() {
     fit_.points = state_.assignment.total;
     fit_.sigma_mm = state_.sigma_mm;
+    if (options_.report == FitReport::kTube) return std::move(fit_);
     fit_.cost_mm2 = state_.ChiSquare(fit_.sigma_mm, options_) * fit_.sigma_mm * fit_.sigma_mm;
     DesignEffect design_effect;
     design_effect.Add(state_.assignment.segments, state_.Frames(), state_.tube.pipe_radius_mm,
                       kNoWeight * state_.sigma_mm);
     fit_.design_effect = design_effect.Value();
     SetMeanSquares(state_.assignment.segment_sum_mm2, state_.assignment.segment_count, fit_);
-    Report(state_.Parameters(options_), *equations_, options_.form, fit_);
+    if (options_.report == FitReport::kAll) {
+      Linearize();
+      Report(state_.Parameters(options_), *equations_, options_.form, fit_);
+    }
     fit_.distances_mm = std::move(state_.assignment.distances_mm);
     return std::move(fit_);
   }
@@ -307,6 +310,7 @@ SurfaceFit FitSome(const hal::Tube& start, std::span<const PointBlock> blocks,
   SurfaceFitOptions to_lead = options;
   to_lead.goal_mm2 = std::numeric_limits<double>::infinity();
   to_lead.tolerance = std::max(options.tolerance, kFit.leading_tolerance);
+  to_lead.report = FitReport::kTube;
   SurfaceFit fit = FitFew(start, std::move(round), Gathered(blocks, stride), to_lead);
   SurfaceFitOptions from_there = options;
   from_there.easing = fit.easing;
@@ -400,8 +404,9 @@ SurfaceFit FitSurface(const hal::Tube& start, std::span<const PointBlock> blocks
   const std::size_t points = CountPoints(blocks);
   if (points <= kPointsAtOnce) return FitSome(start, blocks, options);
   const OwnedBlocks coarse = Thinned(blocks, points / kFit.coarse_points);
-  SurfaceFit fit = FitSome(start, coarse, options);
-  fit.distances_mm.clear();
+  SurfaceFitOptions of_coarse = options;
+  of_coarse.report = FitReport::kTube;
+  SurfaceFit fit = FitSome(start, coarse, of_coarse);
   for (std::size_t part = kFit.lead * kFit.coarse_points; part < points; part *= kFit.lead) {
     FitMany(Thinned(blocks, points / part), coarse, options, fit);
   }

@@ -17,6 +17,10 @@ namespace bendloop::pipeline {
 // So many points are fitted at once; of more the fit keeps no distances.
 constexpr std::size_t kPointsAtOnce = 40'000;
 
+// What is asked of a fit of few points: the tube alone, that and what it costs (of few points with
+// their distances and the design effect), or everything. Less costs less.
+enum class FitReport { kTube, kCost, kAll };
+
 struct SurfaceFitOptions {
   // Points further than this from the surface are never looked at [mm].
   double reach_mm = 0;
@@ -33,6 +37,7 @@ struct SurfaceFitOptions {
   double tolerance = 0;
   // A fit of few points that will not come down to this `cost_mm2` at its present pace is given up.
   double goal_mm2 = std::numeric_limits<double>::infinity();
+  FitReport report = FitReport::kAll;
   Workers* workers = nullptr;  // for very many points
 };
 

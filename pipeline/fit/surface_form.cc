@@ -35,6 +35,9 @@ struct FormSettings {
   double cell = 0.5;
   // [of r_P] A dent is this deep at least, and [sigma] of what all cells scatter by.
   double least_depth = 0.012, depth_sigmas = 7.0;
+  // [sigma] And of what noise leaves of its own cell's mean, which few points tell at the edge of
+  // what a scan sees. Of thousands of cells one is 4 off by chance.
+  double noise_sigmas = 5.0;
   // [cells] So far from its middle nothing is another dent.
   int slope_cells = 6;
   // [cells] The surface about a dent is looked at from here to there along the spine.
@@ -114,23 +117,31 @@ class Sides {
 };
 
 // The cells' means, each with those beside it; NaN where there are too few points.
-std::vector<double> Smoothed(const Cells& cells) {
-  std::vector<double> smooth(cells.count.size(), std::nan(""));
+struct SmoothCells {
+  explicit SmoothCells(const Cells& cells);
+  std::vector<double> mean_mm;
+  std::vector<double> sigmas;  // of a mean: times the noise of a point
+};
+
+SmoothCells::SmoothCells(const Cells& cells)
+    : mean_mm(cells.count.size(), std::nan("")), sigmas(cells.count.size(), 0.0) {
   for (int row = 0; row < cells.rows; ++row) {
     for (int side = 0; side < kSides; ++side) {
-      double count = 0, sum = 0, points = 0;
+      double count = 0, sum = 0, points = 0, squares = 0;
       for (int i = std::max(0, row - 1); i <= std::min(cells.rows - 1, row + 1); ++i) {
         for (int k = side - 1; k <= side + 1; ++k) {
           const double weight = (i == row ? 1.0 : 0.5) * (k == side ? 1.0 : 0.5);
           points += cells.count[Cells::At(i, k)];
           count += weight * cells.count[Cells::At(i, k)];
+          squares += weight * weight * cells.count[Cells::At(i, k)];
           sum += weight * cells.sum_mm[Cells::At(i, k)];
         }
       }
-      if (points >= kForm.least_in_cells) smooth[Cells::At(row, side)] = sum / count;
+      if (points < kForm.least_in_cells) continue;
+      mean_mm[Cells::At(row, side)] = sum / count;
+      sigmas[Cells::At(row, side)] = std::sqrt(squares) / count;
     }
   }
-  return smooth;
 }
 
 // How much further in a cell lies than the same side does before and behind it.
@@ -154,6 +165,7 @@ double DepthAt(const std::vector<double>& smooth, int rows, int row, int side) {
 
 struct Depths {
   std::vector<double> mm;
+  std::vector<double> sigmas;  // of each: times the noise of a point
   const Cells* cells;
   const hal::SpineSegment* segment;
 };
@@ -193,7 +205,7 @@ DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int sid
 }
 
 std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> segments,
-                                 double pipe_radius_mm) {
+                                 double pipe_radius_mm, double noise_mm) {
   std::vector<double> magnitudes;
   for (const Depths& depths : segments) {
     for (const double depth : depths.mm) {
@@ -212,7 +224,10 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> se
     double depth_mm = least_mm;
     for (Depths& depths : segments) {
       for (std::size_t i = 0; i < depths.mm.size(); ++i) {
-        if (depths.mm[i] > depth_mm) deepest = &depths, at = i, depth_mm = depths.mm[i];
+        if (depths.mm[i] > depth_mm &&
+            depths.mm[i] > kForm.noise_sigmas * noise_mm * depths.sigmas[i]) {
+          deepest = &depths, at = i, depth_mm = depths.mm[i];
+        }
       }
     }
     if (!deepest) break;
@@ -260,11 +275,12 @@ class SegmentForm {
   const Cells& cells() const { return cells_; }
   const std::optional<LongBends>& bends() const { return bends_; }
   Depths DepthsOfCells() const {
-    const std::vector<double> smooth = Smoothed(cells_);
-    Depths depths{std::vector<double>(smooth.size(), 0.0), &cells_, segment_};
+    SmoothCells smooth(cells_);
+    Depths depths{std::vector<double>(smooth.mean_mm.size(), 0.0), std::move(smooth.sigmas),
+                  &cells_, segment_};
     for (int row = 0; row < cells_.rows; ++row) {
       for (int side = 0; side < kSides; ++side) {
-        depths.mm[Cells::At(row, side)] = DepthAt(smooth, cells_.rows, row, side);
+        depths.mm[Cells::At(row, side)] = DepthAt(smooth.mean_mm, cells_.rows, row, side);
       }
     }
     return depths;
@@ -342,7 +358,7 @@ SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
   form.sides_mm2 = straights > 0 ? std::max(0.0, sides_mm2 / straights) : 0.0;
   std::vector<Depths> depths;
   for (const SegmentForm& segment : segments) depths.push_back(segment.DepthsOfCells());
-  form.dents = FindDents(spine, std::move(depths), r_mm);
+  form.dents = FindDents(spine, std::move(depths), r_mm, noise_mm);
   return form;
 }
 

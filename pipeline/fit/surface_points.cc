@@ -9,6 +9,8 @@
 #include <numbers>
 #include <tuple>
 
+#include "pipeline/math/divisible_by.h"
+
 namespace bendloop::pipeline {
 namespace {
 
@@ -150,6 +152,7 @@ OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t en
   const std::size_t count = CountPoints(blocks);
   const std::size_t stride = count / (2 * enough) + 1;
   OwnedBlocks result(std::min(count, 2 * enough), AreWeighted(blocks));
+  const DivisibleBy is_taken(stride);
   std::uint64_t index = 0;
   for (const PointBlock& block : blocks) {
     result.Begin(block.center_mm, block.half_diagonal_mm);
@@ -157,7 +160,8 @@ OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t en
       // Fibonacci hashing: evenly spread, without a pattern that a scanner could share.
       const std::uint64_t lot = ++index * 0x9E3779B97F4A7C15U;
       const bool first = (lot >> 63) == 0;
-      if (first == (half == Half::kFirst) && (lot >> 20) % stride == 0) result.Add(block, i);
+      // Which half is as hard to foresee as a coin; of many points few are taken.
+      if (is_taken(lot >> 20) && first == (half == Half::kFirst)) result.Add(block, i);
     }
   }
   return result;
