@@ -17,7 +17,7 @@ namespace {
 using hal::Lower;
 using hal::Trimmed;
 
-constexpr std::size_t kMaxProblems = 20;
+constexpr std::size_t kMaxDictionaryProblems = 20;
 constexpr std::uint64_t kMaxSubs = 254;
 constexpr std::size_t kMaxObjects = 100000;
 
@@ -86,7 +86,7 @@ class EdsReader {
  private:
   void Report(std::uint32_t line, const std::string& what) {
     ++problem_count_;
-    if (problems_.size() < kMaxProblems) {
+    if (problems_.size() < kMaxDictionaryProblems) {
       problems_.push_back(name_ + ":" + std::to_string(line) + ": " + what);
     }
   }
@@ -214,7 +214,7 @@ class EdsReader {
 
   const std::string name_;
   std::map<std::string, Section> sections_;  // by name in lower case
-  std::vector<std::string> problems_;        // the first kMaxProblems
+  std::vector<std::string> problems_;        // the first kMaxDictionaryProblems
   std::size_t problem_count_ = 0;
 };
 

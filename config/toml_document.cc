@@ -13,7 +13,7 @@
 namespace bendloop::config {
 namespace {
 
-constexpr std::size_t kMaxProblems = 100;
+constexpr std::size_t kMaxTomlProblems = 100;
 constexpr int kMaxDepth = 16;     // of brackets; our files need 3
 constexpr int kMaxKeyParts = 16;  // of a dotted key; ours have 2
 
@@ -145,7 +145,7 @@ std::string TomlDocument::Place(std::string_view path) const {
 
 void TomlDocument::Report(std::string_view path, std::string_view complaint) {
   ++problem_count_;
-  if (problems_.size() >= kMaxProblems) return;
+  if (problems_.size() >= kMaxTomlProblems) return;
   std::string text = Place(path) + ": ";
   if (!path.empty()) text += "key '" + std::string(path) + "': ";
   problems_.push_back({Line(path), std::string(path), text + std::string(complaint)});

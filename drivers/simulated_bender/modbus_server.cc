@@ -22,7 +22,6 @@ namespace {
 
 constexpr std::size_t kMaxClients = 16;
 constexpr std::chrono::milliseconds kPartialRequest{500};  // a request must be whole within
-constexpr std::uint8_t kIllegalValue = 3;
 
 // Is the request as long as its function and counts say? libmodbus trusts them.
 bool IsWhole(const ModbusRequest& request) {

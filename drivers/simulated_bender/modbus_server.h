@@ -16,6 +16,11 @@
 
 namespace bendloop::drivers {
 
+// Exception codes of Modbus (application protocol V1.1b3, section 7).
+inline constexpr std::uint8_t kIllegalFunction = 1;
+inline constexpr std::uint8_t kIllegalAddress = 2;
+inline constexpr std::uint8_t kIllegalValue = 3;
+
 // One request as it came: header, function, data.
 struct ModbusRequest {
   std::uint64_t client = 0;

@@ -25,9 +25,6 @@ using Answer = Misbehaviour::Answer;
 constexpr std::chrono::milliseconds kIdlePoll{1000};
 constexpr std::chrono::milliseconds kHeartbeatPeriod{10};
 constexpr std::chrono::milliseconds kSlowHeartbeatPeriod{5000};  // of a mutant
-constexpr std::uint8_t kIllegalFunction = 1;
-constexpr std::uint8_t kIllegalAddress = 2;
-constexpr std::uint8_t kIllegalValue = 3;
 constexpr std::uint32_t kOperatorFault = 99;
 
 }  // namespace

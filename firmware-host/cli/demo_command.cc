@@ -29,7 +29,7 @@ folder --out gets cell.toml, part.toml, results/, sessions/ and report.html;
 what an earlier demo left there is removed. Exit code 1 when the second part is
 not better than the first.)";
 
-struct Words {
+struct MachineWords {
   std::string link = "tcp";
   std::string scanner = "tcp";
 };
@@ -38,7 +38,7 @@ struct Words {
 
 CLI::App* AddDemoCommand(CLI::App& app, Run& run) {
   auto options = std::make_shared<DemoOptions>();
-  auto words = std::make_shared<Words>();
+  auto words = std::make_shared<MachineWords>();
   auto no_color = std::make_shared<bool>(false);
   CLI::App* command = app.add_subcommand(
       "demo", "The whole main job on simulated hardware: bend, scan, measure, correct, bend again");

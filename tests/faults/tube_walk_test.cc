@@ -8,7 +8,11 @@
 namespace bendloop::test {
 namespace {
 
+#ifdef BENDLOOP_FEW_STEPS
+constexpr int kSteps = 500;
+#else
 constexpr int kSteps = 2500;  // four belts: ten thousand in all
+#endif
 
 // BENDLOOP_WALK_SEED repeats a walk.
 std::uint64_t Seed(std::uint64_t fallback) {

@@ -35,8 +35,8 @@ hal::SpineSegment SegmentAt(const hal::Tube& tube, double along_mm) {
 }
 
 // Points all round it, so many a pipe radius of its length.
-void Scan(const hal::Tube& tube, double from_mm, double to_mm, double per_radius, Chance& chance,
-          SampleGrid& grid) {
+void InsertScan(const hal::Tube& tube, double from_mm, double to_mm, double per_radius,
+                Chance& chance, SampleGrid& grid) {
   std::uniform_real_distribution<double> along(from_mm, to_mm), turn(0, 2 * std::numbers::pi);
   std::normal_distribution<double> noise(0, kNoiseMm);
   std::int32_t block = 0;
@@ -90,8 +90,8 @@ struct ThinParts : testing::Test {
 
 // Five samples a pipe radius are a hundredth of the others.
 TEST_F(ThinParts, AreFollowedThroughABendToTheEnd) {
-  Scan(tube, 0, 70, 500, chance, grid);
-  Scan(tube, 70, length_mm, 5, chance, grid);
+  InsertScan(tube, 0, 70, 500, chance, grid);
+  InsertScan(tube, 70, length_mm, 5, chance, grid);
   const auto polygons = Followed({Nodes(tube, 2, 66)});
   ASSERT_EQ(polygons.size(), 1U);
   const SpineNode end = Nodes(tube, length_mm, length_mm).front();
@@ -100,7 +100,7 @@ TEST_F(ThinParts, AreFollowedThroughABendToTheEnd) {
 }
 
 TEST_F(ThinParts, AreFollowedFromNodeToNode) {
-  Scan(tube, 0, length_mm, 5, chance, grid);
+  InsertScan(tube, 0, length_mm, 5, chance, grid);
   SpinePolygon with_gap = Nodes(tube, 2, 70);
   const SpinePolygon rest = Nodes(tube, 130, length_mm - 1);
   with_gap.insert(with_gap.end(), rest.begin(), rest.end());
@@ -115,20 +115,20 @@ TEST_F(ThinParts, AreFollowedFromNodeToNode) {
 }
 
 TEST_F(ThinParts, TakeThePiecesThatLieOnThem) {
-  Scan(tube, 0, 70, 500, chance, grid);
-  Scan(tube, 70, length_mm, 10, chance, grid);
+  InsertScan(tube, 0, 70, 500, chance, grid);
+  InsertScan(tube, 70, length_mm, 10, chance, grid);
   const auto polygons = Followed({Nodes(tube, 2, 66), Nodes(tube, 150, 175)});
   EXPECT_EQ(polygons.size(), 1U) << LengthOf(polygons[0]) << " mm followed";
 }
 
 TEST_F(ThinParts, OfATubeThatEndsAreNone) {
-  Scan(tube, 0, length_mm, 50, chance, grid);
+  InsertScan(tube, 0, length_mm, 50, chance, grid);
   const SpinePolygon all = Nodes(tube, 3, length_mm - 4);
   EXPECT_EQ(Followed({all})[0].size(), all.size());
 }
 
 TEST_F(ThinParts, AreNoTableThatTheTubeLiesOn) {
-  Scan(tube, 0, 90, 100, chance, grid);
+  InsertScan(tube, 0, 90, 100, chance, grid);
   std::uniform_real_distribution<double> across(-8 * kPipeMm, 8 * kPipeMm), along(0, 180);
   const hal::SpineSegment first = SegmentAt(tube, 0);
   const Eigen::Vector3d side = first.normal.cross(first.tangent);
@@ -144,8 +144,8 @@ TEST_F(ThinParts, AreNoTableThatTheTubeLiesOn) {
 
 // What a clamp hides stays a gap.
 TEST_F(ThinParts, AreNotWhereNoSamplesAre) {
-  Scan(tube, 0, 30, 100, chance, grid);
-  Scan(tube, 45, 90, 100, chance, grid);
+  InsertScan(tube, 0, 30, 100, chance, grid);
+  InsertScan(tube, 45, 90, 100, chance, grid);
   SpinePolygon nodes = Nodes(tube, 3, 27);
   const SpinePolygon rest = Nodes(tube, 48, 86);
   nodes.insert(nodes.end(), rest.begin(), rest.end());
