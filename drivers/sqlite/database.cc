@@ -150,7 +150,13 @@ Result<void> Database::Transact(const std::string& doing,
   };
   // IMMEDIATE: whoever else writes is waited for now and not in the middle.
   if (auto begun = run("BEGIN IMMEDIATE"); !begun) return begun;
-  auto done = work();
+  Result<void> done;
+  try {
+    done = work();
+  } catch (...) {  // out of memory
+    sqlite3_exec(database_.get(), "ROLLBACK", nullptr, nullptr, nullptr);
+    throw;
+  }
   if (done) done = run("COMMIT");
   if (!done) sqlite3_exec(database_.get(), "ROLLBACK", nullptr, nullptr, nullptr);
   return done;

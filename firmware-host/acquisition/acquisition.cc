@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <future>
+#include <new>
 #include <utility>
 
 #include "hal/saturating.h"
@@ -64,7 +65,7 @@ void Acquisition::Stop() {
 void Acquisition::Run() {
   while (!stop_.load(std::memory_order_relaxed)) {
     Slot& slot = ring_.Writing();
-    const auto status = source_.Read(slot.profile, slot.event, options_.read_timeout);
+    const auto status = ReadOrTell(slot);
     if (!status) {
       fault_ = status.error();
       return Finish(SlotKind::kFault);
@@ -81,6 +82,15 @@ void Acquisition::Run() {
       case hal::ReadStatus::kEnd:
         return Finish(SlotKind::kEnd);
     }
+  }
+}
+
+// Where there is no memory for what the scanner sent its stream is lost: it is opened anew.
+hal::Result<hal::ReadStatus> Acquisition::ReadOrTell(Slot& slot) {
+  try {
+    return source_.Read(slot.profile, slot.event, options_.read_timeout);
+  } catch (const std::bad_alloc&) {
+    return hal::Fail(hal::ErrorKind::kDevice, "out of memory");  // short enough to need none
   }
 }
 

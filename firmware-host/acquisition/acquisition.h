@@ -69,6 +69,7 @@ class Acquisition {
   const std::string& realtime_note() const { return realtime_note_; }
 
  private:
+  hal::Result<hal::ReadStatus> ReadOrTell(Slot& slot);
   void TakeProfile(Slot& slot);
   void TakeEvent(Slot& slot);
   void Finish(SlotKind kind);

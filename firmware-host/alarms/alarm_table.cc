@@ -153,6 +153,8 @@ constexpr AlarmKind kTable[] = {
      "mend the file as the detail says, then 'systemctl reload bendloopd'"},
     {kClockStepped, kNotice, kNext, "the clock of this machine was set by more than a minute",
      "nothing, if somebody set it; check its battery and its time server if it comes again"},
+    {kOutOfMemory, kWarning, kNext, "something was left off for want of memory",
+     "see what else runs on this machine and takes its memory; scan again what was not measured"},
 };
 
 const char* Name(AlarmEnd end) {

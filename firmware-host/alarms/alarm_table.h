@@ -81,6 +81,7 @@ enum class AlarmCode : std::uint16_t {
   kJournalNotKept = 5012,
   kReloadRefused = 5013,
   kClockStepped = 5014,
+  kOutOfMemory = 5015,
 };
 
 enum class AlarmSeverity : std::uint8_t {

@@ -190,13 +190,19 @@ CommitReport BenderDesk::Commit(const CommitRequest& request) {
     report.reason = "nothing was sent: a replay sends to a real bender with --send alone";
     return report;
   }
-  commits_ = true;
   if (is_open_) {
     if (auto settled = Settle()) settled_.push_back(std::move(*settled));
   }
+  // What is thrown in the middle, for want of memory, leaves an attempt that the next look settles,
+  // as after a crash.
+  const bool was_open = std::exchange(is_open_, true);
+  commits_ = true;
+  const struct Over {
+    bool& commits;
+    ~Over() { commits = false; }
+  } over{commits_};
   CommitReport report = protocol_->Commit(request);
-  is_open_ = report.outcome == CommitOutcome::kUnknown || is_open_;
-  commits_ = false;
+  is_open_ = report.outcome == CommitOutcome::kUnknown || was_open;
   return report;
 }
 

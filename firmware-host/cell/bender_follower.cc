@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware-host/workers/want_of_memory.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -20,8 +22,8 @@ std::chrono::nanoseconds PauseAfter(const BenderReading& look, std::chrono::nano
   return std::clamp<std::chrono::nanoseconds>(took, kCyclePeriod, kPeriod);
 }
 
-BenderFollower::BenderFollower(BenderDesk& desk, PlcReporter* reporter)
-    : desk_(desk), reporter_(reporter), thread_([this] { Run(); }) {}
+BenderFollower::BenderFollower(BenderDesk& desk, PlcReporter* reporter, StatusBoard& board)
+    : desk_(desk), reporter_(reporter), board_(board), thread_([this] { Run(); }) {}
 
 BenderFollower::~BenderFollower() {
   {
@@ -54,6 +56,20 @@ std::optional<BenderReading> BenderFollower::TakeNews() {
   return std::exchange(news_, std::nullopt);
 }
 
+std::optional<std::chrono::nanoseconds> BenderFollower::Look(BenderReading& now,
+                                                             BenderReading& copy) {
+  const std::int64_t asked_ns = desk_.Now().boot_ns;
+  const bool has_memory = HasMemoryFor([&] {
+    now = desk_.Look();
+    copy = now;
+  });
+  if (!has_memory) {
+    board_.OutOfMemory("a look at the bender");
+    return std::nullopt;
+  }
+  return std::chrono::nanoseconds(desk_.Now().boot_ns - asked_ns);
+}
+
 void BenderFollower::Run() {
   pthread_setname_np(pthread_self(), "bender");
   std::unique_lock lock(mutex_);
@@ -61,18 +77,22 @@ void BenderFollower::Run() {
     look_now_ = false;
     const std::uint64_t number = ++begun_;
     lock.unlock();
-    const std::int64_t asked_ns = desk_.Now().boot_ns;
-    BenderReading now = desk_.Look();
-    const std::chrono::nanoseconds took(desk_.Now().boot_ns - asked_ns);
+    BenderReading now, copy;
+    const auto took = Look(now, copy);
+    const auto pause = took ? PauseAfter(now, *took) : kPeriod;
+    const bool answers = took && now.facts;
     lock.lock();
-    const auto pause = PauseAfter(now, took);
-    latest_ = now;
-    news_ = std::move(now);
-    ended_ = number;
-    answered_.notify_all();
-    if (reporter_ != nullptr && latest_->facts) {
+    if (took) {
+      latest_ = std::move(copy);
+      news_ = std::move(now);
+      ended_ = number;
+      answered_.notify_all();
+    }
+    if (reporter_ != nullptr && answers) {
       lock.unlock();
-      reporter_->Write(desk_);
+      if (!HasMemoryFor([this] { reporter_->Write(desk_); })) {
+        board_.OutOfMemory("what the PLC reads of the cell");
+      }
       lock.lock();
     }
     wake_.wait_for(lock, pause, [this] { return stop_ || look_now_; });

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "firmware-host/cell/bender_desk.h"
+#include "firmware-host/cell/cell_status.h"
 #include "firmware-host/cell/plc_reporter.h"
 
 namespace bendloop::host {
@@ -23,8 +24,9 @@ std::chrono::nanoseconds PauseAfter(const BenderReading& look, std::chrono::nano
 // it must not depend on what the cell is doing. Each look is bounded by the link's timeouts.
 class BenderFollower {
  public:
-  // Both outlive it; what `reporter` has for the PLC is written after a look that was answered.
-  explicit BenderFollower(BenderDesk& desk, PlcReporter* reporter = nullptr);
+  // All outlive it; what `reporter` has for the PLC is written after a look that was answered. A
+  // look that found no memory is no answer: `board` is told, and the next one comes in its time.
+  BenderFollower(BenderDesk& desk, PlcReporter* reporter, StatusBoard& board);
   ~BenderFollower();
   BenderFollower(const BenderFollower&) = delete;
   BenderFollower& operator=(const BenderFollower&) = delete;
@@ -38,9 +40,12 @@ class BenderFollower {
 
  private:
   void Run();
+  // How long the look took; empty: there was no memory for it.
+  std::optional<std::chrono::nanoseconds> Look(BenderReading& now, BenderReading& copy);
 
   BenderDesk& desk_;
   PlcReporter* const reporter_;
+  StatusBoard& board_;
   std::mutex mutex_;  // of all below
   std::condition_variable wake_;
   std::condition_variable answered_;

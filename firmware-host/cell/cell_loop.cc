@@ -2,7 +2,6 @@
 #include "firmware-host/cell/cell_loop.h"
 
 #include <algorithm>
-#include <future>
 #include <utility>
 
 #include "firmware-host/cell/service_times.h"
@@ -29,6 +28,8 @@ constexpr auto kFitBound = 60s;
 constexpr auto kServePeriod = 200ms;
 // For what the PLC says when a scan begins; the ring takes what comes meanwhile.
 constexpr auto kOrdersPatience = 300ms;
+constexpr const char* kOutOfMemory =
+    "out of memory: see what else runs on this machine, and scan again";
 
 double Milliseconds(std::chrono::nanoseconds t) { return static_cast<double>(t.count()) * 1e-6; }
 
@@ -55,34 +56,37 @@ CellLoop::CellLoop(const PartPlan& plan, CellPorts ports, const CellLoopOptions&
   if (!options_.scan.is_live || !ports_.desk->has_bender()) return;
   // Each exchange of a commit is a step of its own.
   ports_.desk->set_progress([this, bound = ports_.desk->exchange_bound()] { life_.Expect(bound); });
-  follower_.emplace(*ports_.desk, ports_.reporter);
+  follower_.emplace(*ports_.desk, ports_.reporter, *ports_.board);
 }
 
 CellLoop::~CellLoop() {
   follower_.reset();
-  GiveUpWaiting("the daemon was stopped while the correction waited for the bender");
+  Try("a correction that waited", [this] {
+    GiveUpWaiting("the daemon was stopped while the correction waited for the bender");
+  });
   ports_.desk->set_progress({});
 }
 
 // Tells that the loop lives, and the PLC what is new.
 void CellLoop::Live() {
-  if (ports_.alive && life_.InTime()) ports_.alive();
+  Try("word to the PLC and to systemd", [this] {
+    if (ports_.alive && life_.InTime()) ports_.alive();
+  });
   if (follower_ && ports_.reporter && ports_.reporter->TakeChanged()) follower_->LookNow();
 }
 
 void CellLoop::Tend() {
   Live();
-  TakeBenderNews();
-  ServePeople();
+  Try("news of the bender", [this] { TakeBenderNews(); });
+  Try("what people ask for, and upkeep", [this] { ServePeople(); });
 }
 
 void CellLoop::Watched(const std::function<void()>& work) {
-  auto done = std::async(std::launch::async, work);
-  while (done.wait_for(kLoopPeriod) != std::future_status::ready) {
-    Live();
-  }
-  life_.Rest();
-  done.get();
+  const struct Over {
+    LifeSigns& life;
+    ~Over() { life.Rest(); }
+  } over{life_};
+  beside_.Do(work, kLoopPeriod, [this] { Live(); });
 }
 
 CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::SourceInfo& source) {
@@ -98,11 +102,10 @@ CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::So
   while (!stop_.load(std::memory_order_relaxed)) {
     Live();
     Read(ring);
-    Update();
-    Write();
-    TakeBenderNews();
-    ServePeople();
-    PublishCounters(acquisition, ring);
+    UpdateAndWrite();
+    Try("news of the bender", [this] { TakeBenderNews(); });
+    Try("what people ask for, and upkeep", [this] { ServePeople(); });
+    Try("a look at the scan", [&] { PublishCounters(acquisition, ring); });
     ring.Release();
     if (options_.max_parts > 0 && parts_ >= options_.max_parts && !waiting_) {
       end = CellEnd::kPartsDone;
@@ -113,12 +116,41 @@ CellEnd CellLoop::Run(Acquisition& acquisition, ProfileRing& ring, const hal::So
       break;
     }
   }
-  if (scan_.Break("the daemon stops") == ScanStep::kBroke) {
-    DropScan({hal::ErrorKind::kDevice, scan_.reason()});
-  }
+  Try("the end of the scan", [this] {
+    if (scan_.Break("the daemon stops") == ScanStep::kBroke) {
+      DropScan({hal::ErrorKind::kDevice, scan_.reason()});
+    }
+  });
   published_ = {};
-  PublishCounters(acquisition, ring);
+  Try("a look at the scan", [&] { PublishCounters(acquisition, ring); });
   return end;
+}
+
+void CellLoop::UpdateAndWrite() {
+  const bool was_scanning = scan_.phase() == ScanPhase::kScanning;
+  const bool has_memory = Try(was_scanning ? "a scan" : "the begin or end of a scan", [this] {
+    Update();
+    Write();
+  });
+  if (!has_memory) CutShort();
+}
+
+// What is at hand of a scan or part is given up. Each step may want memory, too.
+void CellLoop::CutShort() {
+  reconstruction_.reset();  // gives most of it back
+  held_.clear();
+  Try("the end of a scan", [this] { scan_.Break("out of memory"); });
+  if (ports_.recorder) {
+    Try("the end of a session", [this] { ports_.recorder->Finish({{"broken", "out of memory"}}); });
+  }
+  Try("telling of a part", [this] {
+    if (is_untold_) TellFailed({hal::ErrorKind::kDevice, kOutOfMemory}, false);
+  });
+  if (std::exchange(is_untold_, false)) ++parts_;
+  ports_.board->Update([](CellSnapshot& s) {
+    s.phase = CellPhase::kWaiting;
+    s.session.clear();
+  });
 }
 
 void CellLoop::Read(ProfileRing& ring) { slot_ = ring.TakeWithin(kReadTimeout); }
@@ -225,7 +257,17 @@ void CellLoop::TakeBenderNews() {
       s.bender_parts_bent = news->facts->state.parts_bent;
     });
     if (ports_.bender_heard) ports_.bender_heard(*news);
-    for (const SettledCommit& settled : ports_.desk->TakeSettled()) {
+    for (SettledCommit& settled : ports_.desk->TakeSettled()) {
+      settled_.push_back(std::move(settled));
+    }
+    while (!settled_.empty()) {
+      const SettledCommit& settled = settled_.front();
+      if (ports_.commit_settled) {
+        Watched([&] {
+          life_.Expect(kDiskBound);
+          ports_.commit_settled(settled);
+        });
+      }
       ports_.board->Update([&](CellSnapshot& s) {
         if (!s.last || s.last->session != settled.session) return;
         const bool is_active = settled.report.outcome == CommitOutcome::kCommitted;
@@ -233,11 +275,7 @@ void CellLoop::TakeBenderNews() {
         s.last->end = is_active ? "corrected" : "refused";
         s.last->reason = settled.report.reason;
       });
-      if (!ports_.commit_settled) continue;
-      Watched([&] {
-        life_.Expect(kDiskBound);
-        ports_.commit_settled(settled);
-      });
+      settled_.pop_front();
     }
   }
   if (const auto told = waiting_.Tend(is_idle)) TellPart(*told, true);
@@ -304,8 +342,10 @@ void CellLoop::BeginScan() {
   // Which tube this is the ledger tells when the scan has ended: what was bent before now. The
   // nearer a look at the bender is to this moment, the surer that is.
   began_ns_ = ports_.desk->Now().boot_ns;
+  is_untold_ = false;
   TakeOrdersOfScan();
   identity_ = ports_.identify();
+  is_untold_ = true;
   if (orders_.identity) identity_.tube = *orders_.identity;
   live_ = {};
   view_due_ = ports_.clock->Now() + kViewPeriod;
@@ -352,12 +392,14 @@ void CellLoop::HoldScan() {
 
 // Why nothing was measured. `is_part`: its scan came to its end.
 void CellLoop::TellFailed(hal::Error error, bool is_part) {
+  LastPart last{identity_.session, "not measured", "", error.message};
+  is_untold_ = false;
   ++parts_;
   ports_.board->Update([&](CellSnapshot& s) {
     if (is_part) ++s.parts;
     ++s.failed_scans;
     s.session.clear();
-    s.last = LastPart{identity_.session, "not measured", "", error.message};
+    s.last = std::move(last);
   });
   Watched([&] {
     life_.Expect(kDiskBound);
@@ -378,29 +420,34 @@ void CellLoop::FinishScan() {
   part.may_wait = follower_.has_value();
   ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kDeciding; });
   hal::Result<pipeline::Measurement> measurement;
-  Watched([&] {
-    life_.Expect(kFitBound);
-    ThreadWorkers workers(ProcessorCount());
-    measurement = reconstruction_->Finish(&workers);
+  const bool has_memory = Try("the fit", [&] {
+    Watched([&] {
+      life_.Expect(kFitBound);
+      ThreadWorkers workers(ProcessorCount());
+      measurement = reconstruction_->Finish(&workers);
+    });
   });
   const auto measured = ports_.clock->Now();
   reconstruction_.reset();
+  if (!has_memory) measurement = hal::Fail(hal::ErrorKind::kDevice, kOutOfMemory);
   if (!measurement) {
     if (ports_.recorder) ports_.recorder->Finish({});
     return TellFailed(measurement.error(), true);
   }
-  ++parts_;
   part.measurement = std::move(*measurement);
   if (plan_->corrects && ports_.desk->has_bender()) {
     ports_.board->Update([](CellSnapshot& s) { s.phase = CellPhase::kCommitting; });
   }
   PartOutcome outcome = Decide(std::move(part));
+  ++parts_;
   const auto decided = ports_.clock->Now();
   // Not before: closing a session keeps the disk busy, and the commit's journal waits for it, too.
   if (ports_.recorder) {
-    Recorder::Meta meta = {{kContextKey, WriteRunContext(outcome.context)}};
-    if (options_.scan.is_live) meta[kEndKey] = UtcText(now.unix_ms);
-    ports_.recorder->Finish(meta);
+    Try("the end of a session", [&] {
+      Recorder::Meta meta = {{kContextKey, WriteRunContext(outcome.context)}};
+      if (options_.scan.is_live) meta[kEndKey] = UtcText(now.unix_ms);
+      ports_.recorder->Finish(meta);
+    });
   }
   const double ms = Milliseconds(decided - ended);
   if (options_.scan.is_live) {
@@ -431,6 +478,14 @@ PartOutcome CellLoop::Decide(MeasuredPart part) {
 // `again`: it was told before that the part waits.
 void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
   const PartEnd what = outcome.end;
+  if (!again) is_untold_ = false;
+  // First: whatever there is no memory for below, it is kept.
+  Try("what is kept of a part", [&] {
+    Watched([&] {
+      life_.Expect(kDiskBound);
+      ports_.part_done(outcome);
+    });
+  });
   LastPart last{outcome.result.session, Name(what),
                 std::string(pipeline::Name(outcome.result.inspection->verdict)),
                 outcome.reasons.empty() ? "" : outcome.reasons.front()};
@@ -439,10 +494,6 @@ void CellLoop::TellPart(const PartOutcome& outcome, bool again) {
     if (!correction->forecast.rows.empty()) last.forecast = correction->forecast.part;
   }
   last.furthest_pass = outcome.furthest_pass;
-  Watched([&] {
-    life_.Expect(kDiskBound);
-    ports_.part_done(outcome);
-  });
   ports_.board->Update([&](CellSnapshot& s) {
     if (what == PartEnd::kCorrected) ++s.corrected;
     if (what == PartEnd::kRefused || what == PartEnd::kLinkDown) ++s.refused;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -19,6 +20,8 @@
 #include "firmware-host/cell/scan_state.h"
 #include "firmware-host/cell/waiting_part.h"
 #include "firmware-host/recorder/recorder.h"
+#include "firmware-host/workers/side_thread.h"
+#include "firmware-host/workers/want_of_memory.h"
 #include "hal/clock.h"
 #include "pipeline/reconstruction.h"
 
@@ -82,6 +85,11 @@ enum class CellEnd : std::uint8_t {
   kSourceFault  // the scanner is gone: Acquisition::fault()
 };
 
+// Where there is no memory for a step of the loop it ends there, is counted (CellSnapshot::
+// memory_wants), and the loop goes on: a scan that runs is dropped and told, a part that is decided
+// is told as not measured. A commit that was on its way then is settled by the next look at the
+// bender, as after a crash.
+//
 // The cell's one loop, the same for the daemon, a replay and the demo:
 //   read();    what the scanner gave
 //   update();  the scan and the reconstruction that grows with it
@@ -106,6 +114,16 @@ class CellLoop {
   void Update();
   void Write();
 
+  // Does `work`; where there is no memory for it that is counted, under a name that stays for ever,
+  // and false.
+  template <class Work>
+  bool Try(const char* name, Work&& work) {
+    if (HasMemoryFor(work)) return true;
+    ports_.board->OutOfMemory(name);
+    return false;
+  }
+  void UpdateAndWrite();
+  void CutShort();
   // Does `work` beside the loop and waits for it, telling that it lives.
   void Watched(const std::function<void()>& work);
   void Live();
@@ -143,14 +161,17 @@ class CellLoop {
   std::chrono::nanoseconds published_{0};
   std::chrono::nanoseconds served_{0};
   LifeSigns life_;
+  SideThread beside_;
   WaitingPart waiting_;
+  std::deque<SettledCommit> settled_;       // that nobody was told of yet
   std::optional<BenderFollower> follower_;  // live, with a bender
 
   hal::PlcOrders orders_;  // as last heard
 
   // Of the running scan.
   ScanIdentity identity_;
-  std::string held_;  // why nothing is made of it; empty: something is
+  bool is_untold_ = false;  // it has its name, and nobody was told yet what became of it
+  std::string held_;        // why nothing is made of it; empty: something is
   ScanPermit permit_;
   std::optional<pipeline::Reconstruction> reconstruction_;
   std::int64_t began_ns_ = 0;  // by the ledger's clock

@@ -100,6 +100,9 @@ struct CellSnapshot {
   std::uint64_t removed_sessions = 0;
   std::uint64_t disk_used_mb = 0;  // by sessions
   std::uint64_t disk_free_mb = 0;
+
+  std::uint64_t memory_wants = 0;  // times that something was left off for want of memory
+  const char* memory_want = "";    // what, the last time
 };
 
 // The counters of those who feed the cell.
@@ -118,6 +121,12 @@ class StatusBoard {
   void Update(F&& change) {
     const std::lock_guard lock(mutex_);
     change(snapshot_);
+  }
+  // Something was left off for want of memory; needs none. `what` stays for ever.
+  void OutOfMemory(const char* what) noexcept {
+    const std::lock_guard lock(mutex_);
+    ++snapshot_.memory_wants;
+    snapshot_.memory_want = what;
   }
   CellSnapshot Get() const {
     const std::lock_guard lock(mutex_);

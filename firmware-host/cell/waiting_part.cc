@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "firmware-host/workers/want_of_memory.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -60,9 +62,11 @@ std::optional<PartOutcome> WaitingPart::Finish(PartOutcome outcome) {
 std::optional<PartOutcome> WaitingPart::GiveUp(const std::string& why) {
   if (!waiting_) return std::nullopt;
   if (attempt_.valid()) {
-    PartOutcome outcome = attempt_.get();
+    PartOutcome outcome;
+    outcome.end = PartEnd::kWaiting;
+    const bool has_memory = HasMemoryFor([&] { outcome = attempt_.get(); });
     if (outcome.end != PartEnd::kWaiting) return Finish(std::move(outcome));
-    Finish(std::move(outcome));
+    if (has_memory) Finish(std::move(outcome));
   }
   PartOutcome outcome = std::move(waiting_->outcome);
   waiting_.reset();

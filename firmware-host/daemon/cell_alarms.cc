@@ -73,6 +73,9 @@ RaisedAlarms CellAlarms::Rises(const CellSnapshot& cell, bool part_is_over) {
     } else if (counter.code == AlarmCode::kScannerSilent) {
       now = cell.silences;
       what = "time";
+    } else if (counter.code == AlarmCode::kOutOfMemory) {
+      now = cell.memory_wants;
+      what = "time";
     } else {
       now = cell.recorder_dropped + cell.recorder_dropped_events + cell.recorder_dropped_sessions;
       what = "profile, event or scan";
@@ -84,6 +87,8 @@ RaisedAlarms CellAlarms::Rises(const CellSnapshot& cell, bool part_is_over) {
     if (counter.code == AlarmCode::kRecordingIncomplete && !cell.recorder_error.empty()) {
       detail += ", " + cell.recorder_error;
     }
+    if (counter.code == AlarmCode::kOutOfMemory)
+      detail += ", last: " + std::string(cell.memory_want);
     rises.emplace_back(counter.code, std::move(detail));
     if (part_is_over) counter.last = now;
   }

@@ -45,8 +45,10 @@ class CellAlarms {
 
   std::mutex mutex_;  // of the news and the counters
   std::deque<Alarm> news_;
-  std::array<Rising, 3> rising_{
-      {{AlarmCode::kProfilesLost}, {AlarmCode::kScannerSilent}, {AlarmCode::kRecordingIncomplete}}};
+  std::array<Rising, 4> rising_{{{AlarmCode::kProfilesLost},
+                                 {AlarmCode::kScannerSilent},
+                                 {AlarmCode::kRecordingIncomplete},
+                                 {AlarmCode::kOutOfMemory}}};
   AlarmBoard board_;
 };
 

@@ -37,6 +37,7 @@
 #include "firmware-host/daemon/upkeep.h"
 #include "firmware-host/recorder/recorder.h"
 #include "firmware-host/result/words.h"
+#include "firmware-host/workers/want_of_memory.h"
 
 namespace bendloop::host {
 namespace {
@@ -179,6 +180,7 @@ hal::Result<void> Daemon::Impl::ServeStatus() {
     return Dump(status, 2) + "\n";
   };
   pages.metrics = [this] { return MetricsText(board_.Get()) + AlarmMetrics(alarms_.board()); };
+  pages.out_of_memory = [this] { board_.OutOfMemory("an answer of the status page"); };
   auto server = StatusServer::Start(options_.status_port, store_.socket(), std::move(pages));
   if (!server) return hal::Fail(server.error());
   server_ = std::move(*server);
@@ -253,8 +255,8 @@ int Daemon::Impl::Run() {
   CellLoop* running = nullptr;
   ports.alive = [this, &running] {
     notify_.Alive();
-    TellPlc();
     if (g_stop || next_) running->Stop();
+    TellPlc();
   };
   std::optional<CellLoop> loop;
   loop.emplace(*own_part_, std::move(ports), options);
@@ -324,13 +326,14 @@ void Daemon::Impl::TellPlc() {
 
 // While nothing is scanned or decided; what it returns: CellPorts::between_parts.
 std::string Daemon::Impl::BetweenParts(bool correction_waits) {
+  // First: what follows may find no memory, again and again.
+  alarms_.Look(board_.Get());
   // New settings would take a correction that waits away; it ends by itself.
   if (!correction_waits) TakeHangUp();
   upkeep_.Do(*desk_);
   const Requests::Served served = requests_.Serve(*desk_, correction_waits);
   if (served.any) ShowLot();
   ShowLock();
-  alarms_.Look(board_.Get());
   keeper_.KeepAlarms(alarms_.TakeNews());
   return served.in_the_way_of;
 }
@@ -340,7 +343,8 @@ std::string Daemon::Impl::BetweenParts(bool correction_waits) {
 void Daemon::Impl::TakeHangUp() {
   if (next_ || !g_hung_up.exchange(false)) return;
   notify_.Reloading();
-  auto read = LoadDaemonSettings(options_);
+  hal::Result<DaemonSettings> read = hal::Fail(hal::ErrorKind::kDevice, "out of memory");
+  HasMemoryFor([&] { read = LoadDaemonSettings(options_); });
   auto fits = read ? CheckWatchdog({.watchdog = notify_.period()}) : hal::Fail(read.error());
   if (!fits) {
     ReloadRefused(fits.error().message);

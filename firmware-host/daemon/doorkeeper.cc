@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "firmware-host/workers/want_of_memory.h"
+
 namespace bendloop::host {
 
 Doorkeeper::Doorkeeper(std::chrono::seconds patience)
@@ -26,8 +28,11 @@ void Doorkeeper::Note(void* self, MHD_Connection* connection, void** /*state*/,
   auto& keeper = *static_cast<Doorkeeper*>(self);
   const std::lock_guard lock(keeper.mutex_);
   if (what == MHD_CONNECTION_NOTIFY_STARTED) {
-    keeper.open_[socket] = Clock::now() + keeper.patience_;
-    keeper.wake_.notify_all();
+    if (HasMemoryFor([&] { keeper.open_[socket] = Clock::now() + keeper.patience_; })) {
+      keeper.wake_.notify_all();
+    } else {
+      ::shutdown(socket, SHUT_RDWR);  // nobody could end it later
+    }
   } else {
     keeper.open_.erase(socket);
   }

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -93,6 +94,9 @@ int Main(int argc, char** argv) {
 int main(int argc, char** argv) {
   try {
     return bendloop::host::FinishOutput("bendloopd", Main(argc, argv));
+  } catch (const std::bad_alloc&) {
+    // At the start, or while new settings were taken up: systemd starts it anew.
+    return Report({bendloop::hal::ErrorKind::kDevice, "out of memory"});
   } catch (const std::exception& error) {
     return Report({bendloop::hal::ErrorKind::kInternal,
                    std::string("internal error: ") + error.what() + "; please report it"});

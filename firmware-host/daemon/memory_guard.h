@@ -2,9 +2,9 @@
 #pragma once
 
 #include <functional>
-#include <new>
 #include <string>
 
+#include "firmware-host/workers/want_of_memory.h"
 #include "hal/result.h"
 
 namespace bendloop::host {
@@ -14,12 +14,10 @@ namespace bendloop::host {
 // be lost with its future.
 inline hal::Result<void> OrOutOfMemory(const std::string& what,
                                        const std::function<hal::Result<void>()>& work) {
-  try {
-    return work();
-  } catch (const std::bad_alloc&) {
-    return hal::Fail(hal::ErrorKind::kDevice,
-                     what + ": out of memory; see what else runs on this machine");
-  }
+  hal::Result<void> done;
+  if (HasMemoryFor([&] { done = work(); })) return done;
+  return hal::Fail(hal::ErrorKind::kDevice,
+                   what + ": out of memory; see what else runs on this machine");
 }
 
 }  // namespace bendloop::host

@@ -95,9 +95,11 @@ hal::Result<void> PartKeeper::SetDamagedHistoryAside() {
 }
 
 void PartKeeper::Note(const HistoryWork& work) {
-  const auto attempt = [&]() -> hal::Result<void> {
-    if (auto opened = OpenHistory(); !opened) return opened;
-    return work(*history_);
+  const auto attempt = [&] {
+    return OrOutOfMemory("history", [&]() -> hal::Result<void> {
+      if (auto opened = OpenHistory(); !opened) return opened;
+      return work(*history_);
+    });
   };
   hal::Result<void> done = attempt();
   if (!done && done.error().kind == hal::ErrorKind::kBadInput && history_) {
@@ -178,14 +180,15 @@ void PartKeeper::KeepAlarms(const std::vector<Alarm>& news) {
   }
 }
 
-void PartKeeper::WriteResult(const std::string& session, const std::string& json) {
-  const auto written = WriteOutputFile(store_.results() / (session + ".json"), json);
+void PartKeeper::WriteResult(const std::string& session, const std::function<std::string()>& json) {
+  const auto written = OrOutOfMemory(
+      session, [&] { return WriteOutputFile(store_.results() / (session + ".json"), json()); });
   problem_ = written ? "" : "result not kept: " + written.error().message;
   Judge(AlarmCode::kResultNotKept, written);
 }
 
 void PartKeeper::KeepResult(const RunResult& result, std::uint32_t part_number) {
-  WriteResult(result.session, WriteResultJson(result));
+  WriteResult(result.session, [&] { return WriteResultJson(result); });
   const auto lot = lots_.find(part_number);
   std::optional<std::int64_t> number;
   if (lot != lots_.end() && lot->second.state) number = lot->second.state->number;
@@ -199,7 +202,8 @@ void PartKeeper::Keep(PartOutcome outcome) {
     // Whether it is held a setter says; the PLC's hold is of the moment.
     outcome.next->held = kept.state && kept.state->held;
     kept.state = outcome.next;
-    Judge(AlarmCode::kLotNotKept, store_.KeepLot(*kept.state, kept.key, kept.file));
+    Judge(AlarmCode::kLotNotKept,
+          OrOutOfMemory("lot", [&] { return store_.KeepLot(*kept.state, kept.key, kept.file); }));
   }
   KeepResult(result, outcome.part_number);
   std::string verdict = VerdictLine(result, false);
@@ -235,13 +239,19 @@ void PartKeeper::WriteReport() {
     return;
   }
   report_is_old_ = report_late_ = false;
-  report_ = std::async(
-      std::launch::async, [this, path = store_.report(),
-                           runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
-        Judge(AlarmCode::kReportNotWritten, OrOutOfMemory(path.string() + ": the report", [&] {
-                return WriteOutputFile(path, ReportHtml(runs));
-              }));
-      });
+  const auto begun = OrOutOfMemory("the report", [&]() -> hal::Result<void> {
+    report_ = std::async(
+        std::launch::async, [this, path = store_.report(),
+                             runs = std::vector<RunResult>(recent_.begin(), recent_.end())] {
+          Judge(AlarmCode::kReportNotWritten, OrOutOfMemory(path.string() + ": the report", [&] {
+                  return WriteOutputFile(path, ReportHtml(runs));
+                }));
+        });
+    return {};
+  });
+  if (begun) return;
+  report_is_old_ = true;
+  Judge(AlarmCode::kReportNotWritten, begun);
 }
 
 bool PartKeeper::FlushWithin(std::chrono::nanoseconds patience) {
@@ -256,10 +266,12 @@ bool PartKeeper::FlushWithin(std::chrono::nanoseconds patience) {
 
 void PartKeeper::KeepFailure(const FailedScan& failed) {
   spdlog::warn("{}: not measured: {}", failed.identity.session, failed.error.message);
-  const Json json = {{"schema", kFailedScanSchema},   {"session", failed.identity.session},
-                     {"time", failed.identity.start}, {"software", kSoftware},
-                     {"profiles", failed.profiles},   {"error", failed.error.message}};
-  WriteResult(failed.identity.session, Dump(json, 2) + "\n");
+  WriteResult(failed.identity.session, [&] {
+    const Json json = {{"schema", kFailedScanSchema},   {"session", failed.identity.session},
+                       {"time", failed.identity.start}, {"software", kSoftware},
+                       {"profiles", failed.profiles},   {"error", failed.error.message}};
+    return Dump(json, 2) + "\n";
+  });
 }
 
 RunResult PartKeeper::Lost(const std::string& session, const CommitReport& report) const {
@@ -302,6 +314,8 @@ void PartKeeper::Settle(const SettledCommit& settled) {
   std::error_code none;
   if (!std::filesystem::exists(path, none)) return;  // cleared by hand, or a crash came first
   const auto text = ReadWholeFile(path);
+  // Of a part that was cut short in the middle of its commit: what it says stays true.
+  if (text && text->find(kFailedScanSchema) != std::string::npos) return;
   auto result = text ? ReadResultJson(*text, path.string()) : hal::Fail(text.error());
   if (!result) return Judge(AlarmCode::kResultNotKept, hal::Fail(result.error()));
   result->bender = report;

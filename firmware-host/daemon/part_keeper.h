@@ -65,7 +65,7 @@ class PartKeeper {
  private:
   void WriteReport();
   // What became of a scan: the one that is not kept is the problem until one is.
-  void WriteResult(const std::string& session, const std::string& json);
+  void WriteResult(const std::string& session, const std::function<std::string()>& json);
   void KeepResult(const RunResult& result, std::uint32_t part_number);
   // Of a part that is in no history.
   RunResult Lost(const std::string& session, const CommitReport& report) const;

@@ -9,6 +9,7 @@
 
 #include "firmware-host/cell/live_source.h"
 #include "firmware-host/cell/service_times.h"
+#include "firmware-host/workers/want_of_memory.h"
 
 namespace bendloop::host {
 namespace {
@@ -34,6 +35,14 @@ RealtimePolicy RealtimeOf(const config::RealtimeConfig& from) {
 }
 
 bool ScannerPost::Serve(CellLoop& loop) {
+  bool goes_on = true;
+  if (HasMemoryFor([&] { goes_on = ServeOne(loop); })) return goes_on;
+  board_.OutOfMemory("the scanner's connection");
+  HasMemoryFor([this] { IsAway("out of memory; see what else runs on this machine"); });
+  return true;
+}
+
+bool ScannerPost::ServeOne(CellLoop& loop) {
   AcquisitionOptions options;
   options.realtime = RealtimeOf(cell_.realtime);
   auto source = MakeSource(cell_.scanner, clock_, options.realtime);

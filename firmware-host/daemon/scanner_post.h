@@ -35,6 +35,7 @@ class ScannerPost {
   int exit_code() const { return exit_code_; }
 
  private:
+  bool ServeOne(CellLoop& loop);
   static constexpr std::chrono::milliseconds kFirstRetry{100};
   static constexpr std::chrono::milliseconds kLongestRetry{5000};
 

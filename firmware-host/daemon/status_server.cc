@@ -12,12 +12,14 @@
 #include <chrono>
 #include <cstring>
 #include <map>
+#include <new>
 #include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "firmware-host/daemon/doorkeeper.h"
+#include "firmware-host/workers/want_of_memory.h"
 #include "hal/text.h"
 
 namespace bendloop::host {
@@ -94,21 +96,39 @@ MHD_Result Answer(MHD_Connection* connection, unsigned status, const char* type,
   return queued;
 }
 
+// Where there is no memory for the answer: the library needs a few hundred bytes for this one, and
+// may not have them.
+MHD_Result SayOutOfMemory(MHD_Connection* connection) noexcept {
+  static char text[] = "out of memory; ask again\n";
+  MHD_Response* const response =
+      MHD_create_response_from_buffer(sizeof text - 1, text, MHD_RESPMEM_PERSISTENT);
+  if (response == nullptr) return MHD_NO;
+  const MHD_Result queued = MHD_queue_response(connection, MHD_HTTP_SERVICE_UNAVAILABLE, response);
+  MHD_destroy_response(response);
+  return queued;
+}
+
 MHD_Result Refuse(MHD_Connection* connection, unsigned status, const std::string& why) {
   return Answer(connection, status, "text/plain", why + "\n");
 }
 
 // The values of Host in a request.
 std::vector<std::string> HostsOf(MHD_Connection* connection) {
-  std::vector<std::string> hosts;
-  const auto take = [](void* found, MHD_ValueKind, const char* key, const char* value) {
-    if (hal::Lower(key) == "host") {
-      static_cast<std::vector<std::string>*>(found)->emplace_back(value ? value : "");
-    }
-    return MHD_YES;
+  struct Found {
+    std::vector<std::string> hosts;
+    bool has_memory = true;
+  } found;
+  // No exception may cross the library.
+  const auto take = [](void* to, MHD_ValueKind, const char* key, const char* value) {
+    auto& all = *static_cast<Found*>(to);
+    all.has_memory &= HasMemoryFor([&] {
+      if (hal::Lower(key) == "host") all.hosts.emplace_back(value ? value : "");
+    });
+    return all.has_memory ? MHD_YES : MHD_NO;
   };
-  MHD_get_connection_values(connection, MHD_HEADER_KIND, take, &hosts);
-  return hosts;
+  MHD_get_connection_values(connection, MHD_HEADER_KIND, take, &found);
+  if (!found.has_memory) throw std::bad_alloc();
+  return std::move(found.hosts);
 }
 
 // Whether Host is a name of this machine's own, with any port: who comes through a tunnel has
@@ -127,7 +147,8 @@ class StatusServer::Impl {
  public:
   explicit Impl(Pages pages)
       : pages_{{"/status", {"application/json", std::move(pages.status)}},
-               {"/metrics", {"text/plain; version=0.0.4", std::move(pages.metrics)}}} {}
+               {"/metrics", {"text/plain; version=0.0.4", std::move(pages.metrics)}}},
+        out_of_memory_(std::move(pages.out_of_memory)) {}
 
   ~Impl() {
     on_port_.reset();
@@ -142,7 +163,7 @@ class StatusServer::Impl {
   }
 
  private:
-  struct Page {
+  struct PageText {
     const char* type;
     std::function<std::string()> text;
   };
@@ -164,40 +185,54 @@ class StatusServer::Impl {
 
   // Called as soon as the head of a request is there, and answers at once: a body is not read.
   static MHD_Result OnPort(void* self, MHD_Connection* connection, const char* path,
-                           const char* method, const char* version, const char* body,
-                           std::size_t* body_size, void** state) {
-    const auto hosts = HostsOf(connection);
-    if (hosts.size() != 1) {  // which one counts, servers disagree on
-      return Refuse(connection, MHD_HTTP_BAD_REQUEST, "expected one Host");
-    }
-    if (!IsThisMachine(hosts.front())) {
-      return Refuse(connection, MHD_HTTP_FORBIDDEN, "expected Host 127.0.0.1 or localhost");
-    }
-    return OnSocket(self, connection, path, method, version, body, body_size, state);
+                           const char* method, const char* /*version*/, const char* /*body*/,
+                           std::size_t* /*body_size*/, void** /*state*/) {
+    const auto& server = *static_cast<const Impl*>(self);
+    return server.InMemory(connection, [&] {
+      const auto hosts = HostsOf(connection);
+      if (hosts.size() != 1) {  // which one counts, servers disagree on
+        return Refuse(connection, MHD_HTTP_BAD_REQUEST, "expected one Host");
+      }
+      if (!IsThisMachine(hosts.front())) {
+        return Refuse(connection, MHD_HTTP_FORBIDDEN, "expected Host 127.0.0.1 or localhost");
+      }
+      return server.Page(connection, path, method);
+    });
   }
   static MHD_Result OnSocket(void* self, MHD_Connection* connection, const char* path,
                              const char* method, const char* /*version*/, const char* /*body*/,
-                             std::size_t* /*body_size*/, void** /*state*/);
+                             std::size_t* /*body_size*/, void** /*state*/) {
+    const auto& server = *static_cast<const Impl*>(self);
+    return server.InMemory(connection, [&] { return server.Page(connection, path, method); });
+  }
+  MHD_Result Page(MHD_Connection* connection, const char* path, const char* method) const;
+  // What `answer` queues, or that there was no memory for it.
+  template <class Answer>
+  MHD_Result InMemory(MHD_Connection* connection, Answer&& answer) const {
+    MHD_Result queued = MHD_NO;
+    if (HasMemoryFor([&] { queued = answer(); })) return queued;
+    if (out_of_memory_) out_of_memory_();
+    return SayOutOfMemory(connection);
+  }
 
-  const std::map<std::string, Page, std::less<>> pages_;  // by path
+  const std::map<std::string, PageText, std::less<>> pages_;  // by path
+  const std::function<void()> out_of_memory_;
   fs::path socket_;
   Doorkeeper doorkeeper_{kWholePatience};  // outlives both, which tell it of their last connections
   Daemon on_port_;
   Daemon on_socket_;
 };
 
-MHD_Result StatusServer::Impl::OnSocket(void* self, MHD_Connection* connection, const char* path,
-                                        const char* method, const char*, const char*, std::size_t*,
-                                        void**) {
+MHD_Result StatusServer::Impl::Page(MHD_Connection* connection, const char* path,
+                                    const char* method) const {
   const std::string_view verb = method;
   if (verb != MHD_HTTP_METHOD_GET && verb != MHD_HTTP_METHOD_HEAD) {
     return Refuse(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "expected GET or HEAD");
   }
-  const auto& pages = static_cast<const Impl*>(self)->pages_;
-  const auto page = pages.find(std::string_view(path));
-  if (page == pages.end()) {
+  const auto page = pages_.find(std::string_view(path));
+  if (page == pages_.end()) {
     std::string known;
-    for (const auto& [each, unused] : pages) known += " " + each;
+    for (const auto& [each, unused] : pages_) known += " " + each;
     return Refuse(connection, MHD_HTTP_NOT_FOUND, "expected one of" + known);
   }
   return Answer(connection, MHD_HTTP_OK, page->second.type, page->second.text());

@@ -18,13 +18,16 @@ namespace bendloop::host {
 // system, to the daemon's user and group. Each is a libmicrohttpd with a thread and 256 connections
 // of its own; one that is silent for 2 s is closed. Who comes when all are taken waits in the
 // kernel's queue until one is closed. So whoever keeps 256 busy, byte by byte, keeps others out of
-// the port, but neither out of the socket nor the cell from measuring.
+// the port, but neither out of the socket nor the cell from measuring. Where there is no memory for
+// an answer that is said (503) or, when there is none for that, the connection closed.
 class StatusServer {
  public:
   // Each may be asked by both threads at once.
   struct Pages {
     std::function<std::string()> status;
     std::function<std::string()> metrics;
+    // A question went without its answer; may be empty, must need no memory.
+    std::function<void()> out_of_memory = {};
   };
 
   // `port` 0 picks a free one; `socket` "": none. kDevice when the port is taken or the socket

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "drivers/session/session_writer.h"
+#include "firmware-host/workers/want_of_memory.h"
 #include "hal/saturating.h"
 
 namespace bendloop::host {
@@ -65,21 +66,29 @@ fs::path Recorder::PathOf(const std::string& name) const {
 void Recorder::Begin(const std::string& name, Meta meta) {
   {
     const std::lock_guard lock(mutex_);
-    name_ = name;
+    open_ = Open::kLeftOut;
     gap_profiles_ = gap_events_ = 0;
     if (queued_sessions_ >= kMostSessions) {
-      open_ = Open::kLeftOut;
       ++counters_.dropped_sessions;
+      name_ = name;
       Tell("was not recorded: " + std::to_string(queued_sessions_) +
            " sessions wait for the disk, which hangs; check it");
       return;
     }
+    const bool has_memory = HasMemoryFor([&] {
+      name_ = name;
+      Item item;
+      item.step = Step::kBegin;
+      item.name = name;
+      item.meta = std::move(meta);
+      queue_.push_back(std::move(item));
+    });
+    if (!has_memory) {
+      std::uint64_t left_out = 0;
+      return LeaveOutForMemory(left_out, counters_.dropped_sessions);
+    }
     open_ = Open::kRecording;
     ++queued_sessions_;
-    Item& item = queue_.emplace_back();
-    item.step = Step::kBegin;
-    item.name = name;
-    item.meta = std::move(meta);
   }
   changed_.notify_one();
 }
@@ -98,10 +107,17 @@ void Recorder::LeaveOut(std::uint64_t& left_out, std::uint64_t& counter) {
   ++left_out;
 }
 
+// Of what was to be queued.
+void Recorder::LeaveOutForMemory(std::uint64_t& left_out, std::uint64_t& counter) {
+  ++counter;
+  ++left_out;
+  counters_.last_error = "out of memory";  // short enough to need none
+}
+
 void Recorder::QueueGap(std::int64_t t_ns) {
   last_t_ns_ = t_ns;
   if (gap_profiles_ + gap_events_ == 0) return;
-  Item& item = queue_.emplace_back();
+  Item item;
   item.step = Step::kGap;
   item.event.kind = hal::ScanEventKind::kGap;
   item.event.t_ns = hal::SaturatingDifference(t_ns, 1);  // events are sorted by time
@@ -111,6 +127,7 @@ void Recorder::QueueGap(std::int64_t t_ns) {
     what += (what.empty() ? "" : " and ") + std::to_string(gap_events_) + " events";
   }
   item.event.set_detail(what + ": the disk was too slow for the recorder");
+  queue_.push_back(std::move(item));
   gap_profiles_ = gap_events_ = 0;
 }
 
@@ -121,14 +138,18 @@ void Recorder::Add(const hal::LaserProfile& profile) {
         counters_.queued_points + profile.points.size() > options_.queue_points) {
       return LeaveOut(gap_profiles_, counters_.dropped_profiles);
     }
-    QueueGap(profile.t_ns);
-    Item& item = queue_.emplace_back();
-    if (!spare_.empty()) {
-      item.profile = std::move(spare_.back());
-      spare_.pop_back();
-    }
-    item.profile = profile;
-    item.came = clock_.Now();
+    const bool has_memory = HasMemoryFor([&] {
+      QueueGap(profile.t_ns);
+      Item item;
+      if (!spare_.empty()) {
+        item.profile = std::move(spare_.back());
+        spare_.pop_back();
+      }
+      item.profile = profile;
+      item.came = clock_.Now();
+      queue_.push_back(std::move(item));
+    });
+    if (!has_memory) return LeaveOutForMemory(gap_profiles_, counters_.dropped_profiles);
     counters_.queued_points += profile.points.size();
   }
   changed_.notify_one();
@@ -140,10 +161,14 @@ void Recorder::Add(const hal::ScanEvent& event) {
     if (!HasRoom(options_.queue_items + kEventRoom)) {
       return LeaveOut(gap_events_, counters_.dropped_events);
     }
-    QueueGap(event.t_ns);
-    Item& item = queue_.emplace_back();
-    item.step = Step::kEvent;
-    item.event = event;
+    const bool has_memory = HasMemoryFor([&] {
+      QueueGap(event.t_ns);
+      Item item;
+      item.step = Step::kEvent;
+      item.event = event;
+      queue_.push_back(std::move(item));
+    });
+    if (!has_memory) return LeaveOutForMemory(gap_events_, counters_.dropped_events);
   }
   changed_.notify_one();
 }
@@ -166,8 +191,15 @@ void Recorder::End(Item item) {
   {
     const std::lock_guard lock(mutex_);
     if (std::exchange(open_, Open::kNo) != Open::kRecording) return;
-    QueueGap(last_t_ns_);
-    queue_.push_back(std::move(item));
+    const bool has_memory = HasMemoryFor([&] {
+      QueueGap(last_t_ns_);
+      queue_.push_back(std::move(item));
+    });
+    // The session ends when the next one begins, as if the process had ended; it can be read.
+    if (!has_memory) {
+      std::uint64_t told = 0;
+      LeaveOutForMemory(told, counters_.dropped_sessions);
+    }
   }
   changed_.notify_one();
 }

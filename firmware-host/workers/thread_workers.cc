@@ -46,6 +46,7 @@ void ThreadWorkers::For(std::size_t rounds, const Body& body) {
   // Who wakes up too late finds nothing to do and is not waited for.
   done_.wait(lock, [this] { return inside_ == 0; });
   body_ = nullptr;
+  if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
 }
 
 void ThreadWorkers::Work() {
@@ -63,8 +64,16 @@ void ThreadWorkers::TakeRounds(std::unique_lock<std::mutex>& lock) noexcept {
   while (next_ < rounds_) {
     const std::size_t round = next_++;
     lock.unlock();
-    (*body_)(round);
+    std::exception_ptr thrown;
+    try {
+      (*body_)(round);
+    } catch (...) {
+      thrown = std::current_exception();
+    }
     lock.lock();
+    if (!thrown) continue;
+    if (!thrown_) thrown_ = std::move(thrown);
+    next_ = rounds_;
   }
   --inside_;
 }

@@ -3,6 +3,7 @@
 
 #include <condition_variable>
 #include <cstddef>
+#include <exception>
 #include <functional>
 #include <mutex>
 #include <thread>
@@ -27,6 +28,8 @@ class ThreadWorkers final : public pipeline::Workers {
 
   // As many as work, which may be fewer than were asked for.
   std::size_t threads() const override { return threads_.size() + 1; }
+  // What a round throws is thrown here, when no thread works any more; rounds that had not begun
+  // are left out then. Of several the first.
   void For(std::size_t rounds, const Body& body) override;
 
  private:
@@ -39,7 +42,8 @@ class ThreadWorkers final : public pipeline::Workers {
   std::condition_variable work_, done_;
   const Body* body_ = nullptr;  // of the loop that runs
   std::size_t next_ = 0, rounds_ = 0;
-  std::size_t inside_ = 0;  // threads that have not finished their round
+  std::size_t inside_ = 0;     // threads that have not finished their round
+  std::exception_ptr thrown_;  // by a round
   bool stop_ = false;
   std::vector<std::jthread> threads_;  // last: they use the others
 };

@@ -92,6 +92,22 @@ same_process
 await 60 "the daemon ready" is_ready
 corrected_part
 
+step "No more memory, in the middle of a scan"
+# Of a daemon that has not yet what a scan needs: it keeps what it has once had. No more address space than it has.
+kill "$daemon"
+wait "$daemon" || fail "it did not stop well"
+start
+bend_and_scan
+prlimit --pid "$daemon" --as=1:unlimited
+told BL5015
+same_process
+prlimit --pid "$daemon" --as=unlimited:unlimited
+await 60 "the daemon ready" is_ready
+corrected_part
+corrected_part
+ended BL5015 BL5001 BL5002 BL5003 BL5004 BL5005 BL5012 BL1001
+same_process
+
 step "The bender dead, in the middle of a scan: it answers nothing"
 bend_and_scan
 kill -STOP "$bender_program"

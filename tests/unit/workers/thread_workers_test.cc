@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <system_error>
 #include <utility>
 
@@ -75,6 +76,20 @@ TEST(ThreadWorkers, OneThreadIsTheCallers) {
   ThreadWorkers workers(1);
   const auto caller = std::this_thread::get_id();
   workers.For(10, [&](std::size_t) { EXPECT_EQ(std::this_thread::get_id(), caller); });
+}
+
+TEST(ThreadWorkers, WhatARoundThrowsIsThrownToWhoAskedForIt) {
+  ThreadWorkers workers(3);
+  for (const std::size_t bad : {0U, 17U, 99U}) {
+    EXPECT_THROW(workers.For(100,
+                             [&](std::size_t round) {
+                               if (round == bad) throw std::bad_alloc();
+                             }),
+                 std::bad_alloc);
+  }
+  std::vector<int> done(100, 0);
+  workers.For(done.size(), [&](std::size_t round) { ++done[round]; });
+  EXPECT_EQ(std::count(done.begin(), done.end(), 1), 100);
 }
 
 }  // namespace
