@@ -25,6 +25,13 @@ std::string ProfileName(const std::string& path, std::uint64_t sequence) {
   return path + ": table profile, seq " + std::to_string(sequence) + ": ";
 }
 
+void RemoveLogs(const std::string& path) {
+  std::error_code none;
+  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
+    std::filesystem::remove(path + suffix, none);
+  }
+}
+
 Result<void> CheckWritable(const std::string& path, const hal::LaserProfile& profile) {
   const auto fail = [&](const std::string& why) {
     return Fail(ErrorKind::kBadInput, ProfileName(path, profile.sequence) + why);
@@ -68,9 +75,7 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
     std::filesystem::remove(path, error);
   }
   // A log that an earlier file left behind would be taken for this one's.
-  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
-    std::filesystem::remove(path + suffix, error);
-  }
+  RemoveLogs(path);
 
   SessionWriter writer;
   writer.path_ = path;
@@ -87,7 +92,13 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
       "; PRAGMA user_version=" + std::to_string(kSessionVersion) + "; BEGIN; " + kSessionTables +
       " INSERT INTO meta VALUES('units', 'mm'); COMMIT; "
       "PRAGMA journal_mode=WAL;";
-  if (auto done = writer.database_.Execute(set_up); !done) return Fail(done.error());
+  if (auto done = writer.database_.Execute(set_up); !done) {
+    // On a full disk. Without its tables it would be no session, and in the way of one.
+    writer.database_ = {};
+    std::filesystem::remove(path, error);
+    RemoveLogs(path);
+    return Fail(done.error());
+  }
 
   const auto prepare = [&](Statement& statement, const char* sql) -> Result<void> {
     auto prepared = writer.database_.Prepare(sql);

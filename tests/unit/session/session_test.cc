@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <sys/resource.h>
+
+#include <csignal>
+
 #include "drivers/session/session_check.h"
 #include "session_fixture.h"
 
@@ -44,6 +48,36 @@ TEST_F(SessionTest, GivesBackEveryBit) {
   EXPECT_EQ(event.detail(), "trigger");
   EXPECT_FALSE(*reader->NextEvent(event));
   EXPECT_EQ(Files(), std::set<std::string>{"a.session"});
+}
+
+// No file may become longer than this while it lives, as on a disk that is full.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t most_bytes) : signal_(std::signal(SIGXFSZ, SIG_IGN)) {
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit full{most_bytes, before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &full);
+  }
+  ~FullDisk() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, signal_);
+  }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+ private:
+  void (*signal_)(int);
+  rlimit before_{};
+};
+
+TEST_F(SessionTest, WhatADiskHasNoRoomToBeginLeavesNoFile) {
+  const hal::ManualClock clock;
+  for (const rlim_t room : {0U, 1000U, 20'000U}) {
+    const FullDisk full(room);
+    EXPECT_FALSE(SessionWriter::Create(Path("a.session"), clock)) << room;
+    EXPECT_EQ(Files(), std::set<std::string>{}) << room;
+  }
+  EXPECT_TRUE(SessionWriter::Create(Path("a.session"), clock));
 }
 
 TEST_F(SessionTest, CommitsWhenTheCallersClockSaysSo) {
