@@ -13,6 +13,7 @@
 
 #include "drivers/session/session_blob.h"
 #include "drivers/session/session_format.h"
+#include "drivers/sqlite/side_files.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -23,13 +24,6 @@ using hal::Result;
 
 std::string ProfileName(const std::string& path, std::uint64_t sequence) {
   return path + ": table profile, seq " + std::to_string(sequence) + ": ";
-}
-
-void RemoveLogs(const std::string& path) {
-  std::error_code none;
-  for (const char* suffix : {"-wal", "-shm", "-journal"}) {
-    std::filesystem::remove(path + suffix, none);
-  }
 }
 
 Result<void> CheckWritable(const std::string& path, const hal::LaserProfile& profile) {
@@ -74,8 +68,7 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
     }
     std::filesystem::remove(path, error);
   }
-  // A log that an earlier file left behind would be taken for this one's.
-  RemoveLogs(path);
+  RemoveSideFiles(path);
 
   SessionWriter writer;
   writer.path_ = path;
@@ -96,7 +89,7 @@ Result<SessionWriter> SessionWriter::Create(const std::string& path, const hal::
     // On a full disk. Without its tables it would be no session, and in the way of one.
     writer.database_ = {};
     std::filesystem::remove(path, error);
-    RemoveLogs(path);
+    RemoveSideFiles(path);
     return Fail(done.error());
   }
 

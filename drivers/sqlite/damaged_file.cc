@@ -7,6 +7,7 @@
 #include <system_error>
 
 #include "drivers/sqlite/database.h"
+#include "drivers/sqlite/side_files.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -14,11 +15,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kMark = ".damaged-";
-constexpr const char* kSideFiles[] = {"-wal", "-shm", "-journal"};
 // As many files of one second are no accident any more.
 constexpr int kMostOfOneName = 1000;
-
-fs::path Beside(const fs::path& path, const std::string& suffix) { return path.string() + suffix; }
 
 std::string Stamp(std::int64_t unix_ms) {
   const std::time_t seconds = unix_ms / 1000;

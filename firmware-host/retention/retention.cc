@@ -9,6 +9,7 @@
 #include <system_error>
 #include <tuple>
 
+#include "drivers/sqlite/side_files.h"
 #include "firmware-host/retention/age.h"
 
 namespace bendloop::host {
@@ -16,7 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kSideFiles[] = {"-wal", "-shm", "-journal"};
 constexpr std::string_view kNamePrefix = "part-";
 
 struct File {
@@ -28,8 +28,6 @@ struct File {
   bool is_kept = false;
 };
 
-fs::path Beside(const fs::path& path, const char* suffix) { return path.string() + suffix; }
-
 std::uint64_t SizeOf(const fs::path& path) {
   std::error_code error;
   const auto bytes = fs::file_size(path, error);
@@ -38,7 +36,7 @@ std::uint64_t SizeOf(const fs::path& path) {
 
 std::uint64_t SizeWithSides(const fs::path& path) {
   std::uint64_t bytes = SizeOf(path);
-  for (const char* side : kSideFiles) bytes += SizeOf(Beside(path, side));
+  for (const char* side : drivers::kSideFiles) bytes += SizeOf(drivers::Beside(path, side));
   return bytes;
 }
 
@@ -86,7 +84,7 @@ bool Remove(std::vector<File>& files, std::size_t at, std::vector<fs::path>& rem
   const File& file = files[at];
   std::error_code error;
   if (file.is_kept || !fs::remove(file.path, error)) return false;
-  for (const char* side : kSideFiles) fs::remove(Beside(file.path, side), error);
+  drivers::RemoveSideFiles(file.path);
   removed.push_back(file.path);
   files.erase(files.begin() + static_cast<std::ptrdiff_t>(at));
   return true;
