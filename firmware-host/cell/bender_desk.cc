@@ -169,10 +169,7 @@ BenderReading BenderDesk::Look() {
   const std::lock_guard lock(mutex_);
   BenderReading now = Read();
   if (!now.facts || !is_open_ || options_.read_only) return now;
-  if (auto settled = Settle()) {
-    settled_.push_back(std::move(*settled));
-    now = Read();
-  }
+  if (KeepSettled()) now = Read();
   return now;
 }
 
@@ -190,9 +187,7 @@ CommitReport BenderDesk::Commit(const CommitRequest& request) {
     report.reason = "nothing was sent: a replay sends to a real bender with --send alone";
     return report;
   }
-  if (is_open_) {
-    if (auto settled = Settle()) settled_.push_back(std::move(*settled));
-  }
+  if (is_open_) KeepSettled();
   // What is thrown in the middle, for want of memory, leaves an attempt that the next look settles,
   // as after a crash.
   const bool was_open = std::exchange(is_open_, true);
@@ -220,6 +215,16 @@ std::optional<SettledCommit> BenderDesk::Settle() {
   return settled;
 }
 
+// The same, for TakeSettled. Its room is taken before: there is no second time to tell it.
+bool BenderDesk::KeepSettled() {
+  std::list<SettledCommit> room(1);
+  auto settled = Settle();
+  if (!settled) return false;
+  room.front() = std::move(*settled);
+  settled_.splice(settled_.end(), room);
+  return true;
+}
+
 std::optional<SettledCommit> BenderDesk::Resume() {
   const std::lock_guard lock(mutex_);
   return protocol_ && !options_.read_only ? Settle() : std::nullopt;
@@ -232,9 +237,9 @@ std::optional<std::string> BenderDesk::OpenCommit() const {
   return (*unfinished)->session;
 }
 
-std::vector<SettledCommit> BenderDesk::TakeSettled() {
+void BenderDesk::TakeSettled(std::list<SettledCommit>& to) {
   const std::unique_lock lock(mutex_, std::try_to_lock);
-  return lock ? std::exchange(settled_, {}) : std::vector<SettledCommit>();
+  if (lock) to.splice(to.end(), settled_);
 }
 
 TubeMatch BenderDesk::Match(const ScanToMatch& scan) const {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <list>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -81,8 +82,8 @@ class BenderDesk {
   std::optional<SettledCommit> Resume();
   // The session whose commit is open still: what the bender holds is not known.
   std::optional<std::string> OpenCommit() const;
-  // What Look and Commit have settled since.
-  std::vector<SettledCommit> TakeSettled();
+  // Moves what Look and Commit have settled since behind `to`. Needs no memory.
+  void TakeSettled(std::list<SettledCommit>& to);
 
   TubeMatch Match(const ScanToMatch& scan) const;
   TubeMatch MatchRecorded(const std::string& session, std::int64_t tube) const;
@@ -123,6 +124,7 @@ class BenderDesk {
   void Saw(const Sighting& sighting);
   BenderReading Read();
   std::optional<SettledCommit> Settle();
+  bool KeepSettled();
 
   const Options options_;
   std::string name_;
@@ -140,7 +142,7 @@ class BenderDesk {
   bool is_open_ = true;  // a commit's end may be
   bool commits_ = false;
   std::string ledger_problem_;
-  std::vector<SettledCommit> settled_;
+  std::list<SettledCommit> settled_;
 };
 
 // Of a map's counter of tubes: as many as it counts before it is 0 again.

@@ -257,9 +257,7 @@ void CellLoop::TakeBenderNews() {
       s.bender_parts_bent = news->facts->state.parts_bent;
     });
     if (ports_.bender_heard) ports_.bender_heard(*news);
-    for (SettledCommit& settled : ports_.desk->TakeSettled()) {
-      settled_.push_back(std::move(settled));
-    }
+    ports_.desk->TakeSettled(settled_);
     while (!settled_.empty()) {
       const SettledCommit& settled = settled_.front();
       if (ports_.commit_settled) {

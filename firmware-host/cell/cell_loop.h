@@ -2,8 +2,8 @@
 #pragma once
 
 #include <atomic>
-#include <deque>
 #include <functional>
+#include <list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -163,7 +163,7 @@ class CellLoop {
   LifeSigns life_;
   SideThread beside_;
   WaitingPart waiting_;
-  std::deque<SettledCommit> settled_;       // that nobody was told of yet
+  std::list<SettledCommit> settled_;        // that nobody was told of yet
   std::optional<BenderFollower> follower_;  // live, with a bender
 
   hal::PlcOrders orders_;  // as last heard
