@@ -62,11 +62,10 @@ std::optional<PartOutcome> WaitingPart::Finish(PartOutcome outcome) {
 std::optional<PartOutcome> WaitingPart::GiveUp(const std::string& why) {
   if (!waiting_) return std::nullopt;
   if (attempt_.valid()) {
-    PartOutcome outcome;
-    outcome.end = PartEnd::kWaiting;
-    const bool has_memory = HasMemoryFor([&] { outcome = attempt_.get(); });
-    if (outcome.end != PartEnd::kWaiting) return Finish(std::move(outcome));
-    if (has_memory) Finish(std::move(outcome));
+    std::optional<PartOutcome> last;  // none: there was no memory for it
+    HasMemoryFor([&] { last = attempt_.get(); });
+    if (last && last->end != PartEnd::kWaiting) return Finish(std::move(*last));
+    if (last) Finish(std::move(*last));
   }
   PartOutcome outcome = std::move(waiting_->outcome);
   waiting_.reset();

@@ -16,8 +16,7 @@ inline hal::Result<void> OrOutOfMemory(const std::string& what,
                                        const std::function<hal::Result<void>()>& work) {
   hal::Result<void> done;
   if (HasMemoryFor([&] { done = work(); })) return done;
-  return hal::Fail(hal::ErrorKind::kDevice,
-                   what + ": out of memory; see what else runs on this machine");
+  return hal::Fail(hal::ErrorKind::kDevice, what + ": " + kNoMemory);
 }
 
 }  // namespace bendloop::host

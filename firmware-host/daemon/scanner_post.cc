@@ -38,7 +38,7 @@ bool ScannerPost::Serve(CellLoop& loop) {
   bool goes_on = true;
   if (HasMemoryFor([&] { goes_on = ServeOne(loop); })) return goes_on;
   board_.OutOfMemory("the scanner's connection");
-  HasMemoryFor([this] { IsAway("out of memory; see what else runs on this machine"); });
+  HasMemoryFor([this] { IsAway(kNoMemory); });
   return true;
 }
 

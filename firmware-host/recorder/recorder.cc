@@ -83,10 +83,7 @@ void Recorder::Begin(const std::string& name, Meta meta) {
       item.meta = std::move(meta);
       queue_.push_back(std::move(item));
     });
-    if (!has_memory) {
-      std::uint64_t left_out = 0;
-      return LeaveOutForMemory(left_out, counters_.dropped_sessions);
-    }
+    if (!has_memory) return CountForMemory(counters_.dropped_sessions);
     open_ = Open::kRecording;
     ++queued_sessions_;
   }
@@ -108,9 +105,8 @@ void Recorder::LeaveOut(std::uint64_t& left_out, std::uint64_t& counter) {
 }
 
 // Of what was to be queued.
-void Recorder::LeaveOutForMemory(std::uint64_t& left_out, std::uint64_t& counter) {
+void Recorder::CountForMemory(std::uint64_t& counter) {
   ++counter;
-  ++left_out;
   counters_.last_error = "out of memory";  // short enough to need none
 }
 
@@ -149,7 +145,10 @@ void Recorder::Add(const hal::LaserProfile& profile) {
       item.came = clock_.Now();
       queue_.push_back(std::move(item));
     });
-    if (!has_memory) return LeaveOutForMemory(gap_profiles_, counters_.dropped_profiles);
+    if (!has_memory) {
+      ++gap_profiles_;
+      return CountForMemory(counters_.dropped_profiles);
+    }
     counters_.queued_points += profile.points.size();
   }
   changed_.notify_one();
@@ -168,7 +167,10 @@ void Recorder::Add(const hal::ScanEvent& event) {
       item.event = event;
       queue_.push_back(std::move(item));
     });
-    if (!has_memory) return LeaveOutForMemory(gap_events_, counters_.dropped_events);
+    if (!has_memory) {
+      ++gap_events_;
+      return CountForMemory(counters_.dropped_events);
+    }
   }
   changed_.notify_one();
 }
@@ -196,10 +198,7 @@ void Recorder::End(Item item) {
       queue_.push_back(std::move(item));
     });
     // The session ends when the next one begins, as if the process had ended; it can be read.
-    if (!has_memory) {
-      std::uint64_t told = 0;
-      LeaveOutForMemory(told, counters_.dropped_sessions);
-    }
+    if (!has_memory) CountForMemory(counters_.dropped_sessions);
   }
   changed_.notify_one();
 }

@@ -106,7 +106,7 @@ class Recorder {
   // With mutex_ held, all five.
   bool HasRoom(std::size_t items) const;
   void LeaveOut(std::uint64_t& left_out, std::uint64_t& counter);
-  void LeaveOutForMemory(std::uint64_t& left_out, std::uint64_t& counter);
+  void CountForMemory(std::uint64_t& counter);
   void QueueGap(std::int64_t t_ns);
   void Tell(const std::string& what);
   void End(Item item);

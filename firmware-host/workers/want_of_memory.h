@@ -6,6 +6,9 @@
 
 namespace bendloop::host {
 
+// What is told of it, and where to look.
+inline constexpr const char* kNoMemory = "out of memory; see what else runs on this machine";
+
 // Does `work`; false where there was no memory for it, or for a thread that it begins. What it had
 // changed until then stays: for work that may be left off anywhere.
 template <class Work>
