@@ -5,15 +5,8 @@
 #include <pthread.h>
 #include <semaphore.h>
 
-#include <cstdlib>
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define BENDLOOP_SANITIZED 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define BENDLOOP_SANITIZED 1
-#endif
-#endif
+#include "tests/support/malloc_gate.h"
+#include "tests/support/sanitized.h"
 
 namespace {
 
@@ -26,27 +19,6 @@ thread_local std::uint64_t g_wall_clock_waits = 0;
 
 #ifndef BENDLOOP_SANITIZED
 extern "C" {
-void* __libc_malloc(std::size_t);                 // NOLINT
-void* __libc_calloc(std::size_t, std::size_t);    // NOLINT
-void* __libc_realloc(void*, std::size_t);         // NOLINT
-void* __libc_memalign(std::size_t, std::size_t);  // NOLINT
-
-void* malloc(std::size_t size) noexcept {
-  if (g_watching) ++g_allocations;
-  return __libc_malloc(size);
-}
-void* calloc(std::size_t count, std::size_t size) noexcept {
-  if (g_watching) ++g_allocations;
-  return __libc_calloc(count, size);
-}
-void* realloc(void* old, std::size_t size) noexcept {
-  if (g_watching) ++g_allocations;
-  return __libc_realloc(old, size);
-}
-void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept {
-  if (g_watching) ++g_allocations;
-  return __libc_memalign(alignment, size);
-}
 int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
   using Function = int (*)(pthread_mutex_t*);
   static const auto real = reinterpret_cast<Function>(dlsym(RTLD_NEXT, "pthread_mutex_lock"));
@@ -69,6 +41,11 @@ int sem_timedwait(sem_t* semaphore, const timespec* until) {
 #endif
 
 namespace bendloop::test {
+
+bool MayAllocate() noexcept {
+  if (g_watching) ++g_allocations;
+  return true;
+}
 
 CallGuard::CallGuard() {
   g_allocations = 0;

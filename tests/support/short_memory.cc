@@ -9,13 +9,7 @@
 #include <cstdio>
 #include <cstring>
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define BENDLOOP_SANITIZED 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define BENDLOOP_SANITIZED 1
-#endif
-#endif
+#include "tests/support/malloc_gate.h"
 
 namespace {
 
@@ -28,43 +22,19 @@ bool g_once = true;
 
 }  // namespace
 
-#ifndef BENDLOOP_SANITIZED
-namespace {
+namespace bendloop::test {
 
-bool Fails() {
-  if (!g_armed.load(std::memory_order_acquire)) return false;
+bool MayAllocate() noexcept {
+  if (!g_armed.load(std::memory_order_acquire)) return true;
   char name[kNameBytes] = {};
   prctl(PR_GET_NAME, name);
-  if (std::strcmp(name, g_thread) != 0) return false;
+  if (std::strcmp(name, g_thread) != 0) return true;
   const std::int64_t left = --g_left;
-  if (g_once ? left != 0 : left > 0) return false;
+  if (g_once ? left != 0 : left > 0) return true;
   ++g_failed;
   errno = ENOMEM;
-  return true;
+  return false;
 }
-
-}  // namespace
-
-extern "C" {
-void* __libc_malloc(std::size_t);                 // NOLINT
-void* __libc_calloc(std::size_t, std::size_t);    // NOLINT
-void* __libc_realloc(void*, std::size_t);         // NOLINT
-void* __libc_memalign(std::size_t, std::size_t);  // NOLINT
-
-void* malloc(std::size_t size) noexcept { return Fails() ? nullptr : __libc_malloc(size); }
-void* calloc(std::size_t count, std::size_t size) noexcept {
-  return Fails() ? nullptr : __libc_calloc(count, size);
-}
-void* realloc(void* old, std::size_t size) noexcept {
-  return Fails() ? nullptr : __libc_realloc(old, size);
-}
-void* aligned_alloc(std::size_t alignment, std::size_t size) noexcept {
-  return Fails() ? nullptr : __libc_memalign(alignment, size);
-}
-}
-#endif
-
-namespace bendloop::test {
 
 ShortMemory::ShortMemory(const char* thread, std::int64_t number, Lasts lasts) {
   std::snprintf(g_thread, sizeof g_thread, "%s", thread);
@@ -77,13 +47,5 @@ ShortMemory::ShortMemory(const char* thread, std::int64_t number, Lasts lasts) {
 ShortMemory::~ShortMemory() { g_armed = false; }
 
 std::int64_t ShortMemory::failed() { return g_failed; }
-
-bool ShortMemory::works() {
-#ifdef BENDLOOP_SANITIZED
-  return false;
-#else
-  return true;
-#endif
-}
 
 }  // namespace bendloop::test

@@ -18,8 +18,6 @@ class ShortMemory {
 
   // How many have failed.
   static std::int64_t failed();
-  // False in builds whose sanitizer owns malloc.
-  static bool works();
 };
 
 }  // namespace bendloop::test

@@ -10,69 +10,14 @@
 #include <vector>
 
 #include "config/load.h"
-#include "drivers/simulated_scanner/virtual_scan.h"
-#include "tests/support/hand_clock.h"
+#include "tests/support/scripted_source.h"
 
 namespace bendloop::host {
 namespace {
 
 using namespace std::chrono_literals;
 using tests::HandClock;
-
-// A scanner that does what its script says, sensible or not.
-class ScriptedSource final : public hal::ProfileSource {
- public:
-  enum class Kind { kProfile, kStart, kEnd, kSilence };
-  struct Step {
-    Kind kind = Kind::kProfile;
-    std::size_t profile = 0;
-  };
-  ScriptedSource(const std::vector<hal::LaserProfile>& profiles, std::vector<Step> steps,
-                 HandClock& clock)
-      : profiles_(profiles), steps_(std::move(steps)), clock_(clock) {}
-
-  hal::Result<hal::SourceInfo> Open() override { return Info(); }
-  hal::SourceInfo Info() const {
-    std::size_t most = 0;
-    for (const auto& p : profiles_) most = std::max(most, p.points.size());
-    return {"scripted", "1", "1", true, most};
-  }
-  hal::Result<void> Start() override { return {}; }
-  void Stop() override {}
-  hal::Result<hal::ReadStatus> Read(hal::LaserProfile& profile, hal::ScanEvent& event,
-                                    std::chrono::nanoseconds) override {
-    if (next_ == steps_.size()) return hal::ReadStatus::kEnd;
-    const Step step = steps_[next_++];
-    switch (step.kind) {
-      case Kind::kProfile:
-        profile = profiles_[step.profile];
-        return hal::ReadStatus::kProfile;
-      case Kind::kSilence:
-        // Until the loop has taken what came before and looked at the clock since.
-        if (silence_over && !silence_over()) --next_;
-        clock_.Advance(1s);
-        std::this_thread::yield();
-        return hal::ReadStatus::kTimeout;
-      case Kind::kStart:
-      case Kind::kEnd:
-        break;
-    }
-    event.kind =
-        step.kind == Kind::kStart ? hal::ScanEventKind::kScanStart : hal::ScanEventKind::kScanEnd;
-    event.t_ns = profiles_.back().t_ns;
-    event.set_detail("");
-    return hal::ReadStatus::kEvent;
-  }
-  bool over() const { return next_ == steps_.size(); }
-
-  std::function<bool()> silence_over;
-
- private:
-  const std::vector<hal::LaserProfile>& profiles_;
-  const std::vector<Step> steps_;
-  HandClock& clock_;
-  std::atomic<std::size_t> next_{0};
-};
+using tests::ScriptedSource;
 
 using Kind = ScriptedSource::Kind;
 using Step = ScriptedSource::Step;
@@ -90,24 +35,10 @@ class CellLoopTest : public ::testing::Test {
     EXPECT_TRUE(part);
     cell_.part = *part;
     plan_ = *MakePartPlan(cell_);
-    hal::Tube tube{plan_.pipe_radius_mm, plan_.nominal, {}};
-    drivers::VirtualScanOptions options;
-    options.path.views_deg = drivers::SpreadViewsDeg(3);
-    options.path.profile_spacing_mm = 1.5;
-    options.rays = 60;
-    options.fan_half_angle_deg = 4;
-    const drivers::VirtualScan scan(tube, options);
-    for (std::size_t i = 0; i < scan.profile_count(); ++i) {
-      scan.Make(i, profiles_.emplace_back(scan.max_points()));
-    }
+    profiles_ = tests::SparseScan({plan_.pipe_radius_mm, plan_.nominal, {}}, 1.5, 60);
   }
 
-  std::vector<Step> Clean() const {
-    std::vector<Step> steps = {{Kind::kStart, 0}};
-    for (std::size_t i = 0; i < profiles_.size(); ++i) steps.push_back({Kind::kProfile, i});
-    steps.push_back({Kind::kEnd, 0});
-    return steps;
-  }
+  std::vector<Step> Clean() const { return tests::CleanScan(profiles_.size()); }
 
   Ran Run(std::vector<Step> steps, std::size_t slots = 4096, bool floods = false) {
     HandClock clock;

@@ -7,18 +7,16 @@
 #include <gtest/gtest.h>
 #include <pthread.h>
 
-#include <algorithm>
 #include <atomic>
-#include <thread>
+#include <utility>
 
 #include "config/load.h"
-#include "drivers/simulated_scanner/virtual_scan.h"
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/daemon/status_client.h"
 #include "firmware-host/daemon/status_server.h"
 #include "tests/support/bender_maps.h"
-#include "tests/support/hand_clock.h"
 #include "tests/support/memory_bender.h"
+#include "tests/support/scripted_source.h"
 
 namespace bendloop::host {
 namespace {
@@ -33,7 +31,6 @@ constexpr int kMostAllocations = 2000;
 class ShortMemoryTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!ShortMemory::works()) GTEST_SKIP() << "the sanitizer owns malloc";
     auto part = config::LoadPart(BENDLOOP_SOURCE_DIR "/config/parts/demo.toml");
     ASSERT_TRUE(part);
     cell_.part = *part;
@@ -127,54 +124,11 @@ TEST_F(ShortMemoryTest, AQuestionForTheStatusIsAnsweredOrClosed) {
 
 // Two scans by one loop: in the first there is no memory from some allocation of its thread on,
 // until its end; the second is measured.
-class Scans final : public hal::ProfileSource {
- public:
-  explicit Scans(const std::vector<hal::LaserProfile>& profiles) : profiles_(profiles) {}
-  hal::Result<hal::SourceInfo> Open() override { return Info(); }
-  hal::SourceInfo Info() const {
-    std::size_t most = 0;
-    for (const auto& p : profiles_) most = std::max(most, p.points.size());
-    return {"scans", "1", "1", true, most};
-  }
-  hal::Result<void> Start() override { return {}; }
-  void Stop() override {}
-  hal::Result<hal::ReadStatus> Read(hal::LaserProfile& profile, hal::ScanEvent& event,
-                                    std::chrono::nanoseconds) override {
-    const std::size_t of_scan = profiles_.size() + 2;
-    const std::size_t scan = next_ / of_scan, at = next_ % of_scan;
-    if (scan == 2) return hal::ReadStatus::kEnd;
-    if (scan == 1 && at == 0 && !may_go_on) return hal::ReadStatus::kTimeout;
-    ++next_;
-    if (at > 0 && at <= profiles_.size()) {
-      profile = profiles_[at - 1];
-      return hal::ReadStatus::kProfile;
-    }
-    event.kind = at == 0 ? hal::ScanEventKind::kScanStart : hal::ScanEventKind::kScanEnd;
-    event.t_ns = profiles_.back().t_ns;
-    event.set_detail("");
-    return hal::ReadStatus::kEvent;
-  }
-  std::atomic<bool> may_go_on{false};
-
- private:
-  const std::vector<hal::LaserProfile>& profiles_;
-  std::size_t next_ = 0;
-};
-
 class ShortMemoryLoopTest : public ShortMemoryTest {
  protected:
   void SetUp() override {
     ShortMemoryTest::SetUp();
-    if (IsSkipped()) return;
-    drivers::VirtualScanOptions options;
-    options.path.views_deg = drivers::SpreadViewsDeg(3);
-    options.path.profile_spacing_mm = 3;
-    options.rays = 40;
-    options.fan_half_angle_deg = 4;
-    const drivers::VirtualScan scan({plan_.pipe_radius_mm, plan_.nominal, {}}, options);
-    for (std::size_t i = 0; i < scan.profile_count(); ++i) {
-      scan.Make(i, profiles_.emplace_back(scan.max_points()));
-    }
+    profiles_ = tests::SparseScan({plan_.pipe_radius_mm, plan_.nominal, {}}, 3, 40);
   }
   struct Ran {
     std::vector<std::string> parts, failed;
@@ -186,7 +140,13 @@ class ShortMemoryLoopTest : public ShortMemoryTest {
   Ran Run(const char* thread, std::int64_t number, ShortMemory::Lasts lasts) {
     Ran ran;
     StatusBoard board;
-    Scans source(profiles_);
+    auto steps = tests::CleanScan(profiles_.size());
+    const auto second = steps;
+    steps.push_back({tests::ScriptedSource::Kind::kPause});
+    steps.insert(steps.end(), second.begin(), second.end());
+    tests::ScriptedSource source(profiles_, std::move(steps), clock_);
+    std::atomic<bool> may_go_on{false};
+    source.silence_over = [&] { return may_go_on.load(); };
     const auto desk = BenderDesk::Open(
         cell_.bender, {.journal = ":memory:", .preload = {}, .commit = {}}, clock_);
     std::optional<ShortMemory> shortage;
@@ -213,7 +173,7 @@ class ShortMemoryLoopTest : public ShortMemoryTest {
       });
       if (!is_over) return;
       shortage.reset();
-      source.may_go_on = true;
+      may_go_on = true;
     };
     CellLoopOptions options;
     options.scan.starts_by_event = true;
