@@ -8,10 +8,6 @@
 namespace bendloop::host {
 namespace {
 
-// For the final fit of a scan, beside one sample a voxel: 1 sigma of an angle is then about a
-// thousandth of a degree, well below what any scanner is true to, and the answer is ready in time.
-constexpr std::size_t kMostPoints = 50'000;
-
 pipeline::DirectionChoice ChoiceOf(config::ScanDirection direction) {
   switch (direction) {
     case config::ScanDirection::kForward:

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -14,6 +15,10 @@
 #include "pipeline/reconstruction.h"
 
 namespace bendloop::host {
+
+// For the final fit of a scan, beside one sample a voxel: 1 sigma of an angle is then about a
+// thousandth of a degree, well below what any scanner is true to, and the answer is ready in time.
+inline constexpr std::size_t kMostPoints = 50'000;
 
 // What the cell file means for the pipeline: everything that a run of one part goes by.
 struct PartPlan {

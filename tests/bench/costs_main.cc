@@ -5,6 +5,7 @@
 #include <iostream>
 #include <string>
 
+#include "firmware-host/cell/part_plan.h"
 #include "firmware-host/result/result_json.h"
 #include "pipeline/reconstruction.h"
 #include "tests/bench/bench_cases.h"
@@ -14,10 +15,6 @@
 namespace bendloop::bench {
 namespace {
 
-// The load test's tube and scan (load/load_run.cc).
-constexpr double kNoiseMm = 0.03, kSpacingMm = 1.0, kBentOffDeg = 0.4;
-constexpr int kPasses = 6;
-constexpr std::size_t kMostPoints = 50'000;  // that a cell keeps (firmware-host/cell/part_plan.cc)
 constexpr std::int64_t kBetweenProfilesNs = 1'666'667;  // 600 a second
 
 struct Options {
@@ -27,17 +24,6 @@ struct Options {
   int runs = 1;
   bool json = false;
 };
-
-// Its bends `off_deg` more than the nominal's.
-hal::Tube LoadTube(double off_deg) {
-  hal::Tube tube{12.7, {}, {}};
-  tube.program.rows = {{150.0, 0.0, 45.0 + off_deg, 50.0},
-                       {120.0, 70.0, 90.0 + off_deg, 50.0},
-                       {140.0, -40.0, 30.0 + off_deg, 50.0},
-                       {110.0, 155.0, 62.0 + off_deg, 50.0},
-                       {180.0, 0.0, 0.0, std::nullopt}};
-  return tube;
-}
 
 // Outside the unnamed namespace it would be the same: callgrind finds it by its name.
 [[gnu::noinline]] hal::Result<pipeline::Measurement> LastProfileToResult(
@@ -53,7 +39,7 @@ hal::Result<pipeline::Measurement> RunLive(const LoadScan& scan, std::size_t pro
   pipeline::ReconstructionOptions options;
   options.pipe_radius_mm = nominal.pipe_radius_mm;
   options.nominal = nominal.program;
-  options.max_points = kMostPoints;
+  options.max_points = host::kMostPoints;
   options.pass_drift = {0.05, 0.02};  // of a cell's file
   pipeline::Reconstruction reconstruction(options, clock);
   hal::LaserProfile profile;
@@ -77,7 +63,7 @@ int Run(const Options& options) {
   LoadScan scan;
   Case cloud;
   if (options.profiles > 0) {
-    scan = MakeLoadScan(LoadTube(kBentOffDeg), kSpacingMm, kPasses, kNoiseMm, options.seed);
+    scan = MakeLoadScan(LoadTube(kBentOffDeg), options.seed);
   } else {
     cloud = PaperCase(options.points, options.seed);
   }

@@ -23,29 +23,30 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr double kNoiseMm = 0.03;
-constexpr double kBentOffDeg = 0.4;      // one part too far, the next too little
 constexpr auto kPause = 200ms;           // between the parts
 constexpr std::uint64_t kLineStep = 97;  // from part to part: each has noise of its own
 constexpr double kShortestSample = 0.02;
 constexpr double kMostValues = 200'000;  // of one list; of more, every so manieth is kept
 
-// A tube of one inch, 0.9 m long with four bends.
-constexpr const char* kPart = R"(schema = "bendloop.part/1"
-name = "load"
-part_number = 77
-pipe_radius_mm = 12.7
-bend_radius_mm = 50.0
-row = [{length_mm = 150.0, angle_deg = 45.0},
-       {length_mm = 120.0, rotation_deg = 70.0, angle_deg = 90.0},
-       {length_mm = 140.0, rotation_deg = -40.0, angle_deg = 30.0},
-       {length_mm = 110.0, rotation_deg = 155.0, angle_deg = 62.0},
-       {length_mm = 180.0}]
-)";
+void WritePart(const std::filesystem::path& path) {
+  const hal::Tube tube = LoadTube(0);
+  std::ofstream part(path);
+  part << "schema = \"bendloop.part/1\"\nname = \"load\"\npart_number = 77\npipe_radius_mm = "
+       << tube.pipe_radius_mm << "\nrow = [\n";
+  for (const hal::BendRow& row : tube.program.rows) {
+    part << "  {length_mm = " << row.length_mm;
+    if (row.rotation_deg != 0) part << ", rotation_deg = " << row.rotation_deg;
+    if (row.bend_radius_mm) {
+      part << ", angle_deg = " << row.angle_deg << ", bend_radius_mm = " << *row.bend_radius_mm;
+    }
+    part << "},\n";
+  }
+  part << "]\n";
+}
 
 hal::Result<config::CellConfig> MakeCell(const std::filesystem::path& directory) {
   std::filesystem::create_directories(directory);
-  std::ofstream(directory / "part.toml") << kPart;
+  WritePart(directory / "part.toml");
   std::ofstream(directory / "cell.toml")
       << "schema = \"bendloop.cell/1\"\nname = \"load\"\npart = \"part.toml\"\n"
       << "state_dir = \".\"\n[scanner]\nkind = \"simulated\"\n[bender]\nlink = "
@@ -98,12 +99,9 @@ class LoadCell {
         store_(std::move(store)),
         keeper_(store_, cell_, plan_, alarms_) {
     for (const double off_deg : {kBentOffDeg, -kBentOffDeg}) {
-      hal::Tube tube{plan_.pipe_radius_mm, plan_.nominal, {}};
-      for (auto& row : tube.program.rows) {
-        if (row.angle_deg > 0) row.angle_deg += off_deg;
-      }
+      const hal::Tube tube = LoadTube(off_deg);
       truths_.push_back(tube.program);
-      scans_.push_back(MakeLoadScan(tube, 1.0, 6, kNoiseMm, truths_.size()));
+      scans_.push_back(MakeLoadScan(tube, truths_.size()));
     }
     for (const LoadScan& scan : scans_) {
       orders_.push_back({&scan, static_cast<std::uint64_t>(load.seconds * load.profiles_per_second),

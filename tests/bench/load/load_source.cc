@@ -12,6 +12,8 @@ namespace bendloop::bench {
 namespace {
 
 constexpr double kStandoffMm = 150;
+constexpr double kSpacingMm = 1.0, kNoiseMm = 0.03;
+constexpr int kPasses = 6;
 constexpr double kSeenHalfAngle = 1.2;  // of the tube's section, radians
 constexpr std::size_t kLines = 251;     // a prime: line and place never pair up twice soon
 constexpr double kMostViewAngle = 1.2;  // of the passes from the upside, radians
@@ -19,11 +21,20 @@ constexpr double kIdleReadSeconds = 2e-3;
 
 }  // namespace
 
-LoadScan MakeLoadScan(const hal::Tube& tube, double spacing_mm, int passes, double noise_mm,
-                      std::uint64_t seed) {
+hal::Tube LoadTube(double off_deg) {
+  return {12.7,
+          {{{150.0, 0.0, 45.0 + off_deg, 50.0},
+            {120.0, 70.0, 90.0 + off_deg, 50.0},
+            {140.0, -40.0, 30.0 + off_deg, 50.0},
+            {110.0, 155.0, 62.0 + off_deg, 50.0},
+            {180.0, 0.0, 0.0, std::nullopt}}},
+          {}};
+}
+
+LoadScan MakeLoadScan(const hal::Tube& tube, std::uint64_t seed) {
   LoadScan scan;
   std::mt19937_64 random(seed);
-  std::normal_distribution<double> noise(0, noise_mm);
+  std::normal_distribution<double> noise(0, kNoiseMm);
   std::uniform_real_distribution<double> uniform(0, 1);
   for (std::size_t l = 0; l < kLines; ++l) {
     auto& line = scan.lines.emplace_back();
@@ -36,14 +47,14 @@ LoadScan MakeLoadScan(const hal::Tube& tube, double spacing_mm, int passes, doub
   }
   const auto spine = hal::SpineSegments(tube.program, tube.X_WT);
   const double length_mm = hal::SpineLength(tube.program);
-  for (int pass = 0; pass < passes; ++pass) {
-    const double view = kMostViewAngle * (passes > 1 ? 2.0 * pass / (passes - 1) - 1 : 0.0);
-    const auto steps = static_cast<std::size_t>(length_mm / spacing_mm);
-    const double offset_mm = uniform(random) * spacing_mm;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    const double view = kMostViewAngle * (2.0 * pass / (kPasses - 1) - 1);
+    const auto steps = static_cast<std::size_t>(length_mm / kSpacingMm);
+    const double offset_mm = uniform(random) * kSpacingMm;
     for (std::size_t i = 0; i < steps; ++i) {
       // To and fro, as a hand does.
       const std::size_t step = pass % 2 == 0 ? i : steps - 1 - i;
-      const double s = static_cast<double>(step) * spacing_mm + offset_mm;
+      const double s = static_cast<double>(step) * kSpacingMm + offset_mm;
       auto segment = spine.begin();
       while (segment + 1 != spine.end() && (segment + 1)->from_start_mm <= s) ++segment;
       const double along_mm = s - segment->from_start_mm;

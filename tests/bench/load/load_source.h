@@ -12,6 +12,10 @@
 
 namespace bendloop::bench {
 
+// A tube of one inch, 0.9 m long with four bends, each so much more than the nominal's.
+hal::Tube LoadTube(double off_deg);
+inline constexpr double kBentOffDeg = 0.4;  // one part too far, the next too little
+
 // Everything of a scan that is costly to make, made before: sensor poses along the tube, pass after
 // pass from another side, and noisy laser lines. The laser plane stands across the spine, where a
 // tube's section is a circle in bends as well, so each line fits each place.
@@ -21,9 +25,8 @@ struct LoadScan {
   std::vector<std::vector<hal::ProfilePoint>> lines;
 };
 
-// `noise_mm`: along the surface normal, 1 sigma.
-LoadScan MakeLoadScan(const hal::Tube& tube, double spacing_mm, int passes, double noise_mm,
-                      std::uint64_t seed);
+// Of six passes with lines 1 mm apart and noise of 0.03 mm along the surface normal, 1 sigma.
+LoadScan MakeLoadScan(const hal::Tube& tube, std::uint64_t seed);
 
 // A live scanner that gives scans on demand, paced by `clock`. When it is not asked in time, what
 // was due waits, as in a device's memory.
