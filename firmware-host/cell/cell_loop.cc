@@ -22,7 +22,7 @@ constexpr std::uint64_t kCoveragePeriod = 64;
 constexpr double kCoveredPart = 0.98;
 constexpr auto kSilence = 2s;
 // The longest that a step may take before it is taken for hung. The final fit is bounded by
-// kMostPoints (part_plan.cc) and takes less than a second on an idle machine.
+// kMostPoints (part_plan.h) and takes less than a second on an idle machine.
 constexpr auto kFitBound = 60s;
 // People wait for no less.
 constexpr auto kServePeriod = 200ms;
