@@ -94,6 +94,10 @@ hal::Result<std::string> ReadTextFile(const std::filesystem::path& file) {
   stream.read(text.data(), static_cast<std::streamsize>(text.size()));
   if (stream.bad()) return fail("cannot be read");
   text.resize(static_cast<std::size_t>(stream.gcount()));
+  if (text.empty()) {
+    return fail(
+        "the file is empty (0 bytes), expected a configuration file; copy or write it again");
+  }
   if (text.size() > kMaxFileBytes) {
     return fail("found more than " + std::to_string(kMaxFileBytes) +
                 " bytes, expected a configuration file; is this the right file?");
@@ -124,8 +128,10 @@ hal::Result<TomlDocument> TomlDocument::Parse(std::string_view text, std::string
     document.root_ = toml::parse(text, name);
   } catch (const toml::parse_error& error) {
     const toml::source_position at = error.source().begin;
+    const bool is_cut = error.description().find("end-of-file") != std::string_view::npos;
     return fail(":" + std::to_string(at.line) + ":" + std::to_string(at.column),
-                Printable(error.description(), 300));
+                Printable(error.description(), 300) +
+                    (is_cut ? ", expected more; was the file copied to its end?" : ""));
   }
   return document;
 }

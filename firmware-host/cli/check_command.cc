@@ -21,6 +21,7 @@
 #include "firmware-host/cell/service_unit.h"
 #include "firmware-host/cell/tube_rules.h"
 #include "firmware-host/cli/command.h"
+#include "firmware-host/cli/foreign_file.h"
 #include "firmware-host/console/printable.h"
 #include "firmware-host/text/table.h"
 #include "hal/clock.h"
@@ -128,6 +129,9 @@ std::string TooCoarse(const config::CellConfig& cell) {
 // What the file is, when it is right.
 hal::Result<std::string> CheckFile(const std::string& file) {
   if (drivers::LooksLikeDatabase(file)) return CheckSessionFile(file);
+  if (const std::string why = WhyForeign(file); !why.empty()) {
+    return hal::Fail(hal::ErrorKind::kBadInput, why);
+  }
   const auto kind = config::ValidateFile(file);
   if (!kind) return hal::Fail(kind.error());
   // Beyond keys and types: can this be bent?
@@ -156,6 +160,9 @@ hal::Result<std::string> CheckFile(const std::string& file) {
 int PrintDropIn(const std::string& file) {
   if (drivers::LooksLikeDatabase(file)) {
     return Report({hal::ErrorKind::kUsage, file + ": is a session, expected a cell file"});
+  }
+  if (const std::string why = WhyForeign(file); !why.empty()) {
+    return Report({hal::ErrorKind::kBadInput, why});
   }
   const auto cell = config::LoadCell(file);
   if (!cell) return Report(cell.error());

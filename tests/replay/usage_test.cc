@@ -48,6 +48,39 @@ TEST(Usage, AWrongCommandLineIsTwoAndOneLine) {
   }
 }
 
+TEST(Usage, CheckSaysWhyAFileIsNone) {
+  const Scratch scratch;
+  struct Case {
+    const char* name;
+    std::string text;
+    const char* says;
+  };
+  for (const Case& c :
+       {Case{"e.session", "", "empty (0 bytes)"}, Case{"e.csv", "", "empty (0 bytes)"},
+        Case{"e.ply", "", "empty (0 bytes)"}, Case{"e.step", "", "empty (0 bytes)"},
+        Case{"e.db", "", "empty (0 bytes)"}, Case{"e.toml", "", "empty (0 bytes)"},
+        Case{"e", "", "empty (0 bytes)"}, Case{"cut.session", "SQLite for", "ends after byte 10"},
+        Case{"s.session", "no session", "found no session"},
+        Case{"cut.ply", "ply\nformat ascii 1.0\n", "a point cloud"},
+        Case{"cut.stp", "ISO-10303-21;\nHEAD", "CAD (STEP)"},
+        Case{"p.csv", "x,y,z\n1,2", "a table"},
+        Case{"binary",
+             std::string("\x7f"
+                         "ELF\0\0",
+                         6),
+             "zero byte at byte 4"}}) {
+    std::ofstream(scratch / c.name, std::ios::binary) << c.text;
+    for (const char* option : {"", "--unit-drop-in "}) {
+      const Ran ran =
+          scratch.Bendloop("check " + std::string(option) + (scratch / c.name).string());
+      EXPECT_EQ(ran.code, 3) << c.name;
+      EXPECT_THAT(ran.err, StartsWith("bendloop: " + (scratch / c.name).string() + ":"));
+      EXPECT_THAT(ran.err, HasSubstr(c.says)) << c.name;
+      EXPECT_THAT(ran.err, HasSubstr("expected")) << c.name;
+    }
+  }
+}
+
 TEST(Usage, ANumberOutOfItsLimitsIsNamedAsItWasTyped) {
   const Scratch scratch;
   for (const char* number :

@@ -388,6 +388,15 @@ TEST_F(CellFiles, ValidateSaysWhatAFileIs) {
   EXPECT_THAT(other.error().message, HasSubstr("did you mean 'bendloop.cell/1'?"));
   EXPECT_FALSE(ValidateFile(Write("none.toml", "x = 1\n")));
   EXPECT_FALSE(ValidateFile(directory_));
+  for (const char* name : {"empty.toml", "empty.eds"}) {
+    const auto empty = ValidateFile(Write(name, ""));
+    ASSERT_FALSE(empty);
+    EXPECT_EQ(empty.error().kind, hal::ErrorKind::kBadInput);
+    EXPECT_THAT(empty.error().message, HasSubstr("empty (0 bytes)"));
+  }
+  const auto cut = ValidateFile(Write("cut.toml", "schema = \"bendloop.cell/1"));
+  ASSERT_FALSE(cut);
+  EXPECT_THAT(cut.error().message, AllOf(HasSubstr("cut.toml:1:"), HasSubstr("copied to its end")));
   const auto missing = ValidateFile(directory_ / "missing.toml");
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().kind, hal::ErrorKind::kBadInput);
