@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <span>
 
 #include "hal/angles.h"
@@ -17,6 +18,17 @@ struct KernelSettings {
   double widest_rad = 150.0 * hal::kRadiansPerDegree;
   // [of a straight between two bends] Each may reach so far into it.
   double room = 0.45;
+  // [of the kernel's standard deviation] How far pieces reach beyond the sharp arc; what would lie
+  // beyond is in the last one. By trial: with 1.6 and 2.6 radii of bends that ease by 1.5 r_P may
+  // be wrong by several sigma.
+  double tails = 2.2;
+  // [of the standard deviation] A shorter arc is as one of this length under a narrower kernel.
+  double least_arc = 0.3;
+  // [of the variance] The box' share of the kernel's, where the root of kurtosis would leave it
+  // nothing or all.
+  double least_box = 0.05, most_box = 0.999;
+  // [of the variance of bend and kernel] The least of a kernel that may be divided by.
+  double least_variance = 1e-6;
 };
 constexpr KernelSettings kKernel;
 constexpr double kLeastAngle = 1e-9;  // [rad] keeps a bend of nothing from being divided by
@@ -34,23 +46,69 @@ Eigen::Vector2d EndOf(std::span<const BendPiece> pieces) {
   return at;
 }
 
-// The pieces of an arc of this length and curvature, whose kernel has its steps `step_mm` apart,
-// which is no more than the arc.
-std::array<BendPiece, kEasedPieces> Pieces(double arc_mm, double angle_rad, double step_mm,
-                                           double reach) {
-  const double outer = 0.5 / (reach * reach);  // weight of an outer step
-  const double radius_mm = arc_mm / angle_rad;
-  std::array<double, kEasedPieces> part, length_mm;
-  if (arc_mm >= 2.0 * step_mm) {
-    part = {outer, 1.0 - outer, 1.0, 1.0 - outer, outer};
-    length_mm = {step_mm, step_mm, arc_mm - 2.0 * step_mm, step_mm, step_mm};
-  } else {  // the last step comes after the first one's arc
-    part = {outer, 1.0 - outer, 1.0 - 2.0 * outer, 1.0 - outer, outer};
-    length_mm = {step_mm, arc_mm - step_mm, 2.0 * step_mm - arc_mm, arc_mm - step_mm, step_mm};
+// [mm^2] Integral of the integral of a Gaussian's distribution function, up to s.
+double TwiceIntegrated(double s_mm, double sigma_mm) {
+  const double z = s_mm / sigma_mm;
+  const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+  const double below = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+  return 0.5 * ((s_mm * s_mm + sigma_mm * sigma_mm) * below + s_mm * sigma_mm * density);
+}
+
+// A bend's curvature along the spine: the sharp arc's box, smoothed by a box and a Gaussian.
+struct CurvatureProfile {
+  double arc_mm, box_mm, sigma_mm;
+
+  // What is turned of the bend's angle `s_mm` from its middle: 0 to 1.
+  double TurnedAt(double s_mm) const {
+    const auto of_box_mm2 = [&](double s) {
+      return TwiceIntegrated(s + 0.5 * box_mm, sigma_mm) -
+             TwiceIntegrated(s - 0.5 * box_mm, sigma_mm);
+    };
+    return (of_box_mm2(s_mm + 0.5 * arc_mm) - of_box_mm2(s_mm - 0.5 * arc_mm)) / (arc_mm * box_mm);
   }
-  std::array<BendPiece, kEasedPieces> pieces;
+};
+
+CurvatureProfile ProfileOf(double arc_mm, double variance_mm2, double reach) {
+  const double of_both_mm2 = arc_mm * arc_mm / 12.0 + variance_mm2;
+  variance_mm2 = std::max(variance_mm2, kKernel.least_variance * of_both_mm2);
+  if (arc_mm < kKernel.least_arc * std::sqrt(variance_mm2)) {
+    arc_mm = kKernel.least_arc * std::sqrt(of_both_mm2);
+    variance_mm2 = of_both_mm2 - arc_mm * arc_mm / 12.0;
+  }
+  // A box that has this share of a variance takes 1.2 of its square from a Gaussian's kurtosis.
+  const double box = std::clamp(std::sqrt(std::max(0.0, (3.0 - reach * reach) / 1.2)),
+                                kKernel.least_box, kKernel.most_box);
+  return {arc_mm, std::sqrt(12.0 * box * variance_mm2), std::sqrt((1.0 - box) * variance_mm2)};
+}
+
+// Arcs as long as each other where the curvature rises and falls, and one between. Each turns as
+// far as the profile does along it, and the variance of their curvature is the profile's.
+EasedPieces Pieces(double arc_mm, double angle_rad, double variance_mm2, double reach) {
+  const CurvatureProfile profile = ProfileOf(arc_mm, variance_mm2, reach);
+  const double kernel_mm2 =
+      profile.box_mm * profile.box_mm / 12.0 + profile.sigma_mm * profile.sigma_mm;
+  const double ramp_mm = kKernel.tails * std::sqrt(kernel_mm2);
+  const double end_mm = 0.5 * profile.arc_mm + ramp_mm;
+  const double flat_mm =
+      std::max(0.5 * profile.arc_mm - ramp_mm, end_mm / static_cast<double>(kEasedPieces));
+  constexpr std::size_t kSide = kEasedPieces / 2;
+  std::array<double, kEasedPieces + 1> at_mm, turned;
+  for (std::size_t i = 0; i <= kSide; ++i) {
+    at_mm[i] = -end_mm + static_cast<double>(i) / kSide * (end_mm - flat_mm);
+    turned[i] = i == 0 ? 0.0 : profile.TurnedAt(at_mm[i]);
+    at_mm[kEasedPieces - i] = -at_mm[i];
+    turned[kEasedPieces - i] = 1.0 - turned[i];
+  }
+  double spread_mm2 = 0;
   for (std::size_t i = 0; i < kEasedPieces; ++i) {
-    pieces[i] = {length_mm[i] * part[i] / radius_mm, radius_mm / part[i]};
+    const double a = at_mm[i], b = at_mm[i + 1];
+    spread_mm2 += (turned[i + 1] - turned[i]) * (a * a + a * b + b * b) / 3.0;
+  }
+  const double scale = std::sqrt((arc_mm * arc_mm / 12.0 + variance_mm2) / spread_mm2);
+  EasedPieces pieces;
+  for (std::size_t i = 0; i < kEasedPieces; ++i) {
+    const double turn_rad = angle_rad * std::max(kLeastAngle, turned[i + 1] - turned[i]);
+    pieces[i] = {turn_rad, scale * (at_mm[i + 1] - at_mm[i]) / turn_rad};
   }
   return pieces;
 }
@@ -59,24 +117,15 @@ std::array<BendPiece, kEasedPieces> Pieces(double arc_mm, double angle_rad, doub
 
 EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, double reach) {
   angle_rad = std::max(angle_rad, kLeastAngle);
-  double arc_mm = angle_rad * bend_radius_mm;
-  double step_mm = reach * std::sqrt(std::max(0.0, variance_mm2));
-  if (arc_mm < step_mm) {
-    // An arc shorter than the kernel's steps would leave gaps. What counts is the variance of the
-    // curvature along the spine: that of a longer arc under a narrower kernel is the same.
-    const double square = reach * reach;
-    const double of_both_mm2 = arc_mm * arc_mm / 12.0 + variance_mm2;
-    arc_mm = step_mm = std::sqrt(square * of_both_mm2 / (square / 12.0 + 1.0));
-  }
+  const double arc_mm = angle_rad * bend_radius_mm;
   EasedBend bend;
-  bend.pieces = Pieces(arc_mm, angle_rad, step_mm, reach);
+  bend.pieces = Pieces(arc_mm, angle_rad, variance_mm2, reach);
   // Both chords lie along the sum of the tangents; what they differ by the straights lose.
   auto pieces = bend.pieces;
   double angle = angle_rad;
   if (angle > kKernel.widest_rad) {
     angle = kKernel.widest_rad;
-    pieces =
-        Pieces(angle * bend_radius_mm, angle, std::min(step_mm, angle * bend_radius_mm), reach);
+    pieces = Pieces(angle * bend_radius_mm, angle, variance_mm2, reach);
   }
   const double chord_mm = 2.0 * bend_radius_mm * std::sin(0.5 * angle);
   bend.beyond_mm = (EndOf(pieces).norm() - chord_mm) / (2.0 * std::cos(0.5 * angle));
@@ -91,7 +140,7 @@ Easing EasingWithin(const hal::BendProgram& program, const Easing& easing) {
       const bool is_end = row == 0 || row == bends;
       return (is_end ? 2.0 : 1.0) * kKernel.room * std::max(0.0, program.rows[row].length_mm);
     };
-    const double most_mm = std::min(room_mm(i), room_mm(i + 1)) / easing.reach;
+    const double most_mm = std::min(room_mm(i), room_mm(i + 1)) / kKernel.tails;
     within.variance_mm2[i] = std::min(within.variance_mm2[i], most_mm * most_mm);
   }
   return within;

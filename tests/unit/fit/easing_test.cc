@@ -40,10 +40,42 @@ TEST(Easing, MovesTheArcInwardsAsAClothoidDoes) {
   tube.program.rows = {{60, 0, 90, 20}, {60, 0, 0, {}}};
   const double easing_mm = 2;
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, Easing{{easing_mm * easing_mm}});
-  const hal::SpineSegment& middle = spine.segments[3];
-  EXPECT_DOUBLE_EQ(middle.bend_radius_mm, 20);
-  const double shift_mm = easing_mm * easing_mm / (2 * 20);
-  EXPECT_NEAR(middle.center_mm().y(), 20 + shift_mm, 0.01 * shift_mm);
+  const hal::SpineSegment& middle = spine.segments[1 + kEasedPieces / 2];
+  const Eigen::Vector3d sharp_center = hal::SpineSegments(tube.program, tube.X_WT)[1].center_mm();
+  // Both lines keep their place: the center leaves them by the shift each.
+  const double shift_mm = std::sqrt(2.0) * easing_mm * easing_mm / (2 * 20);
+  const double from_center_mm = (middle.PointAt(0.5 * middle.length_mm) - sharp_center).norm();
+  EXPECT_NEAR(from_center_mm, 20 - shift_mm, 0.03 * shift_mm);
+}
+
+// What tells radius and easing of short bends: arc^2 / 12 and the easing's variance, together.
+TEST(Easing, PiecesHaveTheVarianceOfArcAndKernel) {
+  for (const double angle_deg : {1.0, 15.0, 60.0, 120.0}) {
+    for (const double easing_mm : {0.1, 2.0, 7.5}) {
+      for (const double reach : {kLeastReach, kUsualReach, kMostReach}) {
+        SCOPED_TRACE(std::to_string(angle_deg) + " degrees, " + std::to_string(easing_mm));
+        const double angle_rad = angle_deg * std::numbers::pi / 180;
+        const double arc_mm = angle_rad * 15;
+        const EasedBend bend = Ease(angle_rad, 15, easing_mm * easing_mm, reach);
+        double length_mm = 0;
+        for (const BendPiece& piece : bend.pieces) {
+          length_mm += piece.angle_rad * piece.bend_radius_mm;
+        }
+        double from_mm = -0.5 * length_mm, turned_rad = 0, variance_mm2 = 0;
+        for (const BendPiece& piece : bend.pieces) {
+          const double piece_mm = piece.angle_rad * piece.bend_radius_mm;
+          const double middle_mm = from_mm + 0.5 * piece_mm;
+          from_mm += piece_mm;
+          turned_rad += piece.angle_rad;
+          variance_mm2 +=
+              piece.angle_rad / angle_rad * (middle_mm * middle_mm + piece_mm * piece_mm / 12);
+        }
+        const double expected_mm2 = arc_mm * arc_mm / 12 + easing_mm * easing_mm;
+        EXPECT_NEAR(turned_rad, angle_rad, 1e-7 * angle_rad);
+        EXPECT_NEAR(variance_mm2, expected_mm2, 1e-6 * expected_mm2);
+      }
+    }
+  }
 }
 
 TEST(Easing, DerivativesAreThoseOfTheSegments) {
@@ -80,8 +112,7 @@ TEST(Easing, DerivativesAreThoseOfTheSegments) {
 }
 
 TEST(Easing, LengthsAndBendRadiiOfEasedBendsAreThoseOfTheTrade) {
-  // Of bends that ease by 1 r and more the sigmas are still too small (tests/bench/README.md).
-  for (const double easing_r : {0.4, 0.7}) {
+  for (const double easing_r : {0.4, 0.7, 1.0}) {
     SCOPED_TRACE(easing_r);
     std::mt19937_64 random(3);
     const auto cloud = tests::ScanRealTube(ThreeBends(), {.easing_r = easing_r}, {}, random);
