@@ -88,7 +88,7 @@ StraightMiddle MiddleOf(const BowedTubeState& state, const EasedSpine& spine, st
     if (within.empty()) return 0.0;
     const hal::BendRow& of_bend = state.tube.program.rows[bend];
     return Ease(of_bend.angle_deg * hal::kRadiansPerDegree, of_bend.bend_radius_mm.value_or(0.0),
-                within.variance_mm2[bend], within.reach)
+                within.variance_mm2[bend], within.reach, within.room_of_mm(bend))
         .beyond_mm;
   };
   for (const double variance : state.easing.variance_mm2) {

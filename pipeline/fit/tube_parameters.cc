@@ -80,7 +80,7 @@ class MotionsOfEased {
  public:
   // `free`: the straights leave room for more easing.
   MotionsOfEased(double angle_rad, double bend_radius_mm, double variance_mm2, double reach,
-                 bool free, const std::array<int, 4>& parameters)
+                 double room_mm, bool free, const std::array<int, 4>& parameters)
       : parameters_(parameters) {
     // Central differences of plain functions: a part of 1e-5 leaves ten digits.
     const std::array<double, 4> at = {angle_rad, bend_radius_mm, variance_mm2, reach};
@@ -89,8 +89,8 @@ class MotionsOfEased {
       std::array<double, 4> less = at, more = at;
       less[i] *= 1.0 - 1e-5;
       more[i] *= 1.0 + 1e-5;
-      const EasedBend a = Ease(less[0], less[1], less[2], less[3]);
-      const EasedBend b = Ease(more[0], more[1], more[2], more[3]);
+      const EasedBend a = Ease(less[0], less[1], less[2], less[3], room_mm);
+      const EasedBend b = Ease(more[0], more[1], more[2], more[3], room_mm);
       const double per = 1.0 / (more[i] - less[i]);
       for (std::size_t k = 0; k < kEasedPieces; ++k) {
         by_[i].pieces[k] = {per * (b.pieces[k].angle_rad - a.pieces[k].angle_rad),
@@ -266,7 +266,7 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(const EasedSpine& 
       if (spine.is_line(k - 1)) {
         const hal::BendRow& row = reference_.program.rows[bend];
         of_eased.emplace(row.angle_deg / hal::kDegreesPerRadian, row.bend_radius_mm.value_or(0.0),
-                         within.variance_mm2[bend], within.reach,
+                         within.variance_mm2[bend], within.reach, within.room_of_mm(bend),
                          within.variance_mm2[bend] == easing_.variance_mm2[bend],
                          std::array{angle(bend), bend_radius(bend), easing(bend), easing_reach()});
         of_eased->Begin(segment, motions);

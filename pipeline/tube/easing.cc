@@ -22,6 +22,8 @@ struct KernelSettings {
   // beyond is in the last one. By trial: with 1.6 and 2.6 radii of bends that ease by 1.5 r_P may
   // be wrong by several sigma.
   double tails = 2.2;
+  // [of it] What a straight that is too short for them leaves of them, at least.
+  double least_tails = 1.5;
   // [of the standard deviation] A shorter arc is as one of this length under a narrower kernel.
   double least_arc = 0.3;
   // [of the variance] The box' share of the kernel's, where the root of kurtosis would leave it
@@ -83,11 +85,12 @@ CurvatureProfile ProfileOf(double arc_mm, double variance_mm2, double reach) {
 
 // Arcs as long as each other where the curvature rises and falls, and one between. Each turns as
 // far as the profile does along it, and the variance of their curvature is the profile's.
-EasedPieces Pieces(double arc_mm, double angle_rad, double variance_mm2, double reach) {
+EasedPieces Pieces(double arc_mm, double angle_rad, double variance_mm2, double reach,
+                   double room_mm) {
   const CurvatureProfile profile = ProfileOf(arc_mm, variance_mm2, reach);
   const double kernel_mm2 =
       profile.box_mm * profile.box_mm / 12.0 + profile.sigma_mm * profile.sigma_mm;
-  const double ramp_mm = kKernel.tails * std::sqrt(kernel_mm2);
+  const double ramp_mm = std::min(kKernel.tails * std::sqrt(kernel_mm2), room_mm);
   const double end_mm = 0.5 * profile.arc_mm + ramp_mm;
   const double flat_mm =
       std::max(0.5 * profile.arc_mm - ramp_mm, end_mm / static_cast<double>(kEasedPieces));
@@ -115,17 +118,18 @@ EasedPieces Pieces(double arc_mm, double angle_rad, double variance_mm2, double 
 
 }  // namespace
 
-EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, double reach) {
+EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, double reach,
+               double room_mm) {
   angle_rad = std::max(angle_rad, kLeastAngle);
   const double arc_mm = angle_rad * bend_radius_mm;
   EasedBend bend;
-  bend.pieces = Pieces(arc_mm, angle_rad, variance_mm2, reach);
+  bend.pieces = Pieces(arc_mm, angle_rad, variance_mm2, reach, room_mm);
   // Both chords lie along the sum of the tangents; what they differ by the straights lose.
   auto pieces = bend.pieces;
   double angle = angle_rad;
   if (angle > kKernel.widest_rad) {
     angle = kKernel.widest_rad;
-    pieces = Pieces(angle * bend_radius_mm, angle, variance_mm2, reach);
+    pieces = Pieces(angle * bend_radius_mm, angle, variance_mm2, reach, room_mm);
   }
   const double chord_mm = 2.0 * bend_radius_mm * std::sin(0.5 * angle);
   bend.beyond_mm = (EndOf(pieces).norm() - chord_mm) / (2.0 * std::cos(0.5 * angle));
@@ -134,13 +138,15 @@ EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, dou
 
 Easing EasingWithin(const hal::BendProgram& program, const Easing& easing) {
   Easing within = easing;
+  within.room_mm.clear();
   const std::size_t bends = program.bend_count();
   for (std::size_t i = 0; i < within.variance_mm2.size(); ++i) {
     const auto room_mm = [&](std::size_t row) {
       const bool is_end = row == 0 || row == bends;
       return (is_end ? 2.0 : 1.0) * kKernel.room * std::max(0.0, program.rows[row].length_mm);
     };
-    const double most_mm = std::min(room_mm(i), room_mm(i + 1)) / kKernel.tails;
+    within.room_mm.push_back(std::min(room_mm(i), room_mm(i + 1)));
+    const double most_mm = within.room_mm.back() / kKernel.least_tails;
     within.variance_mm2[i] = std::min(within.variance_mm2[i], most_mm * most_mm);
   }
   return within;
@@ -166,7 +172,7 @@ EasedSpine SpineOf(const hal::BendProgram& program, const hal::Pose& X_WT, const
     }
     const double radius_mm = row.bend_radius_mm.value_or(0.0);
     const EasedBend bend = Ease(row.angle_deg * hal::kRadiansPerDegree, radius_mm,
-                                within.variance_mm2[i], within.reach);
+                                within.variance_mm2[i], within.reach, within.room_of_mm(i));
     for (std::size_t k = 0; k < kEasedPieces; ++k) {
       const BendPiece& piece = bend.pieces[k];
       const double line_mm =

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <vector>
 
 #include "hal/bend_program.h"
@@ -32,6 +33,12 @@ constexpr double kLeastReach = 1.35, kMostReach = 1.73;
 struct Easing {
   std::vector<double> variance_mm2;  // of every bend; none: they are sharp
   double reach = kUsualReach;        // of the tube's kernel
+  // How far each may reach beyond its sharp arc, as EasingWithin() has it; none: as far as it does.
+  std::vector<double> room_mm;
+
+  double room_of_mm(std::size_t bend) const {
+    return bend < room_mm.size() ? room_mm[bend] : std::numeric_limits<double>::infinity();
+  }
 
   bool empty() const { return variance_mm2.empty(); }
 };
@@ -45,7 +52,8 @@ struct EasedBend {
   EasedPieces pieces;
   double beyond_mm = 0;  // how far it reaches beyond the sharp arc's tangent points
 };
-EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, double reach);
+EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, double reach,
+               double room_mm = std::numeric_limits<double>::infinity());
 
 // Segments of a tube whose bends may be eased: line, pieces of the first bend, line, ...
 struct EasedSpine {
