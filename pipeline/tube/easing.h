@@ -34,7 +34,7 @@ struct Easing {
   std::vector<double> variance_mm2;  // of every bend; none: they are sharp
   double reach = kUsualReach;        // of the tube's kernel
   // How far each may reach beyond its sharp arc, as EasingWithin() has it; none: as far as it does.
-  std::vector<double> room_mm;
+  std::vector<double> room_mm = {};
 
   double room_of_mm(std::size_t bend) const {
     return bend < room_mm.size() ? room_mm[bend] : std::numeric_limits<double>::infinity();
