@@ -164,6 +164,16 @@ double Misfit(const RealResult& result) {
          result.over_sigma.angle.sum2;
 }
 
+std::string DescribeDents(const RealCase& scan) {
+  const double length_mm = hal::SpineLength(scan.cloud.truth.program);
+  std::string dents;
+  for (const tests::Dent& dent : scan.form.dents) {
+    dents += " at " + Number(dent.along * length_mm) + " mm, " + Number(dent.around_rad) +
+             " rad, " + Number(dent.depth_r * scan.cloud.truth.pipe_radius_mm) + " deep;";
+  }
+  return dents;
+}
+
 RealResult Measure(std::uint64_t seed, const RealRun& run) {
   const RealCase scan = DrawRealCase(seed);
   pipeline::ReconstructionOptions options;
@@ -194,13 +204,18 @@ RealResult Measure(std::uint64_t seed, const RealRun& run) {
   }
   if (run.verbose) {
     std::cout << seed << ' ' << scan.kind << ", " << scan.cloud.points_W.size() << " points, "
-              << Number(ms) << " ms\ntrue  " << Describe(truth.program) << '\n';
+              << Number(ms) << " ms\ntrue  " << Describe(truth.program) << "\neased by "
+              << scan.form.easing_r << " r, oval " << scan.form.ovality << ", dents"
+              << DescribeDents(scan) << '\n';
     if (measured) {
       std::cout << "found " << Describe(measured->tube.program) << "\nsigma "
                 << Describe(measured->sigma) << "\npipe radius " << measured->tube.pipe_radius_mm
                 << " +- " << measured->pipe_radius_sigma_mm << ", noise " << measured->noise_mm
-                << ", margin " << measured->structure_margin << ", dents " << measured->dents.size()
-                << "\neased over";
+                << ", margin " << measured->structure_margin << "\ndents";
+      for (const auto& dent : measured->dents) {
+        std::cout << " at " << dent.along_mm << " mm " << dent.depth_mm << " deep;";
+      }
+      std::cout << "\neased over";
       for (const auto& easing : measured->bend_easings) std::cout << ' ' << easing.length_mm;
       std::cout << ", bowed by";
       for (const auto& straight : measured->straights) std::cout << ' ' << straight.height_mm;
@@ -301,6 +316,7 @@ RealCase DrawRealCase(std::uint64_t seed) {
   scan.drift_deg = 0.2 * scan.drift_mm;
   scan.thinning = std::exp(Uniform(random, std::log(kind.thinning[0]), std::log(kind.thinning[1])));
   result.cloud = tests::ScanRealTube(tube, form, scan, random);
+  result.form = form;
   result.nominal = result.cloud.truth.program;
   for (std::size_t i = 0; i < result.nominal.rows.size(); ++i) {
     hal::BendRow& row = result.nominal.rows[i];

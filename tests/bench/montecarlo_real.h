@@ -16,6 +16,7 @@ struct RealCase {
   std::string kind;
   std::uint64_t seed = 0;
   tests::RealCloud cloud;
+  tests::Form form;          // what of it is no line and no arc
   hal::BendProgram nominal;  // the truth, bent a little off
 };
 
