@@ -204,7 +204,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   ReportForm(FormOf(final, measurement.tube, tube->blocks), fit.priors.radii_alike > 0,
              measurement);
-  MeasureDents(measurement.tube, ends, final.noise_mm, tube->blocks, measurement.dents);
+  MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
+               tube->blocks, measurement.dents);
   LookBeyondEnds(ends, final.noise_mm, measurement);
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,

@@ -6,12 +6,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
+#include <numeric>
 #include <optional>
 
 #include "hal/angles.h"
 #include "hal/tube_features.h"
 #include "pipeline/features/unrolled_wall.h"
+#include "pipeline/fit/surface_sums.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/product_sums.h"
 #include "pipeline/math/simd.h"
@@ -220,18 +223,50 @@ class DentFit {
 // The wall about a place, unrolled.
 class Wall {
  public:
-  Wall(const hal::Tube& tube, std::span<const PointBlock> blocks)
+  Wall(const hal::Tube& tube, const WallForm& form, std::span<const PointBlock> blocks)
       : r_mm_(tube.pipe_radius_mm),
-        segments_(hal::SpineSegments(tube.program, tube.X_WT)),
-        frames_(SegmentFrames(segments_, 0.0)),
-        blocks_(blocks) {}
+        spine_(SpineOf(tube.program, tube.X_WT, form.easing)),
+        frames_(SegmentFrames(spine_, 0.0, form.flattening)),
+        blocks_(blocks) {
+    for (const Flattening& of_bend : form.flattening) {
+      const double most =
+          0.5 * (std::abs(of_bend.constant) + std::abs(of_bend.bump)) + std::abs(of_bend.collapse);
+      flat_mm_ = std::max(flat_mm_, most * r_mm_);
+    }
+  }
 
+  // At most `enough_points`, as far apart as all of them; off the wall that is flattened.
   std::vector<WallPoint> About(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
-                               double off_mm) const {
-    const Eigen::Vector3d middle = frame.spine_mm + r_mm_ * frame.outward;
-    const UnrolledWall unrolled(segments_, frame, r_mm_);
-    const double around_mm = std::min(reach_mm, kDents.most_around * r_mm_);
+                               double off_mm, std::size_t enough_points) const {
+    const std::vector<SeenPoint> seen = SeenAbout(frame, along_mm, reach_mm, off_mm + flat_mm_);
+    const std::size_t stride = StrideTo(seen.size(), enough_points);
     std::vector<WallPoint> points;
+    for (std::size_t i = 0; i < seen.size(); i += stride) {
+      WallPoint point = seen[i].place;
+      point.off_mm += InsideMm(*seen[i].point, seen[i].segment);
+      if (std::abs(point.off_mm) <= off_mm) points.push_back(point);
+    }
+    return points;
+  }
+
+  hal::SurfaceFrame FrameAt(double along_mm, double around_deg) const {
+    return hal::FrameAt(spine_.segments, along_mm, around_deg, spine_.pieces);
+  }
+  double length_mm() const { return spine_.length_mm(); }
+
+ private:
+  struct SeenPoint {
+    WallPoint place;  // off the round wall
+    const Eigen::Vector3d* point;
+    std::size_t segment;
+  };
+  std::vector<SeenPoint> SeenAbout(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
+                                   double off_mm) const {
+    const Eigen::Vector3d middle = frame.spine_mm + r_mm_ * frame.outward;
+    const auto& segments = spine_.segments;
+    const UnrolledWall unrolled(segments, frame, r_mm_);
+    const double around_mm = std::min(reach_mm, kDents.most_around * r_mm_);
+    std::vector<SeenPoint> seen;
     std::vector<std::int32_t> candidates;
     for (const PointBlock& block : blocks_) {
       const double near_mm = std::hypot(reach_mm, around_mm) + r_mm_ + block.half_diagonal_mm;
@@ -239,27 +274,66 @@ class Wall {
       CandidateSegments(block, frames_, 2.0 * r_mm_, candidates);
       if (candidates.empty()) continue;
       for (const Eigen::Vector3d& point : block.points) {
-        const SpineFoot foot = NearestFoot(point, segments_, frames_, candidates);
+        const SpineFoot foot = NearestFoot(point, segments, frames_, candidates);
         if (foot.segment < 0 || std::abs(foot.distance_mm - r_mm_) > off_mm) continue;
-        const hal::SpineSegment& segment = segments_[static_cast<std::size_t>(foot.segment)];
-        const double u = segment.from_start_mm + foot.along_mm - along_mm;
-        if (std::abs(u) > reach_mm || foot.along_mm < 0 || foot.along_mm > segment.length_mm)
+        const auto at = static_cast<std::size_t>(foot.segment);
+        const double u = segments[at].from_start_mm + foot.along_mm - along_mm;
+        if (std::abs(u) > reach_mm || foot.along_mm < 0 || foot.along_mm > segments[at].length_mm)
           continue;
         const double v = -unrolled.PlaceOf(point, foot).y();
         if (std::abs(v) > around_mm) continue;
-        points.push_back({u, v, foot.distance_mm - r_mm_});
+        seen.push_back({{u, v, foot.distance_mm - r_mm_}, &point, at});
       }
     }
-    return points;
+    return seen;
+  }
+  // How far the flattened wall lies inside the round one there.
+  double InsideMm(const Eigen::Vector3d& point, std::size_t segment) const {
+    const SegmentFrame& frame = frames_[segment];
+    if (!frame.flattening) return 0.0;
+    PointLanes lanes;
+    lanes.x[0] = point.x(), lanes.y[0] = point.y(), lanes.z[0] = point.z();
+    LocalLanes local;
+    ToSegment(frame, lanes, 1, local);
+    std::array<double, kBatch> inside_mm{};
+    FlattenedBy(frame, r_mm_, local, inside_mm);
+    return inside_mm[0];
   }
 
-  const std::vector<hal::SpineSegment>& segments() const { return segments_; }
-
- private:
   double r_mm_;
-  std::vector<hal::SpineSegment> segments_;
+  double flat_mm_ = 0;  // the furthest that a bend's wall lies off the round one
+  EasedSpine spine_;
   std::vector<SegmentFrame> frames_;
   std::span<const PointBlock> blocks_;
+};
+
+// Along and around the tube of sharp bends, as its drawing has places.
+class PlacesOfTube {
+ public:
+  explicit PlacesOfTube(const hal::Tube& tube)
+      : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
+        frames_(SegmentFrames(segments_, 0.0)),
+        all_(segments_.size()) {
+    std::iota(all_.begin(), all_.end(), 0);
+  }
+  // By the dent's position.
+  void Name(DentFound& dent) const {
+    const SpineFoot foot = NearestFoot(dent.position_mm, segments_, frames_, all_);
+    if (foot.segment < 0) return;
+    const auto at = static_cast<std::size_t>(foot.segment);
+    const hal::SpineSegment& segment = segments_[at];
+    const double along_mm = std::clamp(foot.along_mm, 0.0, segment.length_mm);
+    const Eigen::Vector3d tangent = segment.TangentAt(along_mm);
+    const Eigen::Vector3d out = dent.position_mm - segment.PointAt(along_mm);
+    dent.along_mm = segment.from_start_mm + along_mm;
+    dent.around_deg = hal::AroundDeg(hal::AroundZero(segments_, at), tangent,
+                                     (out - out.dot(tangent) * tangent).normalized());
+  }
+
+ private:
+  std::vector<hal::SpineSegment> segments_;
+  std::vector<SegmentFrame> frames_;
+  std::vector<std::int32_t> all_;
 };
 
 // As the cells saw it: its middle and size to about a cell.
@@ -279,32 +353,28 @@ FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double de
   return DentFit(points, reach_mm, depth_mm, size_mm, pipe_radius_mm, noise_mm).Fit();
 }
 
-void MeasureDents(const hal::Tube& tube, const TubeEnds& ends, double noise_mm,
-                  std::span<const PointBlock> blocks, std::vector<DentFound>& dents) {
+void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& ends,
+                  double noise_mm, std::span<const PointBlock> blocks,
+                  std::vector<DentFound>& dents) {
   if (dents.empty()) return;
   const double r_mm = tube.pipe_radius_mm, length_mm = hal::SpineLength(tube.program);
-  const Wall wall(tube, blocks);
+  const Wall wall(tube, form, blocks);
+  const PlacesOfTube places(tube);
   for (DentFound& dent : dents) {
     Doubt(r_mm, dent);
-    const hal::SurfaceFrame frame = hal::FrameAt(wall.segments(), dent.along_mm, dent.around_deg);
+    const hal::SurfaceFrame frame = wall.FrameAt(dent.along_mm, dent.around_deg);
     const double reach_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
-    std::vector<WallPoint> points =
-        wall.About(frame, dent.along_mm, reach_mm,
-                   kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm);
-    const std::size_t stride = StrideTo(points.size(), kDents.enough_points);
-    for (std::size_t i = 0; i * stride < points.size(); ++i) points[i] = points[i * stride];
-    points.resize((points.size() + stride - 1) / stride);
+    const std::vector<WallPoint> points = wall.About(
+        frame, dent.along_mm, reach_mm,
+        kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm, kDents.enough_points);
     const FittedDent fitted =
         FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
     if (fitted.is_fitted) {
-      dent.along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, length_mm);
-      const std::size_t at = hal::SegmentAt(wall.segments(), dent.along_mm);
-      const hal::SurfaceFrame there = hal::FrameAt(wall.segments(), dent.along_mm, 0.0);
+      const double along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, wall.length_mm());
+      const hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
       const Eigen::Vector3d outward = UnrolledWall::Carried(
           Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
           there.tangent);
-      dent.around_deg =
-          hal::AroundDeg(hal::AroundZero(wall.segments(), at), there.tangent, outward);
       dent.position_mm = there.spine_mm + r_mm * outward;
       dent.along_sigma_mm = fitted.along_sigma_mm;
       dent.around_sigma_deg = fitted.around_sigma_mm / r_mm * hal::kDegreesPerRadian;
@@ -312,6 +382,7 @@ void MeasureDents(const hal::Tube& tube, const TubeEnds& ends, double noise_mm,
       dent.area_mm2 = fitted.area_mm2, dent.area_sigma_mm2 = fitted.area_sigma_mm2;
       dent.size_mm = 2.0 * std::sqrt(fitted.area_mm2 / std::numbers::pi);
     }
+    places.Name(dent);
     const bool from_end = 2.0 * dent.along_mm > length_mm;
     dent.along_sigma_mm =
         std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);

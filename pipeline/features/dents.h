@@ -7,17 +7,28 @@
 #include "hal/tube.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
+#include "pipeline/tube/easing.h"
+#include "pipeline/tube/flattening.h"
 #include "pipeline/tube/measurement.h"
 
 namespace bendloop::pipeline {
+
+// What a tube's bends are beside sharp and round.
+struct WallForm {
+  const Easing& easing;
+  std::span<const Flattening> flattening;  // of every bend, or none
+};
 
 // Place, depth and area of dents that were seen in cells of the surface (fit/surface_form.h), from
 // the points themselves: least squares of D 2^-(q^s) on a smooth wall, q a quadratic form of the
 // place on the unrolled surface, 1 where the dent is half as deep as in its middle. The power s
 // tells round dents (1: a gaussian) from flats. What cannot be fitted stays as the cells have it.
 // `noise_mm`: 1 sigma of a point along the normal.
-void MeasureDents(const hal::Tube& tube, const TubeEnds& ends, double noise_mm,
-                  std::span<const PointBlock> blocks, std::vector<DentFound>& dents);
+// `wall`: how its bends ease and are flattened; places are those of `tube`, whose bends are sharp
+// and round.
+void MeasureDents(const hal::Tube& tube, const WallForm& wall, const TubeEnds& ends,
+                  double noise_mm, std::span<const PointBlock> blocks,
+                  std::vector<DentFound>& dents);
 
 // A point of the wall about a dent: along the tube and around it on the unrolled surface, and out
 // of the round one [mm].

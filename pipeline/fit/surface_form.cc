@@ -50,7 +50,8 @@ struct FormSettings {
 };
 constexpr FormSettings kForm;
 
-// Points of one segment in cells, row by row along it; distances less the straight's long bends.
+// Points of one straight or bend in cells, row by row along it; distances less the straight's long
+// bends.
 struct Cells {
   double from_mm = 0, row_mm = 1;
   int rows = 0;
@@ -163,11 +164,19 @@ double DepthAt(const std::vector<double>& smooth, int rows, int row, int side) {
   return *middle - here;
 }
 
+// A straight, or all pieces of a bend: a wall that goes on from piece to piece.
+struct Stretch {
+  std::size_t first = 0, count = 1;  // of the spine's segments
+  std::span<const hal::SpineSegment> Of(const EasedSpine& spine) const {
+    return std::span(spine.segments).subspan(first, count);
+  }
+};
+
 struct Depths {
   std::vector<double> mm;
   std::vector<double> sigmas;  // of each: times the noise of a point
   const Cells* cells;
-  const hal::SpineSegment* segment;
+  Stretch stretch;
 };
 
 // Cells about the deepest that are half as deep and joined to it; takes them out.
@@ -186,9 +195,14 @@ int TakeHalfAsDeep(Depths& depths, int row, int side, double half_mm) {
 DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int side,
                  double pipe_radius_mm) {
   const Cells& cells = *depths.cells;
-  const hal::SpineSegment& segment = *depths.segment;
-  const double along_mm =
-      std::clamp(cells.from_mm + (row + 0.5) * cells.row_mm, 0.0, segment.length_mm);
+  const auto segments = depths.stretch.Of(spine);
+  double along_mm = std::max(0.0, cells.from_mm + (row + 0.5) * cells.row_mm);
+  std::size_t piece = 0;
+  while (piece + 1 < segments.size() && along_mm > segments[piece].length_mm) {
+    along_mm -= segments[piece++].length_mm;
+  }
+  const hal::SpineSegment& segment = segments[piece];
+  along_mm = std::min(along_mm, segment.length_mm);
   // QuarterTurns() counts from -y: a side's middle in the frame (outward, normal).
   const double turn = (side + 0.5) * 2.0 * std::numbers::pi / kSides - 0.5 * std::numbers::pi;
   const Eigen::Vector3d tangent = segment.TangentAt(along_mm);
@@ -197,17 +211,17 @@ DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int sid
   const Eigen::Vector3d direction = std::cos(turn) * outward + std::sin(turn) * segment.normal;
   DentFound dent;
   dent.along_mm = segment.from_start_mm + along_mm;
-  const auto at = static_cast<std::size_t>(&segment - spine.segments.data());
   dent.around_deg =
-      hal::AroundDeg(hal::AroundZero(spine.segments, at, spine.pieces), tangent, direction);
+      hal::AroundDeg(hal::AroundZero(spine.segments, depths.stretch.first + piece, spine.pieces),
+                     tangent, direction);
   dent.position_mm = segment.PointAt(along_mm) + pipe_radius_mm * direction;
   return dent;
 }
 
-std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> segments,
+std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> stretches,
                                  double pipe_radius_mm, double noise_mm) {
   std::vector<double> magnitudes;
-  for (const Depths& depths : segments) {
+  for (const Depths& depths : stretches) {
     for (const double depth : depths.mm) {
       if (depth != 0) magnitudes.push_back(std::abs(depth));
     }
@@ -222,7 +236,7 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> se
     Depths* deepest = nullptr;
     std::size_t at = 0;
     double depth_mm = least_mm;
-    for (Depths& depths : segments) {
+    for (Depths& depths : stretches) {
       for (std::size_t i = 0; i < depths.mm.size(); ++i) {
         if (depths.mm[i] > depth_mm &&
             depths.mm[i] > kForm.noise_sigmas * noise_mm * depths.sigmas[i]) {
@@ -249,26 +263,30 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> se
   return dents;
 }
 
-// What a segment's points are laid on: from where to where along it.
+// What a stretch's points are laid on: from where to where along it.
 struct Extent {
   double low_mm = 0, high_mm = 0;
 };
 
-// Takes the points of one segment to cells. A straight's long bends are found and taken off.
-class SegmentForm {
+// Takes the points of a straight or a bend to cells. A straight's long bends are found and taken
+// off.
+class StretchForm {
  public:
-  SegmentForm(const SegmentPoints& points, const hal::SpineSegment& segment, const Extent& extent,
+  StretchForm(std::span<const SegmentPoints> points, const Stretch& stretch,
+              std::span<const hal::SpineSegment> segments, const Extent& extent,
               double pipe_radius_mm, double noise_mm)
-      : segment_(&segment) {
+      : stretch_(stretch) {
     cells_.Resize(extent.low_mm, extent.high_mm, kForm.cell * pipe_radius_mm);
-    const bool is_long = !segment.is_arc() &&
+    const bool is_long = !segments.front().is_arc() &&
                          extent.high_mm - extent.low_mm > kForm.shortest * pipe_radius_mm &&
-                         static_cast<double>(points.size) > kForm.least_points;
+                         static_cast<double>(points.front().size) > kForm.least_points;
     if (is_long) {
-      bends_.emplace(points, extent.low_mm, extent.high_mm, pipe_radius_mm, noise_mm);
+      bends_.emplace(points.front(), extent.low_mm, extent.high_mm, pipe_radius_mm, noise_mm);
     }
-    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
-      AddPoint(points.x[i], points.y[i], points.z[i], points.distance[i]);
+    double before_mm = 0;
+    for (std::size_t k = 0; k < segments.size(); ++k) {
+      Add(points[k], segments[k], before_mm);
+      before_mm += segments[k].length_mm;
     }
   }
 
@@ -277,7 +295,7 @@ class SegmentForm {
   Depths DepthsOfCells() const {
     SmoothCells smooth(cells_);
     Depths depths{std::vector<double>(smooth.mean_mm.size(), 0.0), std::move(smooth.sigmas),
-                  &cells_, segment_};
+                  &cells_, stretch_};
     for (int row = 0; row < cells_.rows; ++row) {
       for (int side = 0; side < kSides; ++side) {
         depths.mm[Cells::At(row, side)] = DepthAt(smooth.mean_mm, cells_.rows, row, side);
@@ -287,19 +305,22 @@ class SegmentForm {
   }
 
  private:
-  void AddPoint(double x, double y, double z, double distance_mm) {
-    if (segment_->is_arc()) {
-      // Local y counts from the bend's centre; the arc begins at -y.
-      const double along_mm = segment_->bend_radius_mm * std::atan2(x, -y);
-      cells_.Add(along_mm, std::hypot(x, y) - segment_->bend_radius_mm, z, distance_mm);
-      return;
+  void Add(const SegmentPoints& points, const hal::SpineSegment& segment, double before_mm) {
+    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
+      const double x = points.x[i], y = points.y[i], z = points.z[i];
+      if (segment.is_arc()) {
+        // Local y counts from the bend's centre; the arc begins at -y.
+        const double along_mm = before_mm + segment.bend_radius_mm * std::atan2(x, -y);
+        cells_.Add(along_mm, std::hypot(x, y) - segment.bend_radius_mm, z, points.distance[i]);
+        continue;
+      }
+      const double rho = std::max(1e-9, std::hypot(y, z));
+      const double off_mm = bends_ ? bends_->OffMm(x, y / rho, z / rho) : 0.0;
+      cells_.Add(x, y, z, points.distance[i] - off_mm);
     }
-    const double rho = std::max(1e-9, std::hypot(y, z));
-    const double off_mm = bends_ ? bends_->OffMm(x, y / rho, z / rho) : 0.0;
-    cells_.Add(x, y, z, distance_mm - off_mm);
   }
 
-  const hal::SpineSegment* segment_;
+  Stretch stretch_;
   Cells cells_;
   std::optional<LongBends> bends_;
 };
@@ -332,32 +353,37 @@ SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
     Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, points.segments[k]);
   }
   SurfaceForm form;
-  std::vector<SegmentForm> segments;
-  segments.reserve(spine.segments.size());
+  std::vector<StretchForm> stretches;
+  stretches.reserve(spine.segments.size());
   double sides_mm2 = 0, straights = 0;
-  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
-    const hal::SpineSegment& segment = spine.segments[k];
-    Extent extent{0.0, segment.length_mm};
-    if (spine.is_line(k)) {
-      if (k > 0) extent.low_mm += kForm.beside_bend * r_mm;
-      if (k + 1 < spine.segments.size()) extent.high_mm -= kForm.beside_bend * r_mm;
+  for (std::size_t k = 0; k < spine.segments.size();) {
+    const bool is_line = spine.is_line(k);
+    const Stretch stretch{k, is_line ? 1 : spine.pieces};
+    const auto segments = stretch.Of(spine);
+    const auto of_stretch = std::span(points.segments).subspan(k, stretch.count);
+    k += stretch.count;
+    Extent extent;
+    for (const hal::SpineSegment& segment : segments) extent.high_mm += segment.length_mm;
+    if (is_line) {
+      if (stretch.first > 0) extent.low_mm += kForm.beside_bend * r_mm;
+      if (k < spine.segments.size()) extent.high_mm -= kForm.beside_bend * r_mm;
     }
     if (!(extent.high_mm > extent.low_mm + 1e-6)) {
-      if (spine.is_line(k)) form.straights.emplace_back();
+      if (is_line) form.straights.emplace_back();
       continue;
     }
-    const SegmentForm& of_segment =
-        segments.emplace_back(points.segments[k], segment, extent, r_mm, noise_mm);
-    if (!spine.is_line(k)) continue;
-    form.straights.push_back(of_segment.bends() ? of_segment.bends()->Form(1.0) : StraightForm{});
-    const auto sides = SidesOf(points.segments[k], extent, kForm.side_sigmas * noise_mm);
+    const StretchForm& found =
+        stretches.emplace_back(of_stretch, stretch, segments, extent, r_mm, noise_mm);
+    if (!is_line) continue;
+    form.straights.push_back(found.bends() ? found.bends()->Form(1.0) : StraightForm{});
+    const auto sides = SidesOf(of_stretch.front(), extent, kForm.side_sigmas * noise_mm);
     if (!sides) continue;
     sides_mm2 += *sides;
     straights += 1;
   }
   form.sides_mm2 = straights > 0 ? std::max(0.0, sides_mm2 / straights) : 0.0;
   std::vector<Depths> depths;
-  for (const SegmentForm& segment : segments) depths.push_back(segment.DepthsOfCells());
+  for (const StretchForm& stretch : stretches) depths.push_back(stretch.DepthsOfCells());
   form.dents = FindDents(spine, std::move(depths), r_mm, noise_mm);
   return form;
 }
