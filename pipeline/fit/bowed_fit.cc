@@ -56,8 +56,9 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
       doubtful.Doubt(true, fit);
       return {no_bows, doubtful.noise_mm(), doubtful.worth(), true};
     }
-    bows = {bowed.Next(), std::max(options.min_sigma_mm, bowed.noise_mm()), bowed.worth(),
-            bowed.IsPulledAside()};
+    const double noise_mm = std::max(
+        {options.min_sigma_mm, bowed.noise_mm(), is_last ? 0.0 : kBowed.narrower * bows.noise_mm});
+    bows = {bowed.Next(), noise_mm, bowed.worth(), bowed.IsPulledAside()};
     if (is_last) return bows;
     usual_radius_mm = bowed.UsualRadius();
     is_last = round >= kBowed.least_rounds - 1 && bowed.IsSettled();

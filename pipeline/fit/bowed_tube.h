@@ -27,8 +27,8 @@ struct BowedSettings {
   std::size_t few_points = 20'000, enough_points = 200'000;
   // [of r_P] Of a place along the spine.
   double place = 1.5;
-  // [of r_P] Shorter straights have no bow.
-  double shortest = 2.5;
+  // [of r_P] Shorter straights have no bow, nor those of which the bends beside them leave less.
+  double shortest = 2.5, shortest_left = 0.5;
   // [of a straight's length] 1 sigma of a bow's height, and of one that changes sides: L / 300 is
   // the worst that is sold as straight.
   double bow = 0.002, s_bow = 0.001;
@@ -36,6 +36,9 @@ struct BowedSettings {
   double most_bow = 0.02;
   // [of the highest bow] Beside the noise, for the first weights: what bows leave is no outlier.
   double wide = 0.3;
+  // And how fast these weights may narrow, round by round: beside a noise of a thousandth of r_P
+  // what is not yet bowed right would have no say any more.
+  double narrower = 0.7;
   // [of a bend's radius] 1 sigma of one that the samples know.
   double known_radius = 0.1;
   // 1 sigma of the kernel's reach, bend by bend about the tube's.
@@ -86,7 +89,7 @@ class BowedTube {
     state_.bows.resize(own_.size());
     int next = parameters_.size();
     for (std::size_t k = 0; k < own_.size(); ++k) {
-      if (!spine_.is_line(k) || spine_.segments[k].length_mm < kBowed.shortest * r_mm_) {
+      if (!MayBow(k)) {
         state_.bows[k] = {};
         continue;
       }
@@ -146,6 +149,11 @@ class BowedTube {
   void Doubt(bool would_move, SurfaceFit& fit) const;
 
  private:
+  bool MayBow(std::size_t k) const {
+    return spine_.is_line(k) && spine_.segments[k].length_mm >= kBowed.shortest_left * r_mm_ &&
+           state_.tube.program.rows[spine_.row(k)].length_mm >= kBowed.shortest * r_mm_;
+  }
+
   // Of every segment's frame by all numbers; a straight's own bow moves its places one by one.
   void SetMotions();
 
