@@ -45,6 +45,10 @@ struct ReviseSettings {
   // So many points tell which is better.
   std::size_t points = 20'000;
   int most_changes = 4;
+  // Times that points of dents are left out; [of the points before] once more only where no more
+  // than these are left.
+  int most_undented = 6;
+  double undented = 0.999;
 };
 constexpr ReviseSettings kRevise;
 constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -282,22 +286,28 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
       straight ? std::move(*straight) : FitFromAfar(start, blocks, options), {}, std::nullopt, {}};
   solution.straight = solution.fit.tube;
   solution.bows = FitBows(blocks, options, solution.fit);
-  if (!solution.bows.is_pulled_aside) return solution;
-  solution.undented =
-      WithoutDents(solution.bows.state, solution.bows.noise_mm, blocks, options.reach_mm);
-  if (!solution.undented) return solution;
-  SurfaceFitOptions from_there = options;
-  from_there.easing = solution.fit.easing;
-  hal::Tube from = start;
-  if (from_there.easing.empty()) {
-    // What dents hid.
-    FoundEasing hidden = FindEasing(solution.fit, *solution.undented, from_there);
-    from_there.easing = std::move(hidden.easing);
-    from = hidden.eased.value_or(start);
+  // What a fit has taken in of a dent it shows too shallow and too small: without it, more is seen.
+  for (int i = 0; i < kRevise.most_undented && (i > 0 || solution.bows.is_pulled_aside); ++i) {
+    const auto from = solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
+    auto undented =
+        WithoutDents(solution.bows.state, solution.bows.noise_mm, blocks, from, options.reach_mm);
+    if (!undented) break;
+    const auto before = static_cast<double>(CountPoints(from));
+    if (i > 0 && static_cast<double>(undented->point_count()) > kRevise.undented * before) break;
+    solution.undented = std::move(undented);
+    SurfaceFitOptions from_there = options;
+    from_there.easing = solution.fit.easing;
+    hal::Tube start_now = start;
+    if (from_there.easing.empty()) {
+      // What dents hid.
+      FoundEasing hidden = FindEasing(solution.fit, *solution.undented, from_there);
+      from_there.easing = std::move(hidden.easing);
+      start_now = hidden.eased.value_or(start);
+    }
+    solution.fit = FitFromAfar(start_now, *solution.undented, from_there);
+    solution.straight = solution.fit.tube;
+    solution.bows = FitBows(*solution.undented, from_there, solution.fit);
   }
-  solution.fit = FitFromAfar(from, *solution.undented, from_there);
-  solution.straight = solution.fit.tube;
-  solution.bows = FitBows(*solution.undented, from_there, solution.fit);
   return solution;
 }
 

@@ -34,6 +34,7 @@ struct SurfacePlace {
   double along_mm = 0;  // of the spine
   Eigen::Vector3d tangent, outward;
   double distance_mm = 0;  // from the spine
+  bool on_end = false;     // on the first straight or the last
 };
 
 // A circle on the surface, unrolled about its middle.
@@ -65,7 +66,8 @@ class Spine {
     const hal::SpineSegment& segment = spine_.segments[static_cast<std::size_t>(foot.segment)];
     const Eigen::Vector3d out = point - segment.PointAt(foot.along_mm);
     return SurfacePlace{segment.from_start_mm + foot.along_mm, segment.TangentAt(foot.along_mm),
-                        out.normalized(), foot.distance_mm};
+                        out.normalized(), foot.distance_mm,
+                        foot.segment == 0 || foot.segment == all_.back()};
   }
 
  private:
@@ -75,11 +77,11 @@ class Spine {
 };
 
 std::vector<DentCircle> CirclesOf(const std::vector<DentFound>& dents, const Spine& spine,
-                                  double noise_mm, double pipe_radius_mm) {
+                                  double noise_mm, double pipe_radius_mm, bool on_ends) {
   std::vector<DentCircle> circles;
   for (const DentFound& dent : dents) {
     const auto place = spine.PlaceOf(dent.position_mm);
-    if (!place) continue;
+    if (!place || (place->on_end && !on_ends)) continue;
     const double width_mm = 0.5 * dent.size_mm / kHalfWidth;
     const double rim = std::max(1.0, dent.depth_mm / (kDents.rim * noise_mm));
     circles.push_back({dent.position_mm, *place,
@@ -92,12 +94,15 @@ std::vector<DentCircle> CirclesOf(const std::vector<DentFound>& dents, const Spi
 }  // namespace
 
 std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double noise_mm,
-                                        std::span<const PointBlock> blocks, double reach_mm) {
+                                        std::span<const PointBlock> blocks,
+                                        std::span<const PointBlock> from, double reach_mm) {
   const SurfaceForm form = FindForm(state, noise_mm, blocks, reach_mm);
   if (form.dents.empty()) return std::nullopt;
   const double r_mm = state.tube.pipe_radius_mm;
   const Spine spine(state);
-  const std::vector<DentCircle> circles = CirclesOf(form.dents, spine, noise_mm, r_mm);
+  const std::size_t points = CountPoints(blocks), points_from = CountPoints(from);
+  const std::vector<DentCircle> circles =
+      CirclesOf(form.dents, spine, noise_mm, r_mm, points_from == points);
   const auto is_dented = [&](const Eigen::Vector3d& point) {
     std::optional<SurfacePlace> place;
     for (const DentCircle& circle : circles) {
@@ -108,9 +113,8 @@ std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double nois
     }
     return false;
   };
-  const std::size_t points = CountPoints(blocks);
-  OwnedBlocks left(points, AreWeighted(blocks));
-  for (const PointBlock& block : blocks) {
+  OwnedBlocks left(points_from, AreWeighted(from));
+  for (const PointBlock& block : from) {
     left.Begin(block.center_mm, block.half_diagonal_mm);
     for (std::size_t i = 0; i < block.points.size(); ++i) {
       if (!is_dented(block.points[i])) left.Add(block, i);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pipeline/fit/bowed_fit.h"
+#include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
 #include "tests/unit/fit/three_bends.h"
 
@@ -26,7 +27,7 @@ TEST(WithoutDents, SlopesOfDentsPullNothing) {
     SurfaceFit dented = FitSurface(ThreeBends(), blocks, options);
     const BowedFit bows = FitBows(blocks, options, dented);
     EXPECT_TRUE(bows.is_pulled_aside);
-    const auto left = WithoutDents(bows.state, bows.noise_mm, blocks, kReachMm);
+    const auto left = WithoutDents(bows.state, bows.noise_mm, blocks, blocks, kReachMm);
     ASSERT_TRUE(left);
     EXPECT_GT(left->point_count(), cloud.points_W.size() * 85 / 100);
     SurfaceFit fit = FitSurface(ThreeBends(), *left, options);
@@ -41,6 +42,32 @@ TEST(WithoutDents, SlopesOfDentsPullNothing) {
   }
 }
 
+// A dent inside a bend and as wide, beside another one: lines and arcs take half of it in, and what
+// they leave looks shallow and small.
+TEST(WithoutDents, ABendThatIsDentedKeepsItsRadius) {
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    const tests::Form form{.dents = {{.along = 0.22, .around_rad = 0, .depth_r = 0.11},
+                                     {.along = 0.34, .around_rad = -1.1, .depth_r = 0.18}}};
+    const auto cloud = tests::ScanRealTube(ThreeBends(), form, {}, random);
+    ReconstructionOptions options;
+    options.nominal = cloud.truth.program;
+    const auto found = Reconstruct(cloud.points_W, options, kClock);
+    ASSERT_TRUE(found) << found.error().message;
+    ASSERT_EQ(found->tube.program.rows.size(), 4U);
+    const bool reversed = std::abs(found->tube.program.rows[0].angle_deg - 60) > 5;
+    for (std::size_t i = 0; i < 3; ++i) {
+      SCOPED_TRACE(i);
+      const std::size_t k = reversed ? 2 - i : i;
+      const auto &is = found->tube.program.rows[k], &was = cloud.truth.program.rows[i];
+      EXPECT_NEAR(*is.bend_radius_mm, *was.bend_radius_mm,
+                  5 * *found->sigma.rows[k].bend_radius_mm);
+      EXPECT_LT(*found->sigma.rows[k].bend_radius_mm, 1.2);
+    }
+  }
+}
+
 TEST(WithoutDents, ATubeWithoutThemKeepsItsPoints) {
   std::mt19937_64 random(7);
   const auto cloud = tests::ScanRealTube(ThreeBends(), {}, {}, random);
@@ -49,7 +76,7 @@ TEST(WithoutDents, ATubeWithoutThemKeepsItsPoints) {
   SurfaceFit fit = FitSurface(ThreeBends(), blocks, options);
   const BowedFit bows = FitBows(blocks, options, fit);
   EXPECT_FALSE(bows.is_pulled_aside);
-  EXPECT_FALSE(WithoutDents(bows.state, bows.noise_mm, blocks, kReachMm));
+  EXPECT_FALSE(WithoutDents(bows.state, bows.noise_mm, blocks, blocks, kReachMm));
 }
 
 }  // namespace
