@@ -90,7 +90,11 @@ EasedPieces Pieces(double arc_mm, double angle_rad, double variance_mm2, double 
   const CurvatureProfile profile = ProfileOf(arc_mm, variance_mm2, reach);
   const double kernel_mm2 =
       profile.box_mm * profile.box_mm / 12.0 + profile.sigma_mm * profile.sigma_mm;
-  const double ramp_mm = std::min(kKernel.tails * std::sqrt(kernel_mm2), room_mm);
+  // Without any room, as far as the narrowest kernel: no piece turns on the spot.
+  const double least_mm = kKernel.least_tails * std::sqrt(kKernel.least_variance *
+                                                          (arc_mm * arc_mm / 12.0 + variance_mm2));
+  const double ramp_mm =
+      std::max(least_mm, std::min(kKernel.tails * std::sqrt(kernel_mm2), room_mm));
   const double end_mm = 0.5 * profile.arc_mm + ramp_mm;
   const double flat_mm =
       std::max(0.5 * profile.arc_mm - ramp_mm, end_mm / static_cast<double>(kEasedPieces));

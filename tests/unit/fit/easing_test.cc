@@ -140,6 +140,22 @@ TEST(Easing, LengthsAndBendRadiiOfEasedBendsAreThoseOfTheTrade) {
   }
 }
 
+// As where bends follow each other at once: derivatives to a piece that turns on the spot are none.
+TEST(Easing, WithoutRoomNoPieceTurnsOnTheSpot) {
+  for (const double angle_deg : {1.0, 5.0, 80.0}) {
+    for (const double easing_mm : {0.0, 2.0}) {
+      const double angle_rad = angle_deg * std::numbers::pi / 180;
+      const EasedBend bend = Ease(angle_rad, 40, easing_mm * easing_mm, kUsualReach, 0.0);
+      double turned_rad = 0;
+      for (const BendPiece& piece : bend.pieces) {
+        EXPECT_GT(piece.bend_radius_mm, 0.0);
+        turned_rad += piece.angle_rad;
+      }
+      EXPECT_NEAR(turned_rad, angle_rad, 1e-9);
+    }
+  }
+}
+
 TEST(Easing, SharpBendsAreCalledSharp) {
   for (unsigned seed = 1; seed <= 4; ++seed) {
     std::mt19937_64 random(seed);
