@@ -34,6 +34,9 @@ constexpr std::size_t kEventRoom = 1024;
 // Written profiles that are kept for the next ones.
 constexpr std::size_t kMostSpare = 256;
 
+// Where there is no memory for more words: short enough to need none.
+constexpr const char* kNoWords = "out of memory";
+
 }  // namespace
 
 // The file being written.
@@ -67,13 +70,14 @@ void Recorder::Begin(const std::string& name, Meta meta) {
   {
     const std::lock_guard lock(mutex_);
     open_ = Open::kLeftOut;
-    gap_profiles_ = gap_events_ = 0;
+    NoGap();
     if (queued_sessions_ >= kMostSessions) {
       ++counters_.dropped_sessions;
-      name_ = name;
-      Tell("was not recorded: " + std::to_string(queued_sessions_) +
-           " sessions wait for the disk, which hangs; check it");
-      return;
+      if (!HasMemoryFor([&] { name_ = name; })) {
+        counters_.last_error = kNoWords;
+        return;
+      }
+      return Tell("was not recorded: too many sessions wait for the disk, which hangs; check it");
     }
     const bool has_memory = HasMemoryFor([&] {
       name_ = name;
@@ -98,16 +102,22 @@ void Recorder::LeaveOut(std::uint64_t& left_out, std::uint64_t& counter) {
   if (open_ == Open::kNo) return;
   ++counter;
   if (open_ == Open::kLeftOut) return;  // the session as a whole is told
-  if (gap_profiles_ + gap_events_ == 0) {
+  if (!std::exchange(gap_for_disk_, true)) {
     Tell("is recorded with gaps: the disk is too slow; check it");
   }
   ++left_out;
 }
 
+void Recorder::MissForMemory(std::uint64_t& left_out, std::uint64_t& counter) {
+  ++left_out;
+  gap_for_memory_ = true;
+  CountForMemory(counter);
+}
+
 // Of what was to be queued.
 void Recorder::CountForMemory(std::uint64_t& counter) {
   ++counter;
-  counters_.last_error = "out of memory";  // short enough to need none
+  counters_.last_error = kNoWords;
 }
 
 void Recorder::QueueGap(std::int64_t t_ns) {
@@ -122,9 +132,18 @@ void Recorder::QueueGap(std::int64_t t_ns) {
   if (gap_events_ > 0) {
     what += (what.empty() ? "" : " and ") + std::to_string(gap_events_) + " events";
   }
-  item.event.set_detail(what + ": the disk was too slow for the recorder");
+  what += ": ";
+  if (gap_for_disk_) what += "the disk was too slow";
+  if (gap_for_disk_ && gap_for_memory_) what += " and ";
+  if (gap_for_memory_) what += "there was no memory";
+  item.event.set_detail(what + " for the recorder");
   queue_.push_back(std::move(item));
+  NoGap();
+}
+
+void Recorder::NoGap() {
   gap_profiles_ = gap_events_ = 0;
+  gap_for_disk_ = gap_for_memory_ = false;
 }
 
 void Recorder::Add(const hal::LaserProfile& profile) {
@@ -145,10 +164,7 @@ void Recorder::Add(const hal::LaserProfile& profile) {
       item.came = clock_.Now();
       queue_.push_back(std::move(item));
     });
-    if (!has_memory) {
-      ++gap_profiles_;
-      return CountForMemory(counters_.dropped_profiles);
-    }
+    if (!has_memory) return MissForMemory(gap_profiles_, counters_.dropped_profiles);
     counters_.queued_points += profile.points.size();
   }
   changed_.notify_one();
@@ -167,10 +183,7 @@ void Recorder::Add(const hal::ScanEvent& event) {
       item.event = event;
       queue_.push_back(std::move(item));
     });
-    if (!has_memory) {
-      ++gap_events_;
-      return CountForMemory(counters_.dropped_events);
-    }
+    if (!has_memory) return MissForMemory(gap_events_, counters_.dropped_events);
   }
   changed_.notify_one();
 }
@@ -272,11 +285,7 @@ void Recorder::LeaveOutForMemory(Step step, std::unique_ptr<Session>& session) {
   if (step == Step::kBegin || step == Step::kFinish) ++counters_.dropped_sessions;
   if (step == Step::kProfile) ++counters_.dropped_profiles;
   if (step == Step::kEvent) ++counters_.dropped_events;
-  try {
-    Tell("is not recorded as a whole: out of memory in the recorder; see what else runs here");
-  } catch (const std::bad_alloc&) {
-    counters_.last_error = "out of memory";  // short enough to need none
-  }
+  Tell("is not recorded as a whole: out of memory in the recorder; see what else runs here");
 }
 
 // Once everything that came is written: syncs it, if it is the first, or old enough.
@@ -378,8 +387,10 @@ void Recorder::LookAtDisk() {
   if (!error) counters_.free_bytes = space.available;
 }
 
-void Recorder::Tell(const std::string& what) {
-  counters_.last_error = PathOf(name_).string() + " " + what;
+void Recorder::Tell(const char* what) {
+  if (!HasMemoryFor([&] { counters_.last_error = PathOf(name_).string() + " " + what; })) {
+    counters_.last_error = kNoWords;
+  }
 }
 
 void Recorder::Fail(const std::string& what) {

@@ -41,8 +41,8 @@ struct RecorderOptions {
 struct RecorderCounters {
   std::uint64_t sessions = 0;
   std::uint64_t profiles = 0;
-  std::uint64_t dropped_profiles = 0;  // the disk was too slow, or the profile not writable
-  std::uint64_t dropped_events = 0;    // the disk was too slow
+  std::uint64_t dropped_profiles = 0;  // the disk too slow, no memory, or profile not writable
+  std::uint64_t dropped_events = 0;    // the disk too slow, or no memory
   std::uint64_t dropped_sessions = 0;  // wholly left out: the disk hung, or did not take the file
   std::uint64_t removed_sessions = 0;  // to stay within the limits
   std::uint64_t removed_results = 0;
@@ -103,12 +103,14 @@ class Recorder {
   };
   class Session;
 
-  // With mutex_ held, all five.
+  // With mutex_ held, all to End.
   bool HasRoom(std::size_t items) const;
   void LeaveOut(std::uint64_t& left_out, std::uint64_t& counter);
+  void MissForMemory(std::uint64_t& left_out, std::uint64_t& counter);
   void CountForMemory(std::uint64_t& counter);
   void QueueGap(std::int64_t t_ns);
-  void Tell(const std::string& what);
+  void NoGap();
+  void Tell(const char* what);
   void End(Item item);
   void Run();
   void Write(Item& item, std::unique_ptr<Session>& session);
@@ -135,6 +137,8 @@ class Recorder {
   std::size_t queued_sessions_ = 0;  // begun, and the disk does not know yet
   std::uint64_t gap_profiles_ = 0;   // left out since the last gap that was queued
   std::uint64_t gap_events_ = 0;
+  bool gap_for_disk_ = false;  // why: either, or both
+  bool gap_for_memory_ = false;
   std::int64_t last_t_ns_ = 0;
   std::thread thread_;
 };
