@@ -8,6 +8,7 @@
 #include "drivers/simulated_bender/simulated_bender.h"
 #include "firmware-host/cell/bender_carrier.h"
 #include "firmware-host/ledger/journal_retention.h"
+#include "hal/scope_exit.h"
 
 namespace bendloop::host {
 namespace {
@@ -192,10 +193,7 @@ CommitReport BenderDesk::Commit(const CommitRequest& request) {
   // as after a crash.
   const bool was_open = std::exchange(is_open_, true);
   commits_ = true;
-  const struct Over {
-    bool& commits;
-    ~Over() { commits = false; }
-  } over{commits_};
+  const hal::ScopeExit over([this] { commits_ = false; });
   CommitReport report = protocol_->Commit(request);
   is_open_ = report.outcome == CommitOutcome::kUnknown || was_open;
   return report;

@@ -7,6 +7,7 @@
 #include "firmware-host/cell/service_times.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/workers/thread_workers.h"
+#include "hal/scope_exit.h"
 
 namespace bendloop::host {
 namespace {
@@ -82,10 +83,7 @@ void CellLoop::Tend() {
 }
 
 void CellLoop::Watched(const std::function<void()>& work) {
-  const struct Over {
-    LifeSigns& life;
-    ~Over() { life.Rest(); }
-  } over{life_};
+  const hal::ScopeExit over([this] { life_.Rest(); });
   beside_.Do(work, kLoopPeriod, [this] { Live(); });
 }
 
