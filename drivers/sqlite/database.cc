@@ -148,6 +148,10 @@ Result<void> Database::Transact(const std::string& doing,
     if (sqlite3_exec(database_.get(), sql, nullptr, nullptr, nullptr) == SQLITE_OK) return {};
     return Fail(Failed(doing));
   };
+  // What could not be rolled back before: that, too, wants memory.
+  if (in_transaction()) {
+    if (auto ended = run("ROLLBACK"); !ended) return ended;
+  }
   // IMMEDIATE: whoever else writes is waited for now and not in the middle.
   if (auto begun = run("BEGIN IMMEDIATE"); !begun) return begun;
   Result<void> done;
