@@ -190,26 +190,52 @@ CommitReport BenderDesk::Commit(const CommitRequest& request) {
   }
   if (is_open_) KeepSettled();
   // What is thrown in the middle, for want of memory, leaves an attempt that the next look settles,
-  // as after a crash.
+  // as after a crash; and what is thrown at the end, one whose end the next look tells.
+  untold_ = request.session;
   const bool was_open = std::exchange(is_open_, true);
   commits_ = true;
   const hal::ScopeExit over([this] { commits_ = false; });
   CommitReport report = protocol_->Commit(request);
-  is_open_ = report.outcome == CommitOutcome::kUnknown || was_open;
+  const bool is_known = report.outcome != CommitOutcome::kUnknown;
+  // The journal may not have taken the end, for want of memory or disk: the next look ends it
+  // there.
+  const auto left = journal_.Unfinished();
+  const bool is_left = !left || *left;
+  if (is_known && is_left && !was_open) told_ = request.session;
+  is_open_ = !is_known || is_left || was_open;
+  untold_.clear();
   return report;
 }
 
-// Ends what is open; empty when nothing is, or when it cannot be told yet.
+// Ends what is open; empty when nothing is, when it cannot be told yet, or was told. Where it
+// throws for want of memory the next call tells.
 std::optional<SettledCommit> BenderDesk::Settle() {
+  if (const auto open = journal_.Unfinished(); open && *open) untold_ = (*open)->session;
   SettledCommit settled;
   const auto report = protocol_->Resume(&settled.session);
   if (report && report->outcome == CommitOutcome::kUnknown) return std::nullopt;
-  is_open_ = false;
-  if (!report) return std::nullopt;
-  settled.report = *report;
-  const bool is_active = report->outcome == CommitOutcome::kCommitted;
+  if (report) {
+    settled.report = *report;
+  } else {
+    // The journal may have an end that nobody was told.
+    const auto last = journal_.Last();
+    if (!last) return std::nullopt;
+    if (untold_.empty() || !*last || (*last)->session != untold_) {
+      is_open_ = false;
+      untold_.clear();
+      return std::nullopt;
+    }
+    settled = {untold_, EndOf(**last)};
+  }
+  const bool is_active = settled.report.outcome == CommitOutcome::kCommitted;
   static_cast<void>(ledger_.Note(
-      settled.session, is_active ? ScanFate::kCorrected : ScanFate::kDone, report->reason));
+      settled.session, is_active ? ScanFate::kCorrected : ScanFate::kDone, settled.report.reason));
+  const auto left = journal_.Unfinished();
+  is_open_ = !left || *left;
+  const bool was_told = settled.session == told_;
+  told_ = is_open_ ? std::move(untold_) : std::string();
+  untold_.clear();
+  if (was_told) return std::nullopt;
   return settled;
 }
 

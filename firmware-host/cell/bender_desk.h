@@ -141,6 +141,8 @@ class BenderDesk {
   bool takes_report_ = false;
   bool is_open_ = true;  // a commit's end may be
   bool commits_ = false;
+  std::string told_;    // session: Commit told its end, which the journal has not taken
+  std::string untold_;  // session: nobody was told its end, whether or not the journal has it
   std::string ledger_problem_;
   std::list<SettledCommit> settled_;
 };

@@ -57,6 +57,20 @@ CommitProtocol::CommitProtocol(hal::BenderLink& link, CommitJournal& journal, ha
                                CommitOptions options)
     : link_(link), journal_(journal), clock_(clock), options_(options) {}
 
+CommitReport EndOf(const CommitAttempt& attempt) {
+  CommitReport report;
+  report.sequence = attempt.next.sequence;
+  if (attempt.step == CommitStep::kCommitted) {
+    report.outcome = CommitOutcome::kCommitted;
+    report.active = attempt.next;
+  } else {
+    report.outcome = CommitOutcome::kRefused;
+    report.reason = attempt.detail;
+    report.active = attempt.base;
+  }
+  return report;
+}
+
 void CommitProtocol::Observe(const hal::BenderState& state) {
   if (last_heartbeat_ && *last_heartbeat_ != state.heartbeat) heartbeat_changed_ = clock_.Now();
   last_heartbeat_ = state.heartbeat;

@@ -109,6 +109,9 @@ class CommitProtocol {
   std::optional<std::chrono::nanoseconds> heartbeat_changed_;
 };
 
+// What the journal knows of how an attempt ended.
+CommitReport EndOf(const CommitAttempt& attempt);
+
 // The number after all of these that differs from each: their largest plus one, 1 after `max`
 // (0 means never set).
 std::uint32_t NextSequenceNumber(std::initializer_list<std::uint32_t> used, std::uint32_t max);

@@ -7,20 +7,6 @@
 
 namespace bendloop::host {
 
-CommitReport EndOf(const CommitAttempt& attempt) {
-  CommitReport report;
-  report.sequence = attempt.next.sequence;
-  if (attempt.step == CommitStep::kCommitted) {
-    report.outcome = CommitOutcome::kCommitted;
-    report.active = attempt.next;
-  } else {
-    report.outcome = CommitOutcome::kRefused;
-    report.reason = attempt.detail;
-    report.active = attempt.base;
-  }
-  return report;
-}
-
 RunResult LostPart(const PartFiles& files, const std::string& session, const CommitReport& report) {
   const auto text = ReadWholeFile(files.result);
   if (auto kept = text ? ReadResultJson(*text, files.result.string()) : hal::Fail(text.error())) {

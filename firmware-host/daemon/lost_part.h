@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <string>
 
-#include "firmware-host/commit/commit_journal.h"
 #include "firmware-host/commit/commit_protocol.h"
 #include "firmware-host/result/run_result.h"
 
@@ -21,8 +20,5 @@ struct PartFiles {
 // that nothing is known of what was measured. The scan is not measured again here: one that ended a
 // process would end each start.
 RunResult LostPart(const PartFiles& files, const std::string& session, const CommitReport& report);
-
-// What the journal knows of how it ended.
-CommitReport EndOf(const CommitAttempt& attempt);
 
 }  // namespace bendloop::host

@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 #include <pthread.h>
 
+#include <list>
+
 #include "firmware-host/cell/bender_desk.h"
 #include "tests/support/hand_clock.h"
 #include "tests/support/memory_bender.h"
@@ -73,10 +75,22 @@ class ShortMemoryCommitTest : public ::testing::Test {
     for (const auto& [sequence, times] : bender_->commits()) EXPECT_EQ(times, 1) << sequence;
   }
 
-  // What stands open is settled with memory by the next commit at the latest, and told as it is.
+  // What stands open is settled by the next look with memory, and told once, as it is.
   void ExpectSettled(const Ended& ended) {
     ASSERT_TRUE(desk_->Look().facts);
     ExpectWhole();
+    EXPECT_FALSE(desk_->OpenCommit());
+    std::list<SettledCommit> settled;
+    desk_->TakeSettled(settled);
+    const bool has_end = ended.report && ended.report->outcome != CommitOutcome::kUnknown;
+    if (has_end) {
+      EXPECT_TRUE(settled.empty());
+    }
+    if (!has_end && IsNew(bender_->Active())) {
+      ASSERT_EQ(settled.size(), 1u);
+      EXPECT_EQ(settled.front().session, request_.session);
+      EXPECT_EQ(settled.front().report.outcome, CommitOutcome::kCommitted);
+    }
     const bool is_new = IsNew(bender_->Active());
     const bool is_told = ended.report && ended.report->outcome == CommitOutcome::kCommitted;
     EXPECT_TRUE(is_new || !is_told);
@@ -114,6 +128,70 @@ TEST_F(ShortMemoryCommitTest, ACommitIsWholeAndOnceWhereverMemoryFails) {
     }
     EXPECT_GT(thrown, 0);
     EXPECT_GT(before, 0);
+  }
+}
+
+// The bender has taken the program, and the journal does not take that.
+TEST_F(ShortMemoryCommitTest, AnEndThatTheJournalHasNotTakenIsToldOnce) {
+  // From the commit's write on, more or less.
+  constexpr std::int64_t kLast = 300;
+  std::int64_t allocations = 1;
+  for (;; allocations *= 2) {
+    Begin();
+    if (CommitShortOf(allocations, ShortMemory::Lasts::kOnce).lacked == 0) break;
+  }
+  for (std::int64_t step = allocations / 4; step > 0; step /= 2) {
+    Begin();
+    if (CommitShortOf(allocations - step, ShortMemory::Lasts::kOnce).lacked == 0) {
+      allocations -= step;
+    }
+  }
+  int told_and_open = 0;
+  for (std::int64_t number = allocations - kLast; number < allocations; number += 2) {
+    SCOPED_TRACE(number);
+    Begin();
+    const Ended ended = CommitShortOf(number, ShortMemory::Lasts::kOnce);
+    told_and_open += ended.report && ended.report->outcome == CommitOutcome::kCommitted &&
+                     desk_->OpenCommit().has_value();
+    ExpectSettled(ended);
+    if (HasFailure()) return;
+  }
+  EXPECT_GT(told_and_open, 0);
+}
+
+// Nor has the look that finds out how a cut commit ended the memory to tell it.
+TEST_F(ShortMemoryCommitTest, AnEndThatALookLacksMemoryToTellIsToldByTheNext) {
+  std::int64_t behind_write = 1;  // thrown, and the bender has it
+  for (;; behind_write += 5) {
+    Begin();
+    const Ended ended = CommitShortOf(behind_write, ShortMemory::Lasts::kOnce);
+    ASSERT_GT(ended.lacked, 0);
+    if (!ended.report && IsNew(bender_->Active())) break;
+  }
+  for (const auto lasts : {ShortMemory::Lasts::kOnce, ShortMemory::Lasts::kFromThenOn}) {
+    int cut = 0;
+    for (std::int64_t number = 1;; number += kStride) {
+      SCOPED_TRACE(number);
+      Begin();
+      const Ended ended = CommitShortOf(behind_write, ShortMemory::Lasts::kOnce);
+      ASSERT_FALSE(ended.report);
+      std::int64_t lacked = 0;
+      {
+        char name[16] = {};
+        pthread_getname_np(pthread_self(), name, sizeof name);
+        const ShortMemory shortage(name, number, lasts);
+        try {
+          (void)desk_->Look();
+        } catch (const std::bad_alloc&) {
+        }
+        lacked = ShortMemory::failed();
+      }
+      ExpectSettled(ended);
+      if (HasFailure()) return;
+      if (lacked == 0) break;
+      ++cut;
+    }
+    EXPECT_GT(cut, 5);
   }
 }
 
