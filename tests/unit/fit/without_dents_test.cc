@@ -45,26 +45,22 @@ TEST(WithoutDents, SlopesOfDentsPullNothing) {
 // A dent inside a bend and as wide, beside another one: lines and arcs take half of it in, and what
 // they leave looks shallow and small.
 TEST(WithoutDents, ABendThatIsDentedKeepsItsRadius) {
-  for (unsigned seed = 1; seed <= 3; ++seed) {
-    SCOPED_TRACE(seed);
-    std::mt19937_64 random(seed);
-    const tests::Form form{.dents = {{.along = 0.22, .around_rad = 0, .depth_r = 0.11},
-                                     {.along = 0.34, .around_rad = -1.1, .depth_r = 0.18}}};
-    const auto cloud = tests::ScanRealTube(ThreeBends(), form, {}, random);
-    ReconstructionOptions options;
-    options.nominal = cloud.truth.program;
-    const auto found = Reconstruct(cloud.points_W, options, kClock);
-    ASSERT_TRUE(found) << found.error().message;
-    ASSERT_EQ(found->tube.program.rows.size(), 4U);
-    const bool reversed = std::abs(found->tube.program.rows[0].angle_deg - 60) > 5;
-    for (std::size_t i = 0; i < 3; ++i) {
-      SCOPED_TRACE(i);
-      const std::size_t k = reversed ? 2 - i : i;
-      const auto &is = found->tube.program.rows[k], &was = cloud.truth.program.rows[i];
-      EXPECT_NEAR(*is.bend_radius_mm, *was.bend_radius_mm,
-                  5 * *found->sigma.rows[k].bend_radius_mm);
-      EXPECT_LT(*found->sigma.rows[k].bend_radius_mm, 1.2);
-    }
+  std::mt19937_64 random(1);
+  const tests::Form form{.dents = {{.along = 0.22, .around_rad = 0, .depth_r = 0.11},
+                                   {.along = 0.34, .around_rad = -1.1, .depth_r = 0.18}}};
+  const auto cloud = tests::ScanRealTube(ThreeBends(), form, {}, random);
+  ReconstructionOptions options;
+  options.nominal = cloud.truth.program;
+  const auto found = Reconstruct(cloud.points_W, options, kClock);
+  ASSERT_TRUE(found) << found.error().message;
+  ASSERT_EQ(found->tube.program.rows.size(), 4U);
+  const bool reversed = std::abs(found->tube.program.rows[0].angle_deg - 60) > 5;
+  for (std::size_t i = 0; i < 3; ++i) {
+    SCOPED_TRACE(i);
+    const std::size_t k = reversed ? 2 - i : i;
+    const auto &is = found->tube.program.rows[k], &was = cloud.truth.program.rows[i];
+    EXPECT_NEAR(*is.bend_radius_mm, *was.bend_radius_mm, 5 * *found->sigma.rows[k].bend_radius_mm);
+    EXPECT_LT(*found->sigma.rows[k].bend_radius_mm, 1.2);
   }
 }
 
