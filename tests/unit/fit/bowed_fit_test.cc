@@ -76,8 +76,8 @@ TEST(BowedFit, RowsOfBowedTubesAreThoseOfTheBestFitLines) {
   }
 }
 
-// The bends beside it leave little of it; it bows all the same. (Taken for straight a bend radius is
-// 10 sigma off.)
+// The bends beside it leave little of it; it bows all the same. (Taken for straight a bend radius
+// is 10 sigma off.)
 TEST(BowedFit, AShortStraightBetweenEasedBendsBows) {
   std::mt19937_64 random(2);
   hal::Tube tube = ThreeBends();
