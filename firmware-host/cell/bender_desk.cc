@@ -201,6 +201,7 @@ CommitReport BenderDesk::Commit(const CommitRequest& request) {
   // there.
   const auto left = journal_.Unfinished();
   const bool is_left = !left || *left;
+  if (!is_known) told_.clear();
   if (is_known && is_left && !was_open) told_ = request.session;
   is_open_ = !is_known || is_left || was_open;
   untold_.clear();
@@ -222,6 +223,7 @@ std::optional<SettledCommit> BenderDesk::Settle() {
     if (!last) return std::nullopt;
     if (untold_.empty() || !*last || (*last)->session != untold_) {
       is_open_ = false;
+      told_.clear();
       untold_.clear();
       return std::nullopt;
     }

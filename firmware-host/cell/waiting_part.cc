@@ -38,12 +38,22 @@ std::optional<PartOutcome> WaitingPart::Tend(bool bender_is_idle) {
   const auto now = clock_.Now();
   if (!is_old && (!bender_is_idle || now - decided_at_ < kAgainPeriod)) return std::nullopt;
   decided_at_ = now;
+  if (IsOnItsWay()) {
+    waiting_.reset();
+    return std::nullopt;
+  }
   if (is_old) waiting_->part.may_wait = false;  // the last time: it says why
   attempt_ = std::async(std::launch::async, [this] {
     life_.Expect(2 * desk_.exchange_bound() + kDiskBound);
     return DecidePart(*waiting_->plan, waiting_->part, desk_);
   });
   return std::nullopt;
+}
+
+// An attempt before sent it, and there was no memory to say so: the desk tells how that ended.
+bool WaitingPart::IsOnItsWay() const {
+  const std::string& session = waiting_->part.identity.session;
+  return desk_.SessionCommitted(session) || desk_.OpenCommit() == session;
 }
 
 std::optional<PartOutcome> WaitingPart::Finish(PartOutcome outcome) {
@@ -66,6 +76,10 @@ std::optional<PartOutcome> WaitingPart::GiveUp(const std::string& why) {
     HasMemoryFor([&] { last = attempt_.get(); });
     if (last && last->end != PartEnd::kWaiting) return Finish(std::move(*last));
     if (last) Finish(std::move(*last));
+  }
+  if (IsOnItsWay()) {
+    waiting_.reset();
+    return std::nullopt;
   }
   PartOutcome outcome = std::move(waiting_->outcome);
   waiting_.reset();

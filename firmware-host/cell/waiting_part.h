@@ -42,6 +42,7 @@ class WaitingPart {
     std::shared_ptr<const PartPlan> plan;
   };
 
+  bool IsOnItsWay() const;
   std::optional<PartOutcome> Finish(PartOutcome outcome);
 
   BenderDesk& desk_;

@@ -86,6 +86,12 @@ class ShortMemoryCommitTest : public ::testing::Test {
     if (has_end) {
       EXPECT_TRUE(settled.empty());
     }
+    EXPECT_LE(settled.size(), 1u);
+    if (!IsNew(bender_->Active())) {
+      for (const SettledCommit& end : settled) {
+        EXPECT_NE(end.report.outcome, CommitOutcome::kCommitted);
+      }
+    }
     if (!has_end && IsNew(bender_->Active())) {
       ASSERT_EQ(settled.size(), 1u);
       EXPECT_EQ(settled.front().session, request_.session);
