@@ -21,7 +21,7 @@ using test::ShortMemory;
 // Each in turn takes ten seconds; a prime, so that no period of the code's own is always missed.
 constexpr std::int64_t kStride = 17;
 
-// A bender that does nothing for itself while the memory is short: it is another machine.
+// A bender in the same thread, whose link lacks memory, too.
 class ShortMemoryCommitTest : public ::testing::Test {
  protected:
   struct Ended {

@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sqlite3.h>
-#include <unistd.h>
 
 #include <condition_variable>
 #include <fstream>
@@ -13,27 +12,16 @@
 
 #include "drivers/session/session_reader.h"
 #include "tests/support/hand_clock.h"
+#include "tests/support/recorded_profiles.h"
 
 namespace bendloop::host {
 namespace {
 
 namespace fs = std::filesystem;
+using test::NumberedProfile;
 
 class RecorderTest : public ::testing::Test {
  protected:
-  RecorderTest() {
-    std::string name = (fs::temp_directory_path() / "recorder-XXXXXX").string();
-    directory_ = mkdtemp(name.data());
-  }
-  ~RecorderTest() override { fs::remove_all(directory_); }
-
-  static hal::LaserProfile Profile(std::uint64_t sequence, std::size_t points = 10) {
-    hal::LaserProfile profile(points);
-    profile.sequence = sequence;
-    profile.t_ns = static_cast<std::int64_t>(sequence) * 1000;
-    for (std::size_t i = 0; i < points; ++i) profile.points.push_back({static_cast<float>(i), 1});
-    return profile;
-  }
   static hal::ScanEvent Event(hal::ScanEventKind kind) {
     hal::ScanEvent event;
     event.kind = kind;
@@ -54,7 +42,8 @@ class RecorderTest : public ::testing::Test {
   }
 
   hal::SteadyClock clock_;
-  fs::path directory_;
+  test::RecordingFolder folder_;
+  const fs::path& directory_ = folder_.path();
   std::map<std::string, std::string> meta_;
   std::vector<std::string> events_;  // their details
 };
@@ -63,7 +52,7 @@ TEST_F(RecorderTest, WritesWhatItWasGiven) {
   Recorder recorder({directory_}, clock_);
   recorder.Begin("part-0001", {{"part", "elbow"}});
   recorder.Add(Event(hal::ScanEventKind::kScanStart));
-  for (std::uint64_t i = 0; i < 500; ++i) recorder.Add(Profile(i));
+  for (std::uint64_t i = 0; i < 500; ++i) recorder.Add(NumberedProfile(i));
   recorder.Add(Event(hal::ScanEventKind::kScanEnd));
   recorder.Finish({{"context", "{}"}});
   recorder.Flush();
@@ -81,9 +70,9 @@ TEST_F(RecorderTest, LeavesOutWhatDoesNotFitAndSaysSo) {
   options.queue_points = 15;  // never room for two profiles at once
   Recorder recorder(options, clock_);
   recorder.Begin("part-0001", {});
-  recorder.Add(Profile(0, 20));  // never fits
+  recorder.Add(NumberedProfile(0, 20));  // never fits
   recorder.Flush();
-  recorder.Add(Profile(1, 10));
+  recorder.Add(NumberedProfile(1, 10));
   recorder.Finish({});
   recorder.Flush();
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 1u);
@@ -96,13 +85,13 @@ TEST_F(RecorderTest, WhatIsLeftOutAtTheEndIsMarkedToo) {
   options.queue_points = 15;
   Recorder recorder(options, clock_);
   recorder.Begin("part-0001", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Flush();
-  recorder.Add(Profile(1, 20));
-  recorder.Add(Profile(2, 20));
+  recorder.Add(NumberedProfile(1, 20));
+  recorder.Add(NumberedProfile(2, 20));
   recorder.Finish({});
   recorder.Begin("part-0002", {});  // its own gaps only
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Finish({});
   recorder.Flush();
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 1u);
@@ -162,7 +151,7 @@ TEST_F(RecorderTest, NothingGrowsWithoutEndWhileTheDiskHangs) {
   disk.AwaitHang();
   EXPECT_FALSE(recorder.FlushWithin(std::chrono::nanoseconds(0)));
   // A storm of profiles without points and of events, then many scans of them.
-  for (std::uint64_t i = 0; i < 5000; ++i) recorder.Add(Profile(i, 0));
+  for (std::uint64_t i = 0; i < 5000; ++i) recorder.Add(NumberedProfile(i, 0));
   EXPECT_EQ(recorder.counters().dropped_profiles, 4900u);
   EXPECT_EQ(recorder.counters().queued_items, 100u);
   for (int i = 0; i < 5000; ++i) recorder.Add(Event(hal::ScanEventKind::kButton));
@@ -170,7 +159,7 @@ TEST_F(RecorderTest, NothingGrowsWithoutEndWhileTheDiskHangs) {
   recorder.Finish({});
   for (int part = 1; part <= 3000; ++part) {
     recorder.Begin("part-" + std::to_string(part), {{"context", std::string(1000, 'x')}});
-    for (std::uint64_t i = 0; i < 5; ++i) recorder.Add(Profile(i, 0));
+    for (std::uint64_t i = 0; i < 5; ++i) recorder.Add(NumberedProfile(i, 0));
     recorder.Add(Event(hal::ScanEventKind::kScanEnd));
     if (part % 2 == 0) recorder.Discard();
     recorder.Finish({});
@@ -192,7 +181,7 @@ TEST_F(RecorderTest, NothingGrowsWithoutEndWhileTheDiskHangs) {
   EXPECT_FALSE(fs::exists(recorder.PathOf("part-2999")));
   // And goes on as before.
   recorder.Begin("part-4000", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Finish({});
   recorder.Flush();
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-4000")), 1u);
@@ -206,7 +195,7 @@ TEST_F(RecorderTest, AScansEndGetsThroughWhereItsProfilesDoNot) {
   Recorder recorder(options, clock_);
   recorder.Begin("part-0001", {});
   disk.AwaitHang();
-  for (std::uint64_t i = 0; i < 50; ++i) recorder.Add(Profile(i));
+  for (std::uint64_t i = 0; i < 50; ++i) recorder.Add(NumberedProfile(i));
   hal::ScanEvent end = Event(hal::ScanEventKind::kScanEnd);
   end.t_ns = 50'000;
   end.set_detail("the end");
@@ -223,7 +212,7 @@ TEST_F(RecorderTest, TheFirstProfileIsSafeAtOnce) {
   tests::HandClock still;
   Recorder recorder({directory_}, still);
   recorder.Begin("part-0001", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Flush();
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0001")), 1u);
 }
@@ -236,12 +225,12 @@ TEST_F(RecorderTest, LaterProfilesAreSafeAQuarterSecondAfterTheyCame) {
     return ProfilesOf(recorder.PathOf("part-0001"));
   };
   recorder.Begin("part-0001", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   EXPECT_EQ(safe(), 1u);
-  recorder.Add(Profile(1));
+  recorder.Add(NumberedProfile(1));
   EXPECT_EQ(safe(), 1u) << "not a sync for each profile";
   clock.Advance(std::chrono::milliseconds(250));
-  recorder.Add(Profile(2));
+  recorder.Add(NumberedProfile(2));
   EXPECT_EQ(safe(), 3u);
 }
 
@@ -256,7 +245,7 @@ TEST_F(RecorderTest, WhatWaitedForTheDiskIsSafeAsSoonAsItIsWritten) {
   };
   Recorder recorder(options, clock);
   recorder.Begin("part-0001", {});
-  for (std::uint64_t i = 0; i < 100; ++i) recorder.Add(Profile(i));
+  for (std::uint64_t i = 0; i < 100; ++i) recorder.Add(NumberedProfile(i));
   clock.Advance(std::chrono::seconds(2));
   hang.unlock();
   recorder.Flush();
@@ -272,7 +261,7 @@ TEST_F(RecorderTest, OutOfMemoryIsToldAndCostsOneSession) {
   };
   Recorder recorder(options, clock_);
   recorder.Begin("part-0001", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Finish({});
   recorder.Flush();
   EXPECT_EQ(recorder.counters().dropped_sessions, 1u);
@@ -282,7 +271,7 @@ TEST_F(RecorderTest, OutOfMemoryIsToldAndCostsOneSession) {
 
   has_memory = true;
   recorder.Begin("part-0002", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Finish({});
   recorder.Flush();
   EXPECT_EQ(ProfilesOf(recorder.PathOf("part-0002")), 1u);
@@ -293,7 +282,7 @@ TEST_F(RecorderTest, OutOfMemoryIsToldAndCostsOneSession) {
 TEST_F(RecorderTest, DiscardLeavesNoFile) {
   Recorder recorder({directory_}, clock_);
   recorder.Begin("part-0001", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Discard();
   recorder.Flush();
   EXPECT_TRUE(fs::is_empty(directory_));
@@ -303,7 +292,7 @@ TEST_F(RecorderTest, AFullDiskOrAnExistingFileIsTold) {
   std::ofstream(directory_ / "part-0001.session") << "in the way";
   Recorder recorder({directory_}, clock_);
   recorder.Begin("part-0001", {});
-  recorder.Add(Profile(0));
+  recorder.Add(NumberedProfile(0));
   recorder.Finish({});
   recorder.Flush();
   EXPECT_THAT(recorder.counters().last_error, ::testing::HasSubstr("part-0001.session"));
@@ -314,7 +303,7 @@ TEST_F(RecorderTest, WritesEverythingBeforeItEnds) {
   {
     Recorder recorder({directory_}, clock_);
     recorder.Begin("part-0001", {});
-    for (std::uint64_t i = 0; i < 2000; ++i) recorder.Add(Profile(i));
+    for (std::uint64_t i = 0; i < 2000; ++i) recorder.Add(NumberedProfile(i));
     recorder.Finish({});
   }
   EXPECT_EQ(ProfilesOf(directory_ / "part-0001.session"), 2000u);

@@ -4,44 +4,36 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <pthread.h>
-#include <unistd.h>
 
 #include <array>
 
 #include "drivers/session/session_reader.h"
 #include "firmware-host/recorder/recorder.h"
 #include "tests/support/hand_clock.h"
+#include "tests/support/recorded_profiles.h"
 #include "tests/support/short_memory.h"
 
 namespace bendloop::host {
 namespace {
 
 namespace fs = std::filesystem;
+using test::NumberedProfile;
 using test::ShortMemory;
 
 class ShortMemoryRecorderTest : public ::testing::Test {
  protected:
   ShortMemoryRecorderTest() {
-    std::string name = (fs::temp_directory_path() / "recorder-XXXXXX").string();
-    directory_ = mkdtemp(name.data());
     pthread_getname_np(pthread_self(), own_name_.data(), own_name_.size());
   }
-  ~ShortMemoryRecorderTest() override { fs::remove_all(directory_); }
 
-  static hal::LaserProfile Profile(std::uint64_t sequence, std::size_t points = 10) {
-    hal::LaserProfile profile(points);
-    profile.sequence = sequence;
-    profile.t_ns = static_cast<std::int64_t>(sequence) * 1000;
-    for (std::size_t i = 0; i < points; ++i) profile.points.push_back({static_cast<float>(i), 1});
-    return profile;
-  }
   // One more than may wait is given where the disk is meant to be slow.
   std::string GapAfter(bool is_slow, bool is_short) {
     RecorderOptions options{directory_};
     options.queue_points = 15;
     Recorder recorder(options, clock_);
     recorder.Begin(kName, {});
-    const hal::LaserProfile small = Profile(1), large = Profile(2, 20), last = Profile(3);
+    const hal::LaserProfile small = NumberedProfile(1), large = NumberedProfile(2, 20),
+                            last = NumberedProfile(3);
     recorder.Flush();
     if (is_short) {
       {
@@ -77,7 +69,8 @@ class ShortMemoryRecorderTest : public ::testing::Test {
 
   static constexpr const char* kName = "part-0001";
   tests::HandClock clock_;
-  fs::path directory_;
+  test::RecordingFolder folder_;
+  const fs::path& directory_ = folder_.path();
   std::array<char, 16> own_name_{};  // of the thread that gives
 };
 
@@ -86,7 +79,7 @@ TEST_F(ShortMemoryRecorderTest, WhatThereIsNoMemoryToTellDoesNotEndTheScan) {
   options.queue_points = 15;
   Recorder recorder(options, clock_);
   recorder.Begin(kName, {});
-  const hal::LaserProfile large = Profile(1, 20);
+  const hal::LaserProfile large = NumberedProfile(1, 20);
   {
     const ShortMemory shortage(own_name_.data(), 1, ShortMemory::Lasts::kFromThenOn);
     EXPECT_NO_THROW(recorder.Add(large));
