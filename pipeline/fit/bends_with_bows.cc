@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "pipeline/fit/easing_fit.h"
+#include "pipeline/fit/one_die.h"
 #include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/surface_sums.h"
@@ -363,8 +364,15 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
-      const double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
+      double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
       if (!std::isfinite(advantage)) continue;
+      const auto bends = [](const BowedSolution& of) { return of.fit.tube.program.bend_count(); };
+      if (advantage < 0 && bends(other) < bends(solution)) {
+        // Slight bends that ease, between bows, hardly know their radii, and a fit that makes them
+        // differ loses its way: two bends in place of one look better than that.
+        TryOneDie(blocks, options, other);
+        advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
+      }
       margin = std::min(margin, std::abs(advantage));
       // What lost a part of the tube is no other tube.
       const bool is_certain =
