@@ -5,6 +5,8 @@
 
 #include <utility>
 
+#include "hal/scope_exit.h"
+
 namespace bendloop::drivers {
 
 using hal::ErrorKind;
@@ -148,6 +150,11 @@ Result<void> Database::Transact(const std::string& doing,
     if (sqlite3_exec(database_.get(), sql, nullptr, nullptr, nullptr) == SQLITE_OK) return {};
     return Fail(Failed(doing));
   };
+  if (transacts_) {
+    return Fail(ErrorKind::kInternal, path_ + ": " + doing + ": within a transaction of our own");
+  }
+  transacts_ = true;
+  const hal::ScopeExit over([this] { transacts_ = false; });
   // What could not be rolled back before: that, too, wants memory.
   if (in_transaction()) {
     if (auto ended = run("ROLLBACK"); !ended) return ended;

@@ -87,7 +87,8 @@ class Database {
   hal::Result<std::int64_t> Integer(const char* sql) const;
   // Runs a bound statement to its end and makes it ready for the next values.
   hal::Result<void> Run(Statement& statement, const std::string& doing) const;
-  // What `work` does reaches the disk together or not at all.
+  // What `work` does reaches the disk together or not at all. Within `work` it fails and leaves the
+  // outer transaction as it is.
   hal::Result<void> Transact(const std::string& doing,
                              const std::function<hal::Result<void>()>& work) const;
 
@@ -107,6 +108,7 @@ class Database {
   std::unique_ptr<sqlite3, Close> database_;
   std::string path_;
   DatabaseOptions options_;
+  mutable bool transacts_ = false;
 };
 
 }  // namespace bendloop::drivers

@@ -93,6 +93,29 @@ TEST_F(DatabaseTest, TransactsAllOrNothing) {
   EXPECT_TRUE(database.Transact("cannot", [&] { return database.Execute("DELETE FROM t"); }));
 }
 
+TEST_F(DatabaseTest, LetsNoTransactionBeginWithinAnother) {
+  const Database database = Opened();
+  ASSERT_TRUE(database.Execute("CREATE TABLE t(a)"));
+  const auto insert = [&] { return database.Execute("INSERT INTO t VALUES(1)"); };
+  const auto done = database.Transact("cannot do both", [&]() -> hal::Result<void> {
+    EXPECT_TRUE(insert());
+    const auto inner = database.Transact("cannot do the second", insert);
+    EXPECT_FALSE(inner);
+    if (!inner) {
+      EXPECT_EQ(inner.error().kind, ErrorKind::kInternal);
+      EXPECT_THAT(inner.error().message, HasSubstr("cannot do the second: within a transaction"));
+    }
+    EXPECT_TRUE(database.in_transaction()) << "the outer one goes on";
+    return insert();
+  });
+  EXPECT_TRUE(done);
+  EXPECT_EQ(database.Integer("SELECT count(*) FROM t").value(), 2);
+  EXPECT_TRUE(database.Transact("cannot", insert));
+  EXPECT_THROW((void)database.Transact("cannot", []() -> hal::Result<void> { throw 1; }), int);
+  EXPECT_TRUE(database.Transact("cannot", insert));
+  EXPECT_EQ(database.Integer("SELECT count(*) FROM t").value(), 4);
+}
+
 TEST_F(DatabaseTest, SaysWhichFileAndWhat) {
   const Database database = Opened({.otherwise = ErrorKind::kBadInput});
   const auto wrong = database.Prepare("SELECT a FROM absent");
