@@ -7,6 +7,7 @@
 #include <limits>
 #include <string_view>
 
+#include "drivers/session/session_database.h"
 #include "drivers/session/session_format.h"
 #include "drivers/session/session_reader.h"
 
@@ -37,7 +38,7 @@ void CheckPages(const SessionReader& reader, SessionSummary& summary) {
   if (lines == "ok") return;
   if (lines.starts_with("***")) lines.remove_prefix(std::min(lines.find('\n') + 1, lines.size()));
   Add(summary, reader.path() + ": the database is damaged, first: " +
-                   std::string(lines.substr(0, lines.find('\n'))));
+                   std::string(lines.substr(0, lines.find('\n'))) + MendOfSession(reader.path()));
 }
 
 void CheckTimes(const std::string& path, std::int64_t earliest, std::int64_t latest,

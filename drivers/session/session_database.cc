@@ -6,7 +6,9 @@
 
 #include <array>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <string_view>
 #include <system_error>
@@ -22,6 +24,8 @@ using hal::Result;
 
 constexpr std::string_view kMagic{"SQLite format 3\0", 16};
 constexpr std::size_t kReadVersionByte = 19;  // 2: write-ahead log, see sqlite.org/fileformat2
+constexpr std::size_t kPageBytesByte = 16;    // u16; 1: 65536
+constexpr std::size_t kPagesByte = 28;
 constexpr std::size_t kApplicationIdByte = 68;
 constexpr int kMaxRowBytes = 16 << 20;  // a profile of kSessionMaxPoints fits
 
@@ -67,6 +71,14 @@ int Touch(const Database& database) {
                       nullptr);
 }
 
+std::uint32_t BigEndian(const std::array<char, 100>& header, std::size_t at, std::size_t bytes) {
+  std::uint32_t number = 0;
+  for (std::size_t i = 0; i < bytes; ++i) {
+    number = number << 8U | static_cast<unsigned char>(header[at + i]);
+  }
+  return number;
+}
+
 Result<std::array<char, 100>> ReadHeader(const std::string& path) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) {
@@ -106,6 +118,7 @@ Result<Database> OpenSessionReadOnly(const std::string& path) {
 
   std::string name = path;
   DatabaseOptions options = Options(DatabaseOptions::Access::kRead);
+  options.mend_damage = MendOfSession(path);
   const bool has_lonely_log = in_log_mode && has_log && !has_log_index;
   if (in_log_mode && !has_log) {
     // The log stayed behind: what had been moved into the file counts, and no log is begun.
@@ -143,11 +156,22 @@ bool LooksLikeDatabase(const std::string& path) { return ReadHeader(path).has_va
 bool LooksLikeSession(const std::string& path) {
   const auto header = ReadHeader(path);
   if (!header) return false;
-  std::int32_t id = 0;  // big-endian
-  for (std::size_t i = 0; i < 4; ++i) {
-    id = id << 8 | static_cast<unsigned char>((*header)[kApplicationIdByte + i]);
+  return BigEndian(*header, kApplicationIdByte, 4) == kSessionApplicationId;
+}
+
+std::string MendOfSession(const std::string& path) {
+  std::error_code error;
+  const std::uintmax_t bytes = std::filesystem::file_size(path, error);
+  if (const auto header = ReadHeader(path); header && !error) {
+    const std::uint32_t page = BigEndian(*header, kPageBytesByte, 2);
+    const std::uintmax_t expected =
+        std::uintmax_t{page == 1 ? 65536 : page} * BigEndian(*header, kPagesByte, 4);
+    if (bytes < expected) {
+      return "; the file ends after byte " + std::to_string(bytes) + " of " +
+             std::to_string(expected) + ": copy it again";
+    }
   }
-  return id == kSessionApplicationId;
+  return "; copy it again, and the log beside it (-wal) if there is one";
 }
 
 Result<Database> OpenSessionForWriting(const std::string& path) {

@@ -16,6 +16,10 @@ hal::Result<Database> OpenSessionReadOnly(const std::string& path);
 bool LooksLikeDatabase(const std::string& path);
 bool LooksLikeSession(const std::string& path);
 
+// What to do about a damaged one, to follow what is wrong: "; the file ends after byte 100 of 8192:
+// copy it again".
+std::string MendOfSession(const std::string& path);
+
 // Opens (creates) a database for writing.
 hal::Result<Database> OpenSessionForWriting(const std::string& path);
 

@@ -152,8 +152,9 @@ Result<void> SessionReader::CheckTable(const char* table,
   }
   // Views and virtual tables have no root page.
   if (found == Outcome::kEnd || kind->Text(0) != "table" || kind->Integer(1) <= 0) {
-    return Fail(ErrorKind::kBadInput,
-                path_ + ": table " + table + ": missing; the file is no complete session");
+    return Fail(ErrorKind::kBadInput, path_ + ": table " + table +
+                                          ": missing; the file is no complete session" +
+                                          MendOfSession(path_));
   }
   auto info = database_.Prepare("SELECT name FROM pragma_table_xinfo(?)");
   if (!info) return Fail(info.error());

@@ -99,6 +99,29 @@ TEST_F(DamagedSessionTest, CountsWhatWasReadableBeforeTheDamage) {
       << summary->problems[0];
 }
 
+TEST_F(DamagedSessionTest, SaysOfACutFileWhereItEndsAndTheMend) {
+  const std::string path = Good(5000);
+  const auto whole = std::filesystem::file_size(path);
+  for (const std::uintmax_t cut :
+       {std::uintmax_t{100}, std::uintmax_t{101}, std::uintmax_t{4096}, whole * 2 / 3, whole - 1}) {
+    SCOPED_TRACE(cut);
+    std::filesystem::copy_file(path, Path("cut"),
+                               std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(Path("cut"), cut);
+    const std::string mend = "the file ends after byte " + std::to_string(cut) + " of " +
+                             std::to_string(whole) + ": copy it again";
+    const auto summary = CheckSession(Path("cut"));
+    const std::string message = summary ? summary->problems.at(0) : summary.error().message;
+    EXPECT_NE(message.find(mend), std::string::npos) << message;
+  }
+  // As long as it should be, and no file any more.
+  std::ofstream(path, std::ios::in | std::ios::out | std::ios::binary).seekp(100)
+      << std::string(4000, 'x');
+  const std::string message = FirstError(path);
+  EXPECT_NE(message.find("; copy it again, and the log beside it (-wal)"), std::string::npos)
+      << message;
+}
+
 TEST_F(DamagedSessionTest, NeverCrashesOnRandomDamage) {
   const std::string good = Good(300);
   std::string bytes(std::filesystem::file_size(good), '\0');
