@@ -2,6 +2,7 @@
 #include "firmware-host/cell/bender_desk.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "drivers/register_bender/register_bender.h"
@@ -12,6 +13,8 @@
 
 namespace bendloop::host {
 namespace {
+
+constexpr std::int64_t kNoAttempt = std::numeric_limits<std::int64_t>::max();
 
 // Reading a whole program of the largest size, each answer at the last moment, after connecting
 // anew, and as long again for a serial line that is listened to until it is quiet.
@@ -91,10 +94,14 @@ BenderDesk::~BenderDesk() = default;
 hal::Result<std::unique_ptr<BenderDesk>> BenderDesk::OpenWithout(const Options& options) {
   auto journal = CommitJournal::Open(options.journal);
   if (!journal) return hal::Fail(journal.error());
+  const auto told = journal->LastEnd();
+  if (!told) return hal::Fail(told.error());
   auto ledger = TubeLedger::Open(options.journal, options.ledger);
   if (!ledger) return hal::Fail(ledger.error());
-  return std::unique_ptr<BenderDesk>(
+  std::unique_ptr<BenderDesk> desk(
       new BenderDesk(std::move(*journal), std::move(*ledger), options));
+  desk->told_up_to_ = *told;
+  return desk;
 }
 
 void BenderDesk::Attach(std::unique_ptr<hal::BenderLink> link, hal::Clock& clock) {
@@ -170,7 +177,7 @@ BenderReading BenderDesk::Look() {
   const std::lock_guard lock(mutex_);
   BenderReading now = Read();
   if (!now.facts || !is_open_ || options_.read_only) return now;
-  if (KeepSettled()) now = Read();
+  if (Settle()) now = Read();
   return now;
 }
 
@@ -188,72 +195,68 @@ CommitReport BenderDesk::Commit(const CommitRequest& request) {
     report.reason = "nothing was sent: a replay sends to a real bender with --send alone";
     return report;
   }
-  if (is_open_) KeepSettled();
+  if (is_open_) Settle();
   // What is thrown in the middle, for want of memory, leaves an attempt that the next look settles,
   // as after a crash; and what is thrown at the end, one whose end the next look tells.
-  untold_ = request.session;
   const bool was_open = std::exchange(is_open_, true);
   commits_ = true;
   const hal::ScopeExit over([this] { commits_ = false; });
   CommitReport report = protocol_->Commit(request);
-  const bool is_known = report.outcome != CommitOutcome::kUnknown;
-  // The journal may not have taken the end, for want of memory or disk: the next look ends it
+  const bool is_known = report.attempt > 0 && report.outcome != CommitOutcome::kUnknown;
+  // Another's end that it found on its way is told before this one's.
+  const std::int64_t own = report.attempt > 0 ? report.attempt : kNoAttempt;
+  const bool are_told = !was_open || TellEnds(own);
+  // The journal may not have taken this one's, for want of memory or disk: the next look ends it
   // there.
   const auto left = journal_.Unfinished();
-  const bool is_left = !left || *left;
-  if (!is_known) told_.clear();
-  if (is_known && is_left && !was_open) told_ = request.session;
-  is_open_ = !is_known || is_left || was_open;
-  untold_.clear();
+  if (is_known && are_told) told_up_to_ = report.attempt;
+  is_open_ = !are_told || !left || *left;
   return report;
 }
 
-// Ends what is open; empty when nothing is, when it cannot be told yet, or was told. Where it
-// throws for want of memory the next call tells.
-std::optional<SettledCommit> BenderDesk::Settle() {
-  if (const auto open = journal_.Unfinished(); open && *open) untold_ = (*open)->session;
-  SettledCommit settled;
-  const auto report = protocol_->Resume(&settled.session);
-  if (report && report->outcome == CommitOutcome::kUnknown) return std::nullopt;
-  if (report) {
-    settled.report = *report;
-  } else {
-    // The journal may have an end that nobody was told.
-    const auto last = journal_.Last();
-    if (!last) return std::nullopt;
-    if (untold_.empty() || !*last || (*last)->session != untold_) {
-      is_open_ = false;
-      told_.clear();
-      untold_.clear();
-      return std::nullopt;
-    }
-    settled = {untold_, EndOf(**last)};
+// Ends what is open, and tells what nobody was told; false: nothing, or it cannot be told yet.
+// Where it throws for want of memory the next call tells.
+bool BenderDesk::Settle() {
+  SettledCommit last;
+  auto resumed = protocol_->Resume(&last.session);
+  const bool is_known = resumed && resumed->outcome != CommitOutcome::kUnknown;
+  const std::int64_t before = told_up_to_;
+  const bool are_told = TellEnds(is_known ? resumed->attempt : kNoAttempt);
+  if (is_known && are_told && resumed->attempt > told_up_to_) {
+    last.report = std::move(*resumed);
+    Tell(std::move(last));
   }
-  const bool is_active = settled.report.outcome == CommitOutcome::kCommitted;
-  static_cast<void>(ledger_.Note(
-      settled.session, is_active ? ScanFate::kCorrected : ScanFate::kDone, settled.report.reason));
   const auto left = journal_.Unfinished();
-  is_open_ = !left || *left;
-  const bool was_told = settled.session == told_;
-  told_ = is_open_ ? std::move(untold_) : std::string();
-  untold_.clear();
-  if (was_told) return std::nullopt;
-  return settled;
+  is_open_ = !are_told || !left || *left;
+  return is_known || told_up_to_ > before;
 }
 
-// The same, for TakeSettled. Its room is taken before: there is no second time to tell it.
-bool BenderDesk::KeepSettled() {
-  std::list<SettledCommit> room(1);
-  auto settled = Settle();
-  if (!settled) return false;
-  room.front() = std::move(*settled);
-  settled_.splice(settled_.end(), room);
+// The ends that the journal has of attempts before this one; false: it cannot be read.
+bool BenderDesk::TellEnds(std::int64_t before) {
+  const auto ends = journal_.EndsAfter(told_up_to_);
+  if (!ends) return false;
+  for (const CommitAttempt& end : *ends) {
+    if (end.id < before) Tell({end.session, EndOf(end)});
+  }
   return true;
 }
 
-std::optional<SettledCommit> BenderDesk::Resume() {
+// By TakeSettled. Its room is taken before it counts as told: there is no second time.
+void BenderDesk::Tell(SettledCommit end) {
+  std::list<SettledCommit> room;
+  room.push_back(std::move(end));
+  const CommitReport& report = room.front().report;
+  const bool is_active = report.outcome == CommitOutcome::kCommitted;
+  static_cast<void>(ledger_.Note(
+      room.front().session, is_active ? ScanFate::kCorrected : ScanFate::kDone, report.reason));
+  told_up_to_ = report.attempt;
+  settled_.splice(settled_.end(), room);
+}
+
+std::list<SettledCommit> BenderDesk::Resume() {
   const std::lock_guard lock(mutex_);
-  return protocol_ && !options_.read_only ? Settle() : std::nullopt;
+  if (protocol_ && !options_.read_only) Settle();
+  return std::exchange(settled_, {});
 }
 
 std::optional<std::string> BenderDesk::OpenCommit() const {
@@ -339,10 +342,7 @@ std::optional<CommitAttempt> BenderDesk::LastAttempt() const {
 std::optional<CommitAttempt> BenderDesk::LastEnded() const {
   const std::lock_guard lock(mutex_);
   const auto last = journal_.Last();
-  const auto is_ended = [](CommitStep step) {
-    return step == CommitStep::kCommitted || step == CommitStep::kNotCommitted;
-  };
-  if (!last || !*last || !is_ended((*last)->step)) return std::nullopt;
+  if (!last || !*last || !IsEnd((*last)->step)) return std::nullopt;
   return **last;
 }
 

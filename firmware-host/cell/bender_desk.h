@@ -78,8 +78,8 @@ class BenderDesk {
   // State and active program; the ledger takes note, and a commit whose end is open is settled.
   BenderReading Look();
   CommitReport Commit(const CommitRequest& request);
-  // Ends a commit that a crash or a lost link left open.
-  std::optional<SettledCommit> Resume();
+  // Ends a commit that a crash or a lost link left open; also what TakeSettled would give.
+  std::list<SettledCommit> Resume();
   // The session whose commit is open still: what the bender holds is not known.
   std::optional<std::string> OpenCommit() const;
   // Moves what Look and Commit have settled since behind `to`. Needs no memory.
@@ -123,8 +123,9 @@ class BenderDesk {
   void Attach(std::unique_ptr<hal::BenderLink> link, hal::Clock& clock);
   void Saw(const Sighting& sighting);
   BenderReading Read();
-  std::optional<SettledCommit> Settle();
-  bool KeepSettled();
+  bool Settle();
+  bool TellEnds(std::int64_t before);
+  void Tell(SettledCommit end);
 
   const Options options_;
   std::string name_;
@@ -139,10 +140,9 @@ class BenderDesk {
   std::unique_ptr<CommitProtocol> protocol_;
   bool connected_ = false;
   bool takes_report_ = false;
-  bool is_open_ = true;  // a commit's end may be
+  bool is_open_ = true;  // a commit's end may be, or nobody was told it
   bool commits_ = false;
-  std::string told_;    // session: Commit told its end, which the journal has not taken
-  std::string untold_;  // session: nobody was told its end, whether or not the journal has it
+  std::int64_t told_up_to_ = 0;  // attempt: its end was told, and those of all before it
   std::string ledger_problem_;
   std::list<SettledCommit> settled_;
 };

@@ -16,7 +16,8 @@ constexpr std::pair<CommitStep, const char*> kSteps[] = {
     {CommitStep::kBegun, "begun"},
     {CommitStep::kCommitting, "committing"},
     {CommitStep::kCommitted, "committed"},
-    {CommitStep::kNotCommitted, "not committed"}};
+    {CommitStep::kNotCommitted, "not committed"},
+    {CommitStep::kFailed, "failed"}};
 
 constexpr char kWriting[] = "the commit journal cannot be written";
 constexpr char kReading[] = "the commit journal cannot be read";
@@ -31,6 +32,27 @@ hal::Result<void> InsertStep(const drivers::Database& database, std::int64_t att
 
 hal::Result<void> InsertSequence(const drivers::Database& database, std::uint32_t sequence) {
   return Write(database, "INSERT INTO sequence(number) VALUES(?)", sequence);
+}
+
+// Of the row that was stepped to: id, session, base, next, step, detail.
+hal::Result<CommitAttempt> AttemptIn(const drivers::Statement& row, const std::string& path) {
+  CommitAttempt attempt;
+  attempt.id = row.Integer(0);
+  attempt.session = row.Text(1);
+  const auto base = ProgramFromJson(row.Text(2));
+  const auto next = ProgramFromJson(row.Text(3));
+  if (!base) return hal::Fail(base.error());
+  if (!next) return hal::Fail(next.error());
+  attempt.base = *base;
+  attempt.next = *next;
+  attempt.detail = row.Text(5);
+  for (const auto& [step, name] : kSteps) {
+    if (row.Text(4) != name) continue;
+    attempt.step = step;
+    return attempt;
+  }
+  return hal::Fail(ErrorKind::kBadInput, path + ": unknown step \"" + std::string(row.Text(4)) +
+                                             "\" in attempt " + std::to_string(attempt.id));
 }
 
 }  // namespace
@@ -117,31 +139,42 @@ hal::Result<std::optional<CommitAttempt>> CommitJournal::Last() const {
   const Outcome outcome = query->Step();
   if (outcome == Outcome::kEnd) return std::nullopt;
   if (outcome != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
-  CommitAttempt attempt;
-  attempt.id = query->Integer(0);
-  attempt.session = query->Text(1);
-  const auto base = ProgramFromJson(query->Text(2));
-  const auto next = ProgramFromJson(query->Text(3));
-  if (!base) return hal::Fail(base.error());
-  if (!next) return hal::Fail(next.error());
-  attempt.base = *base;
-  attempt.next = *next;
-  attempt.detail = query->Text(5);
-  for (const auto& [step, name] : kSteps) {
-    if (query->Text(4) != name) continue;
-    attempt.step = step;
-    return attempt;
+  auto attempt = AttemptIn(*query, database_.path());
+  if (!attempt) return hal::Fail(attempt.error());
+  return std::move(*attempt);
+}
+
+hal::Result<std::vector<CommitAttempt>> CommitJournal::EndsAfter(std::int64_t attempt) const {
+  auto query = database_.Prepare(
+      "SELECT attempt.id, session, base, next, step.step, step.detail FROM attempt"
+      " JOIN step ON step.attempt = attempt.id"
+      " WHERE attempt.id > ? AND step.step NOT IN (?, ?) ORDER BY attempt.id, step.id");
+  if (!query) return hal::Fail(query.error());
+  query->Bind(attempt).Bind(StepName(CommitStep::kBegun)).Bind(StepName(CommitStep::kCommitting));
+  std::vector<CommitAttempt> ends;
+  Outcome outcome = Outcome::kRow;
+  while ((outcome = query->Step()) == Outcome::kRow) {
+    auto end = AttemptIn(*query, database_.path());
+    if (!end) return hal::Fail(end.error());
+    ends.push_back(std::move(*end));
   }
-  return hal::Fail(ErrorKind::kBadInput, database_.path() + ": unknown step \"" +
-                                             std::string(query->Text(4)) + "\" in attempt " +
-                                             std::to_string(attempt.id));
+  if (outcome != Outcome::kEnd) return hal::Fail(database_.Failed(kReading));
+  return ends;
+}
+
+hal::Result<std::int64_t> CommitJournal::LastEnd() const {
+  auto query =
+      database_.Prepare("SELECT ifnull(max(attempt), 0) FROM step WHERE step NOT IN (?, ?)");
+  if (!query) return hal::Fail(query.error());
+  query->Bind(StepName(CommitStep::kBegun)).Bind(StepName(CommitStep::kCommitting));
+  if (query->Step() != Outcome::kRow) return hal::Fail(database_.Failed(kReading));
+  return query->Integer(0);
 }
 
 hal::Result<std::optional<CommitAttempt>> CommitJournal::Unfinished() const {
   auto last = Last();
   if (!last || !*last) return last;
-  const CommitStep step = (*last)->step;
-  if (step == CommitStep::kCommitted || step == CommitStep::kNotCommitted) return std::nullopt;
+  if (IsEnd((*last)->step)) return std::nullopt;
   return last;
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "drivers/sqlite/database.h"
 #include "hal/bend_program.h"
@@ -18,7 +19,12 @@ enum class CommitStep : std::uint8_t {
   kCommitting,    // the commit write may have been sent from here on
   kCommitted,     // the bender was seen holding the new program
   kNotCommitted,  // the bender was seen holding another one, and the commit cannot come late
+  kFailed,        // the same, by a failure of link or bender and nobody's refusal
 };
+
+inline bool IsEnd(CommitStep step) {
+  return step != CommitStep::kBegun && step != CommitStep::kCommitting;
+}
 
 // One program on its way to the bender.
 struct CommitAttempt {
@@ -51,6 +57,10 @@ class CommitJournal {
   // The newest attempt if its last step leaves open which program is active.
   hal::Result<std::optional<CommitAttempt>> Unfinished() const;
   hal::Result<std::optional<CommitAttempt>> Last() const;
+  // The attempts after this one that came to their end, the oldest first.
+  hal::Result<std::vector<CommitAttempt>> EndsAfter(std::int64_t attempt) const;
+  // The newest attempt that came to its end; 0: none.
+  hal::Result<std::int64_t> LastEnd() const;
   // Has this session's correction reached the bender? Then its measurement is of an older program.
   hal::Result<bool> SessionCommitted(const std::string& session) const;
   // Was it this journal's own commit that made `to` out of `from`?

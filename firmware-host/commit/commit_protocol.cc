@@ -59,14 +59,15 @@ CommitProtocol::CommitProtocol(hal::BenderLink& link, CommitJournal& journal, ha
 
 CommitReport EndOf(const CommitAttempt& attempt) {
   CommitReport report;
+  report.attempt = attempt.id;
   report.sequence = attempt.next.sequence;
   if (attempt.step == CommitStep::kCommitted) {
     report.outcome = CommitOutcome::kCommitted;
     report.active = attempt.next;
   } else {
-    report.outcome = CommitOutcome::kRefused;
-    report.reason = attempt.detail;
-    report.active = attempt.base;
+    const bool failed = attempt.step == CommitStep::kFailed;
+    report.outcome = failed ? CommitOutcome::kFailed : CommitOutcome::kRefused;
+    report.reason = attempt.detail;  // which says what was active
   }
   return report;
 }
@@ -283,13 +284,15 @@ CommitReport CommitProtocol::Settle(const CommitAttempt& attempt, std::string wh
                                     CommitOutcome otherwise) {
   facts_.committed = attempt.step == CommitStep::kCommitting;
   const auto unknown = [&](const std::string& trouble) {
-    return CommitReport{CommitOutcome::kUnknown,
+    CommitReport report{CommitOutcome::kUnknown,
                         why + (why.empty() ? "" : "; ") +
                             "it is not known yet whether the bender holds the old program (" +
                             Describe(attempt.base) + ") or the new one (" + Describe(attempt.next) +
                             "): " + trouble,
                         attempt.next.sequence,
                         {}};
+    report.attempt = attempt.id;
+    return report;
   };
   if (const auto state = link_.ReadState()) NoteAnswer(attempt, *state);
   auto active = LookAtActive(attempt);
@@ -337,6 +340,7 @@ hal::Result<void> CommitProtocol::Disarm(const CommitAttempt& attempt) {
 }
 
 CommitReport CommitProtocol::Finish(const CommitAttempt& attempt, CommitReport report) {
+  report.attempt = attempt.id;
   report.sequence = attempt.next.sequence;
   report.facts = facts_;
   if (info_.atomic_commit) report.breach = ProvenBreach(facts_);
@@ -347,8 +351,9 @@ CommitReport CommitProtocol::Finish(const CommitAttempt& attempt, CommitReport r
       report.reason = "the bender broke a rule of drivers/README.md, " + report.breach;
     }
   }
-  const CommitStep step = report.outcome == CommitOutcome::kCommitted ? CommitStep::kCommitted
-                                                                      : CommitStep::kNotCommitted;
+  CommitStep step = CommitStep::kNotCommitted;
+  if (report.outcome == CommitOutcome::kCommitted) step = CommitStep::kCommitted;
+  if (report.outcome == CommitOutcome::kFailed) step = CommitStep::kFailed;
   const std::string detail = report.reason + (report.reason.empty() ? "" : "; ") + Describe(facts_);
   if (auto ok = journal_.Append(attempt.id, step, detail); !ok) {
     // The bender's state is known all the same; the next start asks it again.

@@ -46,6 +46,7 @@ struct CommitReport {
   // sent. The same request may be made again.
   bool may_be_repeated = false;
   std::optional<CommitFacts> facts = {};  // of a program that was staged at least
+  std::int64_t attempt = 0;               // in the journal; 0: none was begun
   std::string breach = {};                // the rule that the bender was seen to break; empty: none
 };
 

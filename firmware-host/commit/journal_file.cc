@@ -48,7 +48,10 @@ constexpr const char* kVersion4 =
     "CREATE INDEX name_name ON name(name, part_number);"
     "CREATE INDEX name_session ON name(session);";
 
-constexpr const char* kFormatSteps[] = {kVersion1, kVersion2, kVersion3, kVersion4};
+// Steps may be "failed".
+constexpr const char* kVersion5 = "";
+
+constexpr const char* kFormatSteps[] = {kVersion1, kVersion2, kVersion3, kVersion4, kVersion5};
 constexpr drivers::DatabaseFormat kJournalFormat{0x424C434A, "BLCJ", "commit journal",
                                                  kFormatSteps};
 

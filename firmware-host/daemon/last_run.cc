@@ -19,9 +19,9 @@ hal::Result<void> MendJournal(const std::filesystem::path& journal) {
 
 void SettleWhatIsOpen(BenderDesk& desk, PartKeeper& keeper, AlarmBoard& alarms) {
   keeper.NameAfter(desk.LargestPartNumber());
-  if (const auto settled = desk.Resume()) {
-    alarms.Begin(AlarmCode::kUncleanEnd, settled->session + ": " + settled->report.reason);
-    keeper.Settle(*settled);
+  for (const SettledCommit& settled : desk.Resume()) {
+    alarms.Begin(AlarmCode::kUncleanEnd, settled.session + ": " + settled.report.reason);
+    keeper.Settle(settled);
   }
   const std::optional<std::string> open = desk.OpenCommit();
   for (const std::string& session : desk.ScansThatWaited()) {

@@ -72,17 +72,17 @@ TEST_F(JournalYears, TakesUpWhatTheFirstReleaseWroteAndRefusesWhatANewerOneDid) 
   EXPECT_EQ(journal->LastSequence().value(), 17u);
   EXPECT_TRUE(journal->NoteVoid(18));
   EXPECT_TRUE(LedgerStore::Open(file()));
-  EXPECT_EQ(Number("PRAGMA user_version"), 4);
+  EXPECT_EQ(Number("PRAGMA user_version"), 5);
   EXPECT_FALSE(SetDamagedJournalAside(file(), kNowMs).value());
 
-  Sql("PRAGMA user_version = 5");
+  Sql("PRAGMA user_version = 6");
   journal = CommitJournal::Open(file());
   ASSERT_FALSE(journal);
   EXPECT_EQ(journal.error().kind, hal::ErrorKind::kBadInput);
   EXPECT_THAT(journal.error().message, HasSubstr("a newer one wrote it"));
   // It is not damaged, and nobody moves it.
   EXPECT_FALSE(SetDamagedJournalAside(file(), kNowMs).value());
-  EXPECT_EQ(Number("PRAGMA user_version"), 5);
+  EXPECT_EQ(Number("PRAGMA user_version"), 6);
 }
 
 TEST_F(JournalYears, ADamagedOneIsMovedAsideAndLocks) {
