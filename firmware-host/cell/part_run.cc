@@ -2,10 +2,12 @@
 #include "firmware-host/cell/part_run.h"
 
 #include <algorithm>
+#include <new>
 #include <utility>
 
 #include "firmware-host/console/version.h"
 #include "firmware-host/ledger/tube_ledger.h"
+#include "firmware-host/workers/want_of_memory.h"
 #include "pipeline/correction/measured_covariance.h"
 
 namespace bendloop::host {
@@ -157,8 +159,10 @@ class Decision {
     }
     // Of a part that is undecided, too: its exit code is 0, so that somebody must say it.
     if (result_.inspection->verdict != pipeline::Verdict::kPass) {
-      outcome_.reasons.insert(outcome_.reasons.end(), result_.inspection->reasons.begin(),
-                              result_.inspection->reasons.end());
+      HasMemoryFor([this] {
+        outcome_.reasons.insert(outcome_.reasons.end(), result_.inspection->reasons.begin(),
+                                result_.inspection->reasons.end());
+      });
     }
     return std::move(outcome_);
   }
@@ -267,9 +271,21 @@ class Decision {
   void Send() {
     const RunContext& base = outcome_.context;
     const hal::ProgramBlock& from = base.expected ? *base.expected : *base.bent_with;
-    result_.bender = desk_.Commit({part_.identity.session, from, result_.correction->corrected});
+    try {
+      result_.bender = desk_.Commit({part_.identity.session, from, result_.correction->corrected});
+    } catch (const std::bad_alloc&) {
+      // It may have reached the bender. What was measured and learnt is kept, the desk tells how it
+      // ended, and a part that waits is not decided again while it is on its way.
+      if (!part_.may_wait) throw;
+      return Wait(std::string("the commit was cut short: ") + kNoMemory);
+    }
     if (result_.bender->may_be_repeated && part_.may_wait) return Wait(result_.bender->reason);
     outcome_.end = EndOf(result_.bender->outcome);
+    // For the end itself that stands by now: what there is no memory to add is left off.
+    HasMemoryFor([this] { TellSent(); });
+  }
+
+  void TellSent() {
     if (outcome_.end != PartEnd::kCorrected) outcome_.reasons.push_back(result_.bender->reason);
     if (!is_live_) return;
     ScanFate fate = ScanFate::kDone;
