@@ -14,6 +14,7 @@
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/fit/without_dents.h"
+#include "pipeline/math/quantiles.h"
 #include "pipeline/tube/representations.h"
 
 namespace bendloop::pipeline {
@@ -319,10 +320,8 @@ bool IsHardlyEased(const SurfaceFit& fit) {
                      [&](double of_bend) { return of_bend < hardly_mm * hardly_mm; });
 }
 
-}  // namespace
-
-BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
-                            const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
+BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> blocks,
+                           const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution = Solve(start, blocks, options, std::move(straight));
   const auto& bows = solution.bows.state.bows;
   const bool is_bowed =
@@ -346,6 +345,58 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
   return is_eased ? std::move(eased) : std::move(sharp);
 }
 
+// [mm] The greater a bend's angle, the more its samples tell of its radius.
+double UsualRadiusMm(const hal::BendProgram& program) {
+  std::vector<std::pair<double, double>> radii_mm;  // with their weights
+  double all = 0;
+  for (const hal::BendRow& row : program.rows) {
+    if (!row.bend_radius_mm || !(row.angle_deg > 0)) continue;
+    radii_mm.emplace_back(*row.bend_radius_mm, row.angle_deg * row.angle_deg);
+    all += radii_mm.back().second;
+  }
+  std::sort(radii_mm.begin(), radii_mm.end());
+  double below = 0;
+  for (const auto& [radius_mm, weight] : radii_mm) {
+    below += weight;
+    if (below >= 0.5 * all) return radius_mm;
+  }
+  return 0;
+}
+
+// Radii of slight bends, their easings and the bows beside them may each be what the others are:
+// together they lead a fit astray. Those of one die do not. As `solution` otherwise.
+BowedSolution OfOneDie(const BowedSolution& solution, std::span<const PointBlock> blocks,
+                       SurfaceFitOptions options) {
+  auto corners = PolygonFromTube(solution.straight);
+  if (!corners) return {};
+  for (auto& radius_mm : corners->bend_radii_mm) {
+    radius_mm = UsualRadiusMm(solution.straight.program);
+  }
+  auto start = TubeFromPolygon(*corners);
+  if (!start) return {};
+  start->pipe_radius_mm = solution.fit.tube.pipe_radius_mm;
+  options.easing = solution.fit.easing;
+  if (auto& variance_mm2 = options.easing.variance_mm2; !variance_mm2.empty()) {
+    variance_mm2.assign(variance_mm2.size(), Median(variance_mm2));
+  }
+  options.priors.bend_radius.reset();
+  options.priors.radii_alike = kRadiiOfOneDie;
+  return SharpOrEased(*start, blocks, options, std::nullopt);
+}
+
+}  // namespace
+
+BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
+                            const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
+  BowedSolution solution = SharpOrEased(start, blocks, options, std::move(straight));
+  const std::size_t bends = solution.fit.tube.program.bend_count();
+  if (!solution.bows.is_lost || bends < 2 || options.priors.radii_alike > 0) return solution;
+  BowedSolution other = OfOneDie(solution, blocks, options);
+  const bool is_found = !other.bows.is_lost && other.fit.tube.program.bend_count() == bends &&
+                        GainOf(other, solution, blocks, options.reach_mm) > 0;
+  return is_found ? std::move(other) : std::move(solution);
+}
+
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm) {
   const double more = static_cast<double>(a.fit.tube.program.bend_count()) -
@@ -364,15 +415,8 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
-      double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
+      const double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
       if (!std::isfinite(advantage)) continue;
-      const auto bends = [](const BowedSolution& of) { return of.fit.tube.program.bend_count(); };
-      if (advantage < 0 && bends(other) < bends(solution)) {
-        // Slight bends that ease, between bows, hardly know their radii, and a fit that makes them
-        // differ loses its way: two bends in place of one look better than that.
-        TryOneDie(blocks, options, other);
-        advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
-      }
       margin = std::min(margin, std::abs(advantage));
       // What lost a part of the tube is no other tube.
       const bool is_certain =

@@ -54,7 +54,7 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
       doubtful.Take(few, fit.sigma_mm);
       doubtful.Solve(true);
       doubtful.Doubt(true, fit);
-      return {no_bows, doubtful.noise_mm(), doubtful.worth(), true};
+      return {no_bows, doubtful.noise_mm(), doubtful.worth(), true, true};
     }
     const double noise_mm = std::max(
         {options.min_sigma_mm, bowed.noise_mm(), is_last ? 0.0 : kBowed.narrower * bows.noise_mm});

@@ -14,6 +14,7 @@ struct BowedFit {
   double noise_mm = 0;   // 1 sigma of a point
   double worth = 1;      // times that samples of a place are worth less than independent ones
   bool is_pulled_aside = false;  // some places so far that it is no noise, as by dents
+  bool is_lost = false;  // there are bows, and the steps to them led astray: `state` has none
 };
 
 // Straights that bow, together with the lines and arcs of a fit: a bowed straight hands on another

@@ -14,8 +14,6 @@ namespace bendloop::pipeline {
 namespace {
 
 struct OneDieSettings {
-  // [of their mean] 1 sigma of the radii: as of usual ones (usual_bend_radius.cc).
-  double alike = 0.015;
   // [of r_P] No die is tighter.
   double tightest = 1.0;
   // [variances, a bend] By which radii of one die may explain the points worse, and their spread
@@ -77,7 +75,7 @@ bool LooksEased(const SurfaceFit& fit, const Die& die) {
     const hal::BendRow& row = fit.tube.program.rows[i];
     const double radius_mm = row.bend_radius_mm.value_or(0.0);
     const double sigma_mm = std::hypot(fit.sigma.rows[i].bend_radius_mm.value_or(0.0),
-                                       kOneDie.alike * die.bend_radius_mm);
+                                       kRadiiOfOneDie * die.bend_radius_mm);
     const double as_sharp_mm =
         std::sqrt(std::pow(die.bend_radius_mm, 2) + die.easing_mm2 / SquareOf(row));
     differ += std::pow((radius_mm - die.bend_radius_mm) / sigma_mm, 2) / bends;
@@ -104,13 +102,13 @@ void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& opti
   start->pipe_radius_mm = fit.tube.pipe_radius_mm;
   SurfaceFitOptions of_die = options;
   of_die.priors.bend_radius.reset();
-  of_die.priors.radii_alike = kOneDie.alike;
+  of_die.priors.radii_alike = kRadiiOfOneDie;
   of_die.easing = fit.easing;
   of_die.easing.variance_mm2.assign(bends, die->easing_mm2);
   BowedSolution other = SolveWithBows(*start, blocks, of_die);
   if (other.fit.tube.program.bend_count() != bends) return;
   FitPriors alike;
-  alike.radii_alike = kOneDie.alike;
+  alike.radii_alike = kRadiiOfOneDie;
   const double better = AdvantageOf(other, solution, blocks, options.reach_mm) -
                         alike.ChiSquare(other.fit.tube.program, {});
   if (!(better > -kOneDie.worse * static_cast<double>(bends))) return;

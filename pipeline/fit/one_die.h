@@ -7,6 +7,9 @@
 
 namespace bendloop::pipeline {
 
+// [of their mean] 1 sigma of the radii of one die: as of usual ones (usual_bend_radius.cc).
+inline constexpr double kRadiiOfOneDie = 0.015;
+
 // Of a short bend that eases in and out the samples know the variance of its curvature along the
 // spine, arc^2 / 12 and the easing's, and neither by itself. All bends of a tube together tell: of
 // one die, and one clamp, those of greater angle have the longer arcs. Where the points are
