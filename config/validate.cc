@@ -11,6 +11,7 @@
 #include "config/load.h"
 #include "config/object_dictionary.h"
 #include "config/parse_file.h"
+#include "hal/folder.h"
 
 namespace bendloop::config {
 namespace {
@@ -79,11 +80,10 @@ hal::Result<void> CheckPartsDir(const CellConfig& cell) {
   };
   std::error_code error;
   std::vector<std::filesystem::path> files{cell.part_file};
-  for (std::filesystem::directory_iterator it(cell.parts_dir, error), end; !error && it != end;
-       it.increment(error)) {
+  for (const std::filesystem::path& path : hal::PathsIn(cell.parts_dir, error)) {
     std::error_code none;
-    if (it->path().extension() != ".toml") continue;
-    if (!std::filesystem::equivalent(it->path(), cell.part_file, none)) files.push_back(it->path());
+    if (path.extension() != ".toml") continue;
+    if (!std::filesystem::equivalent(path, cell.part_file, none)) files.push_back(path);
   }
   if (error) {
     add(cell.file.string() + ": key 'parts_dir': found '" + cell.parts_dir.string() +

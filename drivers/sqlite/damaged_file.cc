@@ -8,6 +8,7 @@
 
 #include "drivers/sqlite/database.h"
 #include "drivers/sqlite/side_files.h"
+#include "hal/folder.h"
 
 namespace bendloop::drivers {
 namespace {
@@ -84,12 +85,11 @@ std::vector<fs::path> MovedAside(const fs::path& path) {
   std::vector<fs::path> found;
   const std::string prefix = path.filename().string() + kMark;
   std::error_code error;
-  for (fs::directory_iterator it(path.parent_path(), error), end; !error && it != end;
-       it.increment(error)) {
-    const std::string name = it->path().filename().string();
+  for (const fs::path& each : hal::PathsIn(path.parent_path(), error)) {
+    const std::string name = each.filename().string();
     const bool is_side = std::any_of(std::begin(kSideFiles), std::end(kSideFiles),
                                      [&](const char* side) { return name.ends_with(side); });
-    if (name.starts_with(prefix) && !is_side) found.push_back(it->path());
+    if (name.starts_with(prefix) && !is_side) found.push_back(each);
   }
   std::sort(found.begin(), found.end());
   return found;

@@ -9,6 +9,7 @@
 
 #include "config/load.h"
 #include "firmware-host/cell/tube_rules.h"
+#include "hal/folder.h"
 
 namespace bendloop::host {
 namespace {
@@ -22,8 +23,8 @@ constexpr std::size_t kMostFiles = 10'000;
 
 std::vector<fs::path> FilesOf(const fs::path& folder, std::error_code& error) {
   std::vector<fs::path> files;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
-    if (it->path().extension() == ".toml" && files.size() < kMostFiles) files.push_back(it->path());
+  for (fs::path& path : hal::PathsIn(folder, error)) {
+    if (path.extension() == ".toml" && files.size() < kMostFiles) files.push_back(std::move(path));
   }
   std::sort(files.begin(), files.end());
   return files;

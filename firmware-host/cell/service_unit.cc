@@ -10,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "hal/folder.h"
 #include "hal/text.h"
 
 namespace bendloop::host {
@@ -49,10 +50,8 @@ std::map<std::string, fs::path> DropIns(const UnitPlaces& places) {
   for (const std::string& kind : {std::string(kUnitName), std::string("service")}) {
     for (const fs::path& folder : FoldersOf(places)) {
       std::error_code error;
-      fs::directory_iterator it(folder / (kind + ".d"), error);
-      for (const fs::directory_iterator end; !error && it != end; it.increment(error)) {
-        if (it->path().extension() != ".conf") continue;
-        files.try_emplace(it->path().filename().string(), it->path());
+      for (const fs::path& path : hal::PathsIn(folder / (kind + ".d"), error)) {
+        if (path.extension() == ".conf") files.try_emplace(path.filename().string(), path);
       }
     }
   }

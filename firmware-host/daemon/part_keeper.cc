@@ -154,7 +154,9 @@ void PartKeeper::DropOld(const std::set<std::string>& in_hand) {
     }
   }
   if (storage_.max_age_days <= 0) return;
-  std::set<std::string> kept = PinnedNames(sessions_);
+  const auto pinned = PinnedNames(sessions_);
+  if (!pinned) return spdlog::warn("{}", pinned.error().message);
+  std::set<std::string> kept = *pinned;
   kept.insert(in_hand.begin(), in_hand.end());
   Note([&](History& history) -> hal::Result<void> {
     history.Keep({kept.begin(), kept.end()});

@@ -15,6 +15,7 @@
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/result/json.h"
 #include "firmware-host/result/json_reader.h"
+#include "hal/folder.h"
 
 namespace bendloop::host {
 namespace {
@@ -136,8 +137,8 @@ void SetterBox::Serve(const std::function<bool(const SetterRequest&)>& may_be_gr
                       const std::function<SetterAnswer(const SetterRequest&)>& grant) const {
   std::error_code error;
   std::vector<fs::path> waiting;
-  for (fs::directory_iterator it(box_, error), end; !error && it != end; it.increment(error)) {
-    if (it->path().filename().string().ends_with(kRequestEnd)) waiting.push_back(it->path());
+  for (fs::path& path : hal::PathsIn(box_, error)) {
+    if (path.filename().string().ends_with(kRequestEnd)) waiting.push_back(std::move(path));
   }
   std::sort(waiting.begin(), waiting.end());  // by their time
   for (const fs::path& file : waiting) {

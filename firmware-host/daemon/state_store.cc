@@ -17,6 +17,7 @@
 #include "firmware-host/cell/run_context.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/whole_file.h"
+#include "hal/folder.h"
 
 namespace bendloop::host {
 namespace {
@@ -34,8 +35,8 @@ fs::path LotFile(const fs::path& directory, std::uint32_t part) {
 unsigned LargestNumber(const fs::path& directory) {
   unsigned largest = 0;
   std::error_code error;
-  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    largest = std::max(largest, NumberInName(it->path().filename().string()));
+  for (const fs::path& each : hal::PathsIn(directory, error)) {
+    largest = std::max(largest, NumberInName(each.filename().string()));
   }
   return largest;
 }
@@ -46,12 +47,12 @@ void RemoveHalfWritten(const fs::path& directory) {
   constexpr std::size_t kDigits = 16;
   std::vector<fs::path> found;
   std::error_code error;
-  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    const std::string name = it->path().filename().string();
+  for (const fs::path& each : hal::PathsIn(directory, error)) {
+    const std::string name = each.filename().string();
     const std::size_t dot = name.rfind('.');
     if (name.starts_with('.') && dot > 0 && name.size() == dot + 1 + kDigits &&
         name.find_first_not_of("0123456789abcdef", dot + 1) == std::string::npos) {
-      found.push_back(it->path());
+      found.push_back(each);
     }
   }
   for (const fs::path& path : found) fs::remove(path, error);
@@ -63,9 +64,9 @@ void GiveToOwnerOf(const fs::path& directory) {
   struct stat folder {};
   if (::geteuid() != 0 || ::stat(directory.c_str(), &folder) != 0 || folder.st_uid == 0) return;
   std::error_code error;
-  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+  for (const fs::path& each : hal::PathsIn(directory, error)) {
     struct stat file {};
-    const std::string path = it->path().string();
+    const std::string path = each.string();
     if (::lstat(path.c_str(), &file) != 0 || file.st_uid != 0) continue;
     const bool is_folder = S_ISDIR(file.st_mode);
     if (!is_folder && !(S_ISREG(file.st_mode) && file.st_nlink == 1)) continue;

@@ -371,11 +371,12 @@ void Recorder::MakeRoom(const std::string& name) {
   if (options_.kept) kept = options_.kept();
   if (!kept) return Fail(kept.error().message);
   kept->insert(name);
-  const Removed removed = KeepLimits({options_.directory, options_.results}, options_.limits, *kept,
-                                     SystemRetentionWorld());
+  const auto removed = KeepLimits({options_.directory, options_.results}, options_.limits, *kept,
+                                  SystemRetentionWorld());
+  if (!removed) return Fail(removed.error().message);
   const std::lock_guard lock(mutex_);
-  counters_.removed_sessions += removed.sessions.size();
-  counters_.removed_results += removed.results.size();
+  counters_.removed_sessions += removed->sessions.size();
+  counters_.removed_results += removed->results.size();
 }
 
 void Recorder::LookAtDisk() {

@@ -11,6 +11,7 @@
 
 #include "drivers/sqlite/side_files.h"
 #include "firmware-host/retention/age.h"
+#include "hal/folder.h"
 
 namespace bendloop::host {
 namespace {
@@ -57,14 +58,14 @@ std::vector<File> FilesOf(const fs::path& directory, std::string_view extension,
                           const std::set<std::string>& kept) {
   std::vector<File> files;
   std::error_code error;
-  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+  for (const fs::path& path : hal::PathsIn(directory, error)) {
     std::error_code none;
-    if (it->path().extension() != extension || !it->is_regular_file(none)) continue;
+    if (path.extension() != extension || !fs::is_regular_file(path, none)) continue;
     File file;
-    file.path = it->path();
+    file.path = path;
     file.name = file.path.stem().string();
     file.number = NumberOf(file.name);
-    const auto written = it->last_write_time(none);
+    const auto written = fs::last_write_time(path, none);
     if (!none) file.written_ms = UnixMs(written);
     file.bytes = SizeWithSides(file.path);
     file.is_kept = kept.count(file.name) > 0;
@@ -82,10 +83,16 @@ std::vector<File> FilesOf(const fs::path& directory, std::string_view extension,
 // Takes it out of `files` if it is gone.
 bool Remove(std::vector<File>& files, std::size_t at, std::vector<fs::path>& removed) {
   const File& file = files[at];
-  std::error_code error;
-  if (file.is_kept || !fs::remove(file.path, error)) return false;
-  drivers::RemoveSideFiles(file.path);
+  if (file.is_kept) return false;
+  // All that wants memory comes first: what goes, goes with its side files, and is told.
+  const drivers::SidePaths sides = drivers::SidesOf(file.path);
   removed.push_back(file.path);
+  std::error_code error;
+  if (!fs::remove(file.path, error)) {
+    removed.pop_back();
+    return false;
+  }
+  for (const fs::path& side : sides) fs::remove(side, error);
   files.erase(files.begin() + static_cast<std::ptrdiff_t>(at));
   return true;
 }
@@ -136,9 +143,11 @@ RetentionWorld SystemRetentionWorld() {
   return world;
 }
 
-Removed KeepLimits(const RetentionPlaces& places, const RetentionLimits& limits,
-                   const std::set<std::string>& kept, const RetentionWorld& world) {
-  std::set<std::string> untouched = PinnedNames(places.sessions);
+hal::Result<Removed> KeepLimits(const RetentionPlaces& places, const RetentionLimits& limits,
+                                const std::set<std::string>& kept, const RetentionWorld& world) {
+  const auto pinned = PinnedNames(places.sessions);
+  if (!pinned) return hal::Fail(pinned.error());
+  std::set<std::string> untouched = *pinned;
   untouched.insert(kept.begin(), kept.end());
   Removed removed;
   std::vector<File> sessions = FilesOf(places.sessions, ".session", untouched);
@@ -161,19 +170,23 @@ Removed KeepLimits(const RetentionPlaces& places, const RetentionLimits& limits,
 std::uint64_t BytesOfSessions(const fs::path& directory) {
   std::uint64_t total = 0;
   std::error_code error;
-  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
-    if (it->path().extension() == ".session") total += SizeWithSides(it->path());
+  for (const fs::path& path : hal::PathsIn(directory, error)) {
+    if (path.extension() == ".session") total += SizeWithSides(path);
   }
   return total;
 }
 
-std::set<std::string> PinnedNames(const fs::path& sessions) {
+hal::Result<std::set<std::string>> PinnedNames(const fs::path& sessions) {
   std::set<std::string> names;
   std::error_code error;
-  for (fs::directory_iterator it(sessions, error), end; !error && it != end; it.increment(error)) {
-    const fs::path& path = it->path();
+  for (const fs::path& path : hal::PathsIn(sessions, error)) {
     if (path.extension() != kKeepSuffix || path.stem().extension() != ".session") continue;
     names.insert(path.stem().stem().string());
+  }
+  // One that is not there has none.
+  if (error && error != std::errc::no_such_file_or_directory) {
+    return hal::Fail(hal::ErrorKind::kDevice, sessions.string() + ": cannot be listed: " +
+                                                  error.message() + "; nothing is removed");
   }
   return names;
 }

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "hal/result.h"
+
 namespace bendloop::host {
 
 // A session, its result and its row of the history are kept for good while this file stands beside
@@ -48,13 +50,14 @@ struct Removed {
 // files) that are more than the budget or too old, results that are too old; where the disk is full
 // still, sessions, then results. Old is what has a small number (part-0007), whatever the clock
 // said when it was written; what has none is older than all, by its time. Names in `kept`, and
-// pinned ones, are never touched, and files that cannot be removed are passed over.
-Removed KeepLimits(const RetentionPlaces& places, const RetentionLimits& limits,
-                   const std::set<std::string>& kept, const RetentionWorld& world);
+// pinned ones, are never touched, and files that cannot be removed are passed over. Where it cannot
+// be told what is pinned nothing is removed.
+hal::Result<Removed> KeepLimits(const RetentionPlaces& places, const RetentionLimits& limits,
+                                const std::set<std::string>& kept, const RetentionWorld& world);
 
 // Of all sessions there, side files included.
 std::uint64_t BytesOfSessions(const std::filesystem::path& directory);
 // Names of all sessions that are pinned.
-std::set<std::string> PinnedNames(const std::filesystem::path& sessions);
+hal::Result<std::set<std::string>> PinnedNames(const std::filesystem::path& sessions);
 
 }  // namespace bendloop::host

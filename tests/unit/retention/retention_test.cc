@@ -62,7 +62,7 @@ class Retention : public ::testing::Test {
   }
   std::uint64_t Free() const { return disk_bytes_ - std::min(disk_bytes_, Used()); }
   Removed Keep(const std::set<std::string>& in_hand = {}) {
-    return KeepLimits(places_, limits_, in_hand, world_);
+    return KeepLimits(places_, limits_, in_hand, world_).value();
   }
 
   fs::path directory_;
