@@ -13,7 +13,7 @@ namespace {
 using test::ShortMemory;
 
 // A prime, so that no period of the code's own is always missed.
-constexpr std::int64_t kStride = 37;
+constexpr std::int64_t kDecisionStride = 37;
 
 struct Decided {
   std::optional<PartOutcome> outcome;  // none: thrown
@@ -35,7 +35,7 @@ Decided DecideShortOf(test::BentTube& cell, std::int64_t number) {
 
 TEST(ShortMemoryDecision, WhatReachedTheBenderIsToldWithWhatItTaught) {
   int waited = 0, corrected = 0;
-  for (std::int64_t number = 1;; number += kStride) {
+  for (std::int64_t number = 1;; number += kDecisionStride) {
     SCOPED_TRACE(number);
     test::BentTube cell;
     const Decided decided = DecideShortOf(cell, number);
