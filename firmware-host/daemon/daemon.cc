@@ -37,6 +37,7 @@
 #include "firmware-host/daemon/upkeep.h"
 #include "firmware-host/recorder/recorder.h"
 #include "firmware-host/result/words.h"
+#include "firmware-host/workers/spare_memory.h"
 #include "firmware-host/workers/want_of_memory.h"
 
 namespace bendloop::host {
@@ -327,6 +328,7 @@ void Daemon::Impl::TellPlc() {
 // While nothing is scanned or decided; what it returns: CellPorts::between_parts.
 std::string Daemon::Impl::BetweenParts(bool correction_waits) {
   // First: what follows may find no memory, again and again.
+  if (!SpareMemory::Refill()) board_.OutOfMemory("nothing yet, by what is kept aside");
   alarms_.Look(board_.Get());
   // New settings would take a correction that waits away; it ends by itself.
   if (!correction_waits) TakeHangUp();

@@ -19,6 +19,7 @@
 #include "firmware-host/console/standard_output.h"
 #include "firmware-host/daemon/daemon.h"
 #include "firmware-host/daemon/daemon_settings.h"
+#include "firmware-host/workers/spare_memory.h"
 
 namespace {
 
@@ -83,6 +84,7 @@ int Main(int argc, char** argv) {
   formatter->add_flag<PrintableMessage>('*').set_pattern("%Y-%m-%dT%H:%M:%S.%e%z %l %*");
   spdlog::set_formatter(std::move(formatter));
   bendloop::host::KeepMemory();
+  const bendloop::host::SpareMemory spare;
   CatchSignals();
   auto daemon = bendloop::host::Daemon::Start(**options);
   if (!daemon) return Report(daemon.error());

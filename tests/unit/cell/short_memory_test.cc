@@ -9,11 +9,15 @@
 
 #include <atomic>
 #include <utility>
+#include <vector>
 
 #include "config/load.h"
 #include "firmware-host/cell/cell_loop.h"
 #include "firmware-host/daemon/status_client.h"
 #include "firmware-host/daemon/status_server.h"
+#include "firmware-host/result/json.h"
+#include "firmware-host/workers/spare_memory.h"
+#include "firmware-host/workers/want_of_memory.h"
 #include "tests/support/bender_maps.h"
 #include "tests/support/memory_bender.h"
 #include "tests/support/scripted_source.h"
@@ -85,6 +89,40 @@ TEST_F(ShortMemoryTest, TheFollowerOutlivesAWantThatLasts) {
   }
   const auto after = follower.LookWithin(10s);
   ASSERT_TRUE(after && after->facts);
+}
+
+// A JSON tree wants memory where it is taken down, too, and would end the process there.
+TEST_F(ShortMemoryTest, TheStatusIsMadeOfWhatIsKeptAside) {
+  const SpareMemory spare;
+  const CellSnapshot cell = board_.Get();
+  const auto page = [&] { return Dump(StatusJson(cell), 2); };
+  const std::string whole = page();
+  char name[16] = {};
+  pthread_getname_np(pthread_self(), name, sizeof name);
+  int number = 1;
+  for (;; ++number) {
+    const ShortMemory shortage(name, number);
+    const std::string text = page();
+    if (ShortMemory::failed() == 0) break;
+    ASSERT_EQ(text, whole) << number;
+    ASSERT_FALSE(SpareMemory::Refill()) << "it had been given";
+    ASSERT_TRUE(SpareMemory::Refill());
+  }
+  EXPECT_GT(number, 100);
+}
+
+TEST_F(ShortMemoryTest, WhatIsKeptAsideIsGivenOnce) {
+  const SpareMemory spare;
+  char name[16] = {};
+  pthread_getname_np(pthread_self(), name, sizeof name);
+  const auto takes = [&] {
+    const ShortMemory shortage(name, 1);
+    return HasMemoryFor([] { std::vector<int>(1000).at(0) = 1; });
+  };
+  EXPECT_TRUE(takes());
+  EXPECT_FALSE(takes());
+  EXPECT_FALSE(SpareMemory::Refill());
+  EXPECT_TRUE(takes());
 }
 
 TEST_F(ShortMemoryTest, AQuestionForTheStatusIsAnsweredOrClosed) {
