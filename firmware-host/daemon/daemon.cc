@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <memory>
+#include <thread>
 #include <utility>
 
 #include "firmware-host/alarms/alarm_text.h"
@@ -51,6 +52,11 @@ std::atomic<bool> g_hung_up{false};
 // Shorter than a look at the bender takes to come round.
 constexpr auto kReportPeriod = 50ms;
 
+// A reload's old settings are taken up again for less than the watchdog waits.
+constexpr int kMostTries = 20;
+constexpr auto kTryAgain = 200ms;
+constexpr const char* kShort = "out of memory";  // so short that it wants none itself
+
 spdlog::level::level_enum LevelOf(config::LogLevel level) {
   switch (level) {
     case config::LogLevel::kDebug:
@@ -85,9 +91,10 @@ class Daemon::Impl {
 
   hal::Result<void> Prepare();
   int Run();
-  // What it goes by, and what it shall go by from now on: empty when Run() ended for good.
-  DaemonSettings settings() const { return {cell_, *own_part_}; }
+  // What it shall go by from now on: empty when Run() ended for good.
   std::optional<DaemonSettings> TakeNext() { return std::exchange(next_, std::nullopt); }
+  // What it went by until then, with next_.
+  DaemonSettings TakeBefore() { return std::move(*before_); }
   // Settings that were asked for and could not be taken up.
   void ReloadRefused(const std::string& why);
 
@@ -119,6 +126,7 @@ class Daemon::Impl {
   Requests requests_;
   ScannerPost scanner_;
   std::optional<DaemonSettings> next_;  // read, and good
+  std::optional<DaemonSettings> before_;
   std::chrono::nanoseconds reported_{0};
   std::unique_ptr<BenderDesk> desk_;
   std::unique_ptr<Recorder> recorder_;
@@ -275,12 +283,12 @@ int Daemon::Impl::Run() {
   next_ ? notify_.Reloading() : notify_.Stopping();
   spdlog::info("{} after {} scans", next_ ? "taking up the new settings" : "stopping",
                loop->parts());
-  upkeep_.TellShift();
+  HasMemoryFor([this] { upkeep_.TellShift(); });
   loop.reset();
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
-  keeper_.KeepAlarms(alarms_.TakeNews());
+  HasMemoryFor([this] { keeper_.KeepAlarms(alarms_.TakeNews()); });
   const bool is_kept = recorder_->FlushWithin(kDiskBound) && keeper_.FlushWithin(kDiskBound);
-  ::unlink(store_.status().c_str());
+  HasMemoryFor([this] { ::unlink(store_.status().c_str()); });
   if (is_kept) return scanner_.exit_code();
   spdlog::error(
       "the disk hangs: recordings that wait for it are lost ({} profiles and events); check "
@@ -345,11 +353,16 @@ std::string Daemon::Impl::BetweenParts(bool correction_waits) {
 void Daemon::Impl::TakeHangUp() {
   if (next_ || !g_hung_up.exchange(false)) return;
   notify_.Reloading();
-  hal::Result<DaemonSettings> read = hal::Fail(hal::ErrorKind::kDevice, "out of memory");
-  HasMemoryFor([&] { read = LoadDaemonSettings(options_); });
-  auto fits = read ? CheckWatchdog({.watchdog = notify_.period()}) : hal::Fail(read.error());
-  if (!fits) {
-    ReloadRefused(fits.error().message);
+  hal::Result<DaemonSettings> read = hal::Fail(hal::ErrorKind::kDevice, kShort);
+  HasMemoryFor([&] {
+    before_ = DaemonSettings{cell_, *own_part_};
+    auto loaded = LoadDaemonSettings(options_);
+    auto fits = CheckWatchdog({.watchdog = notify_.period()});
+    if (loaded && !fits) loaded = hal::Fail(fits.error());
+    read = std::move(loaded);
+  });
+  if (!read) {
+    HasMemoryFor([&] { ReloadRefused(read.error().message); });
     notify_.Ready();
     return;
   }
@@ -418,17 +431,26 @@ Daemon::Daemon(const DaemonOptions& options, std::unique_ptr<Impl> impl)
 Daemon::~Daemon() = default;
 
 int Daemon::Run() {
-  for (;;) {
-    const int code = impl_->Run();
-    std::optional<DaemonSettings> next = impl_->TakeNext();
+  for (int ended = 0;;) {
+    int code = hal::ExitCode(hal::ErrorKind::kDevice);
+    // Its loop begins again where there was no memory for that.
+    if (!HasMemoryFor([&] { code = impl_->Run(); }) && ++ended < kMostTries) {
+      std::this_thread::sleep_for(kTryAgain);
+      continue;
+    }
+    const std::optional<DaemonSettings> next = impl_->TakeNext();
     if (!next) return code;
-    DaemonSettings before = impl_->settings();
+    const DaemonSettings before = impl_->TakeBefore();
     impl_.reset();  // gives scanner, bender and state directory back
-    auto begun = Begin(options_, std::move(*next));
+    auto begun = BeginAnew(*next);
     if (!begun) {
-      const std::string why = begun.error().message;
-      begun = Begin(options_, std::move(before));
-      if (begun) (*begun)->ReloadRefused(why);
+      const hal::Error why = std::move(begun.error());
+      // The trouble may pass, want of memory above all; where it does not, systemd tries on.
+      for (int tries = 0; !begun && tries < kMostTries; ++tries) {
+        if (tries > 0) std::this_thread::sleep_for(kTryAgain);
+        begun = BeginAnew(before);
+      }
+      if (begun) HasMemoryFor([&] { (*begun)->ReloadRefused(why.message); });
     }
     if (!begun) {
       spdlog::error("{}", begun.error().message);
@@ -436,6 +458,12 @@ int Daemon::Run() {
     }
     impl_ = std::move(*begun);
   }
+}
+
+hal::Result<std::unique_ptr<Daemon::Impl>> Daemon::BeginAnew(const DaemonSettings& settings) const {
+  hal::Result<std::unique_ptr<Impl>> begun = hal::Fail(hal::ErrorKind::kDevice, kShort);
+  HasMemoryFor([&] { begun = Begin(options_, settings); });
+  return begun;
 }
 
 void Daemon::RequestStop() { g_stop = true; }

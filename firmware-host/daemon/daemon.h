@@ -31,6 +31,8 @@ class Daemon {
   class Impl;
   static hal::Result<std::unique_ptr<Impl>> Begin(const DaemonOptions& options,
                                                   DaemonSettings settings);
+  // Where memory is short, that is the error.
+  hal::Result<std::unique_ptr<Impl>> BeginAnew(const DaemonSettings& settings) const;
   Daemon(const DaemonOptions& options, std::unique_ptr<Impl> impl);
 
   const DaemonOptions options_;

@@ -4,7 +4,9 @@
 #include <systemd/sd-daemon.h>
 #include <time.h>
 
+#include <cinttypes>
 #include <cstdint>
+#include <cstdio>
 
 namespace bendloop::host {
 
@@ -21,7 +23,9 @@ void ServiceNotify::Reloading() {
   timespec now{};
   clock_gettime(CLOCK_MONOTONIC, &now);
   const auto microseconds = std::int64_t{1'000'000} * now.tv_sec + now.tv_nsec / 1000;
-  sd_notify(0, ("RELOADING=1\nMONOTONIC_USEC=" + std::to_string(microseconds)).c_str());
+  char words[64];  // by the stack: there may be no other memory
+  std::snprintf(words, sizeof words, "RELOADING=1\nMONOTONIC_USEC=%" PRId64, microseconds);
+  sd_notify(0, words);
 }
 
 void ServiceNotify::Status(const std::string& line) {

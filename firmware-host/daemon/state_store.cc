@@ -17,6 +17,7 @@
 #include "firmware-host/cell/run_context.h"
 #include "firmware-host/console/output_file.h"
 #include "firmware-host/console/whole_file.h"
+#include "firmware-host/workers/want_of_memory.h"
 #include "hal/folder.h"
 
 namespace bendloop::host {
@@ -116,8 +117,10 @@ StateStore::StateStore(StateStore&& other) noexcept
 
 StateStore::~StateStore() {
   if (lock_ < 0) return;
-  GiveToOwnerOf(directory_);
-  GiveToOwnerOf(results());
+  HasMemoryFor([this] {
+    GiveToOwnerOf(directory_);
+    GiveToOwnerOf(results());
+  });
   ::close(lock_);
 }
 

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// Want of memory while a daemon takes up new settings: it goes on, with them or with the old ones.
+#include <gtest/gtest.h>
+#include <pthread.h>
+#include <spdlog/sinks/base_sink.h>
+#include <spdlog/spdlog.h>
+
+#include <atomic>
+#include <fstream>
+#include <thread>
+
+#include "firmware-host/console/temporary_folder.h"
+#include "firmware-host/daemon/daemon.h"
+#include "firmware-host/daemon/daemon_options.h"
+#include "tests/support/short_memory.h"
+
+namespace bendloop::host {
+namespace {
+
+using namespace std::chrono_literals;
+using test::ShortMemory;
+
+constexpr const char* kThread = "daemon-test";
+
+// Memory ends with the line that says this, until it is given back.
+class Log final : public spdlog::sinks::base_sink<std::mutex> {
+ public:
+  void EndMemoryAt(std::string words) {
+    const std::lock_guard lock(mutex_);
+    words_ = std::move(words);
+  }
+  void GiveBack() { shortage_.reset(); }
+  bool is_short() const { return is_short_; }
+  int Count(std::string_view words) {
+    const std::lock_guard lock(mutex_);
+    int count = 0;
+    for (std::size_t at = 0; (at = text_.find(words, at)) != std::string::npos; ++at) ++count;
+    return count;
+  }
+
+ protected:
+  void sink_it_(const spdlog::details::log_msg& message) override {
+    const std::string_view line(message.payload.data(), message.payload.size());
+    if (is_short_) return;
+    text_ += std::string(line) + "\n";
+    if (words_.empty() || line.find(words_) == std::string_view::npos) return;
+    words_.clear();
+    shortage_.emplace(kThread, 1, ShortMemory::Lasts::kFromThenOn);
+    is_short_ = true;
+  }
+  void flush_() override {}
+
+ public:
+  void HearAgain() { is_short_ = false; }
+
+ private:
+  std::string words_, text_;
+  std::atomic<bool> is_short_{false};
+  std::optional<ShortMemory> shortage_;
+};
+
+template <class Is>
+bool Becomes(Is is) {
+  for (int i = 0; i < 1000 && !is(); ++i) std::this_thread::sleep_for(5ms);
+  return is();
+}
+
+TEST(ShortMemoryDaemon, OutlivesAReloadThatThereIsNoMemoryFor) {
+  const auto folder = TemporaryFolder::Make();
+  ASSERT_TRUE(folder);
+  DaemonOptions options;
+  options.config = folder->path() / "cell.toml";
+  std::ofstream(options.config) << "schema = \"bendloop.cell/1\"\nname = \"test\"\npart = \""
+                                << BENDLOOP_SOURCE_DIR "/config/parts/demo.toml\"\n"
+                                << "state_dir = \"state\"\n"
+                                << "[scanner]\nkind = \"stream\"\nport = 1\n"
+                                << "[bender]\nlink = \"none\"\n";
+  const auto log = std::make_shared<Log>();
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("test", log));
+  auto daemon = Daemon::Start(options);
+  ASSERT_TRUE(daemon) << daemon.error().message;
+  std::atomic<int> code{-1};
+  std::thread running([&] {
+    pthread_setname_np(pthread_self(), kThread);
+    try {
+      code = (*daemon)->Run();
+    } catch (const std::bad_alloc&) {
+      code = 99;
+    }
+  });
+  constexpr const char* kBegun = " mm, settings ";  // of each beginning of a cell
+  ASSERT_TRUE(Becomes([&] { return log->Count("no scanner") > 0; }));
+  for (const char* words : {"SIGHUP: ", kBegun}) {
+    const int begun = log->Count(kBegun);
+    log->EndMemoryAt(words);
+    Daemon::NoteHangUp();
+    ASSERT_TRUE(Becomes([&] { return log->is_short(); })) << words;
+    std::this_thread::sleep_for(100ms);
+    log->GiveBack();
+    log->HearAgain();
+    EXPECT_TRUE(Becomes([&] { return log->Count(kBegun) > begun || code >= 0; })) << words;
+    EXPECT_EQ(code, -1) << words;
+  }
+  Daemon::RequestStop();
+  running.join();
+  EXPECT_EQ(code, 0);
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("none"));
+}
+
+}  // namespace
+}  // namespace bendloop::host
