@@ -44,8 +44,9 @@ Requests::Served Requests::Serve(BenderDesk& desk, bool correction_waits) {
 }
 
 void Requests::AcknowledgeForPlc(BenderDesk& desk) {
-  if (!std::exchange(plc_acknowledges_, false)) return;
+  if (!plc_acknowledges_) return;
   const auto unlocked = desk.Acknowledge("the PLC");
+  plc_acknowledges_ = false;  // not before: where memory is short it is done at the next turn
   spdlog::warn("the PLC acknowledges all alarms{}",
                unlocked ? "" : ", but corrections stay locked: " + unlocked.error().message);
   if (!unlocked) return;

@@ -12,6 +12,9 @@
 #include "firmware-host/console/temporary_folder.h"
 #include "firmware-host/daemon/daemon.h"
 #include "firmware-host/daemon/daemon_options.h"
+#include "firmware-host/daemon/requests.h"
+#include "firmware-host/workers/want_of_memory.h"
+#include "hal/clock.h"
 #include "tests/support/short_memory.h"
 
 namespace bendloop::host {
@@ -105,6 +108,38 @@ TEST(ShortMemoryDaemon, OutlivesAReloadThatThereIsNoMemoryFor) {
   running.join();
   EXPECT_EQ(code, 0);
   spdlog::set_default_logger(std::make_shared<spdlog::logger>("none"));
+}
+
+// The PLC asks once: what there was no memory for is done at the next turn.
+TEST(ShortMemoryRequests, AnAcknowledgementOfThePlcIsNotLost) {
+  const auto folder = TemporaryFolder::Make();
+  ASSERT_TRUE(folder);
+  auto store = StateStore::Open(folder->path() / "state");
+  ASSERT_TRUE(store);
+  AlarmBoard alarms([] { return std::int64_t{0}; });
+  config::CellConfig cell;
+  const auto plan = std::make_shared<const PartPlan>();
+  hal::SteadyClock clock;
+  PartKeeper keeper(*store, cell, *plan, alarms);
+  PartSetter parts(cell, plan, clock, keeper, alarms);
+  PlcDesk plc(alarms);
+  Requests requests({*store, parts, keeper, alarms, plc});
+  BenderDesk::Options options;
+  options.journal = store->journal();
+  const auto desk = BenderDesk::Open(config::BenderConfig{}, options, clock);
+  ASSERT_TRUE(desk) << desk.error().message;
+  CommitJournal journal = CommitJournal::Open(store->journal()).value();
+  ASSERT_TRUE(journal.NoteBreach("attempt 1", "it made active what was not sent"));
+  ASSERT_FALSE((*desk)->Locked().empty());
+  requests.PlcAcknowledges();
+  {
+    pthread_setname_np(pthread_self(), kThread);
+    const ShortMemory shortage(kThread, 1, ShortMemory::Lasts::kFromThenOn);
+    EXPECT_FALSE(HasMemoryFor([&] { (void)requests.Serve(**desk, false); }));
+  }
+  EXPECT_FALSE((*desk)->Locked().empty());
+  (void)requests.Serve(**desk, false);
+  EXPECT_TRUE((*desk)->Locked().empty());
 }
 
 }  // namespace
