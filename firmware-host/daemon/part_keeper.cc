@@ -94,7 +94,7 @@ hal::Result<void> PartKeeper::SetDamagedHistoryAside() {
   return {};
 }
 
-void PartKeeper::Note(const HistoryWork& work) {
+bool PartKeeper::Note(const HistoryWork& work) {
   const auto attempt = [&] {
     return OrOutOfMemory("history", [&]() -> hal::Result<void> {
       if (auto opened = OpenHistory(); !opened) return opened;
@@ -107,6 +107,7 @@ void PartKeeper::Note(const HistoryWork& work) {
     done = attempt();
   }
   Judge(AlarmCode::kHistoryNotKept, done);
+  return done.has_value();
 }
 
 hal::Result<void> PartKeeper::TakeUp(const PartPlan& part) {
@@ -136,12 +137,13 @@ std::optional<pipeline::LotState> PartKeeper::Lot(const PartPlan& part) {
 
 hal::Result<void> PartKeeper::SetLot(const PartPlan& part, const pipeline::LotState& lot) {
   KeptLot& kept = lots_[part.part_number];
+  pipeline::LotState state = lot;  // before: for what is written there must be memory here, too
   if (auto written = store_.KeepLot(lot, kept.key, kept.file); !written) return written;
-  kept.state = lot;
+  kept.state = std::move(state);
   return {};
 }
 
-void PartKeeper::DropOld(const std::set<std::string>& in_hand) {
+bool PartKeeper::DropOld(const std::set<std::string>& in_hand) {
   std::error_code error;
   const std::filesystem::path log = store_.requests_log();
   if (std::filesystem::file_size(log, error) > kMostLogBytes && !error) {
@@ -153,12 +155,15 @@ void PartKeeper::DropOld(const std::set<std::string>& in_hand) {
       std::filesystem::remove(aside[i], error);
     }
   }
-  if (storage_.max_age_days <= 0) return;
+  if (storage_.max_age_days <= 0) return true;
   const auto pinned = PinnedNames(sessions_);
-  if (!pinned) return spdlog::warn("{}", pinned.error().message);
+  if (!pinned) {
+    spdlog::warn("{}", pinned.error().message);
+    return false;
+  }
   std::set<std::string> kept = *pinned;
   kept.insert(in_hand.begin(), in_hand.end());
-  Note([&](History& history) -> hal::Result<void> {
+  return Note([&](History& history) -> hal::Result<void> {
     history.Keep({kept.begin(), kept.end()});
     const auto dropped = history.DropOld(storage_.max_age_days, SystemMoment().unix_ms);
     if (!dropped) return hal::Fail(dropped.error());

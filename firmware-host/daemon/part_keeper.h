@@ -57,8 +57,9 @@ class PartKeeper {
   void KeepAlarms(const std::vector<Alarm>& news);
   // What of the latest part could not be kept, and why; "": all of it was.
   const std::string& problem() const { return problem_; }
-  // What the history knows of long ago goes, but pinned parts and those `in_hand`.
-  void DropOld(const std::set<std::string>& in_hand);
+  // What the history knows of long ago goes, but pinned parts and those `in_hand`; false where that
+  // could not be done, which is told.
+  bool DropOld(const std::set<std::string>& in_hand);
   // Waits for the report that is being written, for so long at most; false: the disk hangs.
   bool FlushWithin(std::chrono::nanoseconds patience);
 
@@ -73,9 +74,10 @@ class PartKeeper {
   // aside first.
   hal::Result<void> OpenHistory();
   hal::Result<void> SetDamagedHistoryAside();
-  // Does `work` on it; where that shows it to be damaged, once more on a new one.
+  // Does `work` on it; where that shows it to be damaged, once more on a new one. False where it
+  // was not done, which is an alarm.
   using HistoryWork = std::function<hal::Result<void>(History&)>;
-  void Note(const HistoryWork& work);
+  bool Note(const HistoryWork& work);
   // Logs what went wrong; an alarm until it goes well again.
   void Judge(AlarmCode code, const hal::Result<void>& kept);
 

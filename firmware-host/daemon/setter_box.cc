@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/daemon/setter_box.h"
 
+#include <fcntl.h>
 #include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
+#include <utility>
 #include <vector>
 
 #include "firmware-host/console/output_file.h"
@@ -85,6 +88,37 @@ hal::Result<SetterRequest> ReadRequest(const fs::path& file) {
   return request;
 }
 
+std::string AnswerText(const SetterAnswer& answer) {
+  const Json json = {{"schema", "bendloop.answer/1"},
+                     {"exit_code", answer.error ? hal::ExitCode(*answer.error) : 0},
+                     {"text", answer.text}};
+  return Dump(json) + "\n";
+}
+
+// What is answered where memory ends in the middle of granting: made before the request is taken,
+// and given without any.
+class CutAnswer {
+ public:
+  explicit CutAnswer(const fs::path& answer)
+      : place_(answer.string()),
+        beside_(place_ + ".new"),
+        text_(AnswerText({hal::ErrorKind::kDevice,
+                          "out of memory in the middle of it: it may be done, or not; see "
+                          "'bendloop status' and 'bendloop lot show' before you ask again"})) {}
+
+  void Give() const noexcept {
+    const int file = ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (file < 0) return;
+    const bool is_whole =
+        ::write(file, text_.data(), text_.size()) == static_cast<ssize_t>(text_.size());
+    ::close(file);
+    is_whole ? ::rename(beside_.c_str(), place_.c_str()) : ::unlink(beside_.c_str());
+  }
+
+ private:
+  const std::string place_, beside_, text_;
+};
+
 }  // namespace
 
 std::string OwnUser() {
@@ -144,17 +178,21 @@ void SetterBox::Serve(const std::function<bool(const SetterRequest&)>& may_be_gr
   for (const fs::path& file : waiting) {
     const auto request = ReadRequest(file);
     if (request && !may_be_granted(*request)) continue;
-    // Gone before it is granted: what is granted twice would be sent twice.
-    if (!fs::remove(file, error)) continue;
-    const SetterAnswer answer =
-        request ? grant(*request) : SetterAnswer{request.error().kind, request.error().message};
     std::string name = file.filename().string();
     name.resize(name.size() - std::string_view(kRequestEnd).size());
-    const Json json = {{"schema", "bendloop.answer/1"},
-                       {"exit_code", answer.error ? hal::ExitCode(*answer.error) : 0},
-                       {"text", answer.text}};
-    // Nobody may be waiting any more; the log has it in any case.
-    static_cast<void>(WriteOutputFile(box_ / (name + kAnswerEnd), Dump(json) + "\n"));
+    const fs::path place = box_ / (name + kAnswerEnd);
+    const CutAnswer cut(place);
+    // Gone before it is granted: what is granted twice would be sent twice.
+    if (!fs::remove(file, error)) continue;
+    try {
+      const SetterAnswer answer =
+          request ? grant(*request) : SetterAnswer{request.error().kind, request.error().message};
+      // Nobody may be waiting any more; the log has it in any case.
+      static_cast<void>(WriteOutputFile(place, AnswerText(answer)));
+    } catch (...) {
+      cut.Give();
+      throw;
+    }
   }
 }
 

@@ -23,7 +23,8 @@ class SetterBox {
   // take the request in that time; it is withdrawn then. `part_number` as in SetterRequest.
   hal::Result<SetterAnswer> Ask(SetterWish wish, std::uint32_t part_number,
                                 std::chrono::nanoseconds patience, hal::Clock& clock) const;
-  // Of the daemon: answers what lies in the box and may be granted now; the rest stays in it.
+  // Of the daemon: answers what lies in the box and may be granted now; the rest stays in it. Where
+  // memory ends in the middle of granting, that is answered, and thrown.
   void Serve(const std::function<bool(const SetterRequest&)>& may_be_granted,
              const std::function<SetterAnswer(const SetterRequest&)>& grant) const;
 

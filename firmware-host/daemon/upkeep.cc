@@ -15,6 +15,8 @@ using namespace std::chrono_literals;
 
 // Of what is too old: nothing is in a hurry to go.
 constexpr auto kDropPeriod = 24h;
+// Where that did not come to its end.
+constexpr auto kDropAgain = 10min;
 
 std::chrono::nanoseconds Hours(double hours) {
   return std::chrono::nanoseconds(std::llround(hours * 3.6e12));
@@ -52,15 +54,18 @@ void Upkeep::TellShift() {
 // At the start, and once a day.
 void Upkeep::DropOld(BenderDesk& desk) {
   const auto now = clock_.Now();
-  if (dropped_ && now - *dropped_ < kDropPeriod) return;
-  dropped_ = now;
+  if (drop_due_ && now < *drop_due_) return;
+  drop_due_ = now + kDropAgain;  // want of memory may end it anywhere
   const auto in_hand = desk.SessionsInHand();
   // What the journal cannot tell may be one that is to be kept.
   if (!in_hand) return;
-  keeper_.DropOld(*in_hand);
-  if (storage_.max_age_days <= 0) return;
-  const auto dropped = desk.DropOld(storage_.max_age_days);
-  if (!dropped) spdlog::warn("{}", dropped.error().message);
+  bool is_done = keeper_.DropOld(*in_hand);
+  if (storage_.max_age_days > 0) {
+    const auto dropped = desk.DropOld(storage_.max_age_days);
+    if (!dropped) spdlog::warn("{}", dropped.error().message);
+    is_done = is_done && dropped;
+  }
+  if (is_done) drop_due_ = now + kDropPeriod;
 }
 
 void Upkeep::WatchClock() {

@@ -40,7 +40,7 @@ class Upkeep {
   PartKeeper& keeper_;
   const StatusBoard& board_;
   ShiftLog shift_;
-  std::optional<std::chrono::nanoseconds> dropped_;  // by clock_
+  std::optional<std::chrono::nanoseconds> drop_due_;  // by clock_
   ClockWatch clock_watch_;
 };
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Want of memory while a daemon takes up new settings: it goes on, with them or with the old ones.
+// Want of memory while a daemon takes up new settings: it goes on, with them or with the old ones;
+// and while it serves requests or looks after its databases: that is done later.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <pthread.h>
 #include <spdlog/sinks/base_sink.h>
@@ -7,14 +9,19 @@
 
 #include <atomic>
 #include <fstream>
+#include <sstream>
 #include <thread>
 
 #include "firmware-host/console/temporary_folder.h"
 #include "firmware-host/daemon/daemon.h"
 #include "firmware-host/daemon/daemon_options.h"
 #include "firmware-host/daemon/requests.h"
+#include "firmware-host/daemon/setter_box.h"
+#include "firmware-host/daemon/upkeep.h"
 #include "firmware-host/workers/want_of_memory.h"
 #include "hal/clock.h"
+#include "tests/support/hand_clock.h"
+#include "tests/support/sample_run.h"
 #include "tests/support/short_memory.h"
 
 namespace bendloop::host {
@@ -140,6 +147,73 @@ TEST(ShortMemoryRequests, AnAcknowledgementOfThePlcIsNotLost) {
   EXPECT_FALSE((*desk)->Locked().empty());
   (void)requests.Serve(**desk, false);
   EXPECT_TRUE((*desk)->Locked().empty());
+}
+
+// Whoever asks is answered once, whenever memory ends, and what was taken is not granted again.
+TEST(ShortMemoryRequests, ASetterIsToldThatItMayBeDoneOrNot) {
+  pthread_setname_np(pthread_self(), kThread);
+  const auto folder = TemporaryFolder::Make();
+  ASSERT_TRUE(folder);
+  const auto requests = folder->path() / "requests";
+  std::filesystem::create_directory(requests);
+  std::ofstream(requests / "1.request.json")
+      << R"({"schema": "bendloop.request/1", "request": "undo"})";
+  int granted = 0;
+  std::optional<ShortMemory> shortage;
+  const auto grant = [&](const SetterRequest&) {
+    ++granted;
+    shortage.emplace(kThread, 1, ShortMemory::Lasts::kFromThenOn);
+    return SetterAnswer{{}, std::string(100, 'x')};
+  };
+  const SetterBox box(folder->path());
+  const auto serve = [&] { box.Serve([](const SetterRequest&) { return true; }, grant); };
+  EXPECT_FALSE(HasMemoryFor(serve));
+  shortage.reset();
+  EXPECT_TRUE(HasMemoryFor(serve));
+  EXPECT_EQ(granted, 1);
+  std::stringstream answer;
+  answer << std::ifstream(requests / "1.answer.json").rdbuf();
+  EXPECT_THAT(answer.str(), ::testing::HasSubstr("\"exit_code\":4"));
+  EXPECT_THAT(answer.str(), ::testing::HasSubstr("it may be done, or not"));
+}
+
+// Once a day is too seldom for what met want of memory in its middle.
+TEST(ShortMemoryUpkeep, WhatIsTooOldGoesSoonAfterAWant) {
+  pthread_setname_np(pthread_self(), kThread);
+  int lacked = 0;
+  for (std::int64_t number = 1;; number *= 2) {
+    SCOPED_TRACE(number);
+    const auto folder = TemporaryFolder::Make();
+    ASSERT_TRUE(folder);
+    auto store = StateStore::Open(folder->path() / "state");
+    ASSERT_TRUE(store);
+    auto history = History::Open(store->history());
+    for (const char* time : {"2026-01-01T00:00:00.000Z", "2026-03-01T00:00:00.000Z"}) {
+      RunResult run = SampleRun();
+      run.time = run.session = time;
+      ASSERT_TRUE(history->Add(run));
+    }
+    AlarmBoard alarms([] { return std::int64_t{0}; });
+    config::CellConfig cell;
+    cell.storage.max_age_days = 20;  // between the ages of the two, as retention/age.h counts them
+    tests::HandClock clock;
+    PartKeeper keeper(*store, cell, PartPlan{}, alarms);
+    const StatusBoard board;
+    Upkeep upkeep(cell.storage, clock, alarms, keeper, board);
+    const auto desk = BenderDesk::Open(config::BenderConfig{},
+                                       {.journal = ":memory:", .preload = {}, .commit = {}}, clock);
+    ASSERT_TRUE(desk);
+    {
+      const ShortMemory shortage(kThread, number, ShortMemory::Lasts::kFromThenOn);
+      HasMemoryFor([&] { upkeep.Do(**desk); });
+    }
+    if (ShortMemory::failed() == 0) break;
+    ++lacked;
+    clock.Advance(10min);
+    upkeep.Do(**desk);
+    ASSERT_EQ(*history->Count(), 1u);
+  }
+  EXPECT_GT(lacked, 5);
 }
 
 }  // namespace
