@@ -169,7 +169,7 @@ std::optional<Posterior> Together(const BorderLikelihood& likelihood, const Numb
     most[3] = std::copysign(std::log(kEndBorder.other_noise), most[3]);
     const auto other = Likeliest(likelihood, most, 3);
     if (!other || !(other->log > thought->log)) return result;
-    return Posterior{other->x.head<3>(), other->covariance.topLeftCorner<3, 3>()};
+    return Posterior{other->x.head<3>(), other->covariance.topLeftCorner<3, 3>(), 0.0};
   }
   // Laplace's volume of one more number, of its prior's.
   const double volume = std::sqrt(2.0 * std::numbers::pi * free->covariance.determinant() /

@@ -20,6 +20,12 @@ struct BorderSettings {
   double lean_sigmas = 5.0;
   // 1 sigma of a lean before the scan, and its most: drills are radial, or lean by tens of degrees.
   double usual_lean = 0.35, most_lean = 1.2;
+  // [of its width] Slots are up to so much longer than wide, and none of it is likelier before the
+  // scan.
+  double usually_longer = 3.0;
+  // [sigma] An oval that is so much longer than wide leans one way or the other along its length;
+  // a rounder one may lean anywhere.
+  double oval_sigmas = 1.5;
   // [1 sigma of the place] So far a lean of 1 moves the border at least, or nothing tells of it.
   double least_sag = 6.0;
   double flier = 1e-3;  // part of the samples that may lie anywhere
@@ -35,8 +41,9 @@ struct BorderSettings {
   double sure = 5.0;  // [sigma] From the border: certainly outside, or inside
   // [of its width] Samples further outside tell nothing.
   double near = 0.35;
-  // Steps of the walk, and of one that says whether a hole may lean at all, from so many sigma on.
-  int walk = 2500, short_walk = 600;
+  // Steps of the walk, of one that says whether a hole may lean at all, from so many sigma on, and
+  // of one over leans, which are tied to the place.
+  int walk = 2500, short_walk = 600, lean_walk = 5000;
   double may_lean = 2.5;
 };
 constexpr BorderSettings kBorder;
@@ -66,10 +73,10 @@ OpeningBorder BorderOf(const Eigen::VectorXd& x, Shape shape, double pipe_radius
   return border;
 }
 
-// A border of one shape with the logarithm of its density.
+// A border of one shape.
 struct ShapeFit {
   FittedOpening fitted;
-  double log_density = 0;
+  double log_evidence = 0;  // of the shape, wherever and however large it is
   double leans_sigmas = 0;  // how many sigma the drill is from radial
 };
 
@@ -105,14 +112,15 @@ class ShapeWalk {
     // Where no sample was looked at, anything may be.
     if ((x.head<2>() - about_.middle_mm).norm() > about_.width_mm) return kNever;
     double log = 0;
-    if (shape_ == Shape::kSlot &&
-        (x[3] < 0 || std::abs(x[4] - about_.axis_rad) > 0.5 * std::numbers::pi)) {
-      return kNever;
+    if (shape_ == Shape::kSlot) {
+      if (x[3] < 0 || std::abs(x[4] - about_.axis_rad) > 0.5 * std::numbers::pi) return kNever;
+      log -= std::log(0.5 * kBorder.usually_longer * about_.width_mm * std::numbers::pi);
     }
     if (shape_ == Shape::kLeaningHole) {
       const double lean = std::hypot(x[3], x[4]);
       if (lean > kBorder.most_lean) return kNever;
-      log -= 0.5 * std::pow(lean / kBorder.usual_lean, 2);
+      log -= 0.5 * std::pow(lean / kBorder.usual_lean, 2) +
+             std::log(2.0 * std::numbers::pi * kBorder.usual_lean * kBorder.usual_lean);
     }
     const OpeningBorder border = BorderOf(x, shape_, about_.pipe_radius_mm);
     log += density_.Missing(border, density_about_mm_);
@@ -228,7 +236,7 @@ class ShapeWalk {
       const Eigen::Vector2d solved = SolveSymmetric(c.bottomRightCorner<2, 2>(), lean);
       fit.leans_sigmas = std::sqrt(std::max(0.0, lean.dot(solved)));
     }
-    fit.log_density = LogDensity(posterior.mean);
+    fit.log_evidence = posterior.LogEvidence();
     return fit;
   }
 
@@ -243,15 +251,59 @@ class ShapeWalk {
   std::vector<double> near_up_, missed_up_;  // how high the wall is at each
 };
 
-// The leaning hole, if it certainly leans.
-std::optional<ShapeFit> FitLean(const WallAbout& wall, OpeningBorder about) {
-  about.length_mm = about.width_mm;
-  const ShapeWalk leaning(wall, about, Shape::kLeaningHole);
-  ShapeFit fit = leaning.Fit(kBorder.short_walk);
-  if (fit.leans_sigmas < kBorder.may_lean) return std::nullopt;
-  fit = leaning.Fit(kBorder.walk);
-  if (fit.leans_sigmas < kBorder.lean_sigmas) return std::nullopt;
-  return fit;
+// Leaning holes that leave about this oval: the shift of its middle is what the wall sags by under
+// its border. The opposite lean leaves nearly the same, and a walk does not find the way from one
+// to the other.
+std::vector<OpeningBorder> LeansOf(const OpeningBorder& oval) {
+  const double ratio = oval.length_mm / oval.width_mm;
+  const double lean = std::min(0.9 * kBorder.most_lean, std::sqrt(ratio * ratio - 1.0));
+  const double sag_mm = oval.width_mm * oval.width_mm / (16.0 * oval.pipe_radius_mm);
+  std::vector<OpeningBorder> leans;
+  for (const double side : {-1.0, 1.0}) {
+    OpeningBorder round = oval;
+    round.length_mm = round.width_mm;
+    round.lean = side * lean * Eigen::Vector2d(std::cos(oval.axis_rad), std::sin(oval.axis_rad));
+    round.middle_mm += sag_mm * round.lean;
+    leans.push_back(round);
+  }
+  return leans;
+}
+
+// `fit` with what is known where `other` may be true instead.
+void Doubt(const ShapeFit& other, ShapeFit& fit) {
+  const double odds = std::exp(other.log_evidence - fit.log_evidence);
+  const double part = odds / (1.0 + odds);
+  const auto doubt = [part](double is, double sigma, double other_is, double other_sigma) {
+    const double off = other_is - is;
+    return std::sqrt((1.0 - part) * sigma * sigma + part * (other_sigma * other_sigma + off * off));
+  };
+  const OpeningBorder &border = fit.fitted.border, &another = other.fitted.border;
+  OpeningBorder& sigma = fit.fitted.sigma;
+  const OpeningBorder& its = other.fitted.sigma;
+  for (int k = 0; k < 2; ++k) {
+    sigma.middle_mm[k] =
+        doubt(border.middle_mm[k], sigma.middle_mm[k], another.middle_mm[k], its.middle_mm[k]);
+    sigma.lean[k] = doubt(border.lean[k], sigma.lean[k], another.lean[k], its.lean[k]);
+  }
+  sigma.width_mm = doubt(border.width_mm, sigma.width_mm, another.width_mm, its.width_mm);
+  sigma.length_mm = sigma.width_mm;
+}
+
+// The leaning hole that is likeliest, if it certainly leans. `abouts`: where it may be.
+std::optional<ShapeFit> FitLean(const WallAbout& wall, std::span<const OpeningBorder> abouts) {
+  std::vector<ShapeFit> fits;
+  for (const OpeningBorder& about : abouts) {
+    const ShapeWalk leaning(wall, about, Shape::kLeaningHole);
+    if (leaning.Fit(kBorder.short_walk).leans_sigmas < kBorder.may_lean) continue;
+    fits.push_back(leaning.Fit(kBorder.lean_walk));
+  }
+  if (fits.empty()) return std::nullopt;
+  std::sort(fits.begin(), fits.end(),
+            [](const ShapeFit& a, const ShapeFit& b) { return a.log_evidence > b.log_evidence; });
+  ShapeFit& best = fits.front();
+  if (best.leans_sigmas < kBorder.lean_sigmas) return std::nullopt;
+  if (fits.size() > 1) Doubt(fits.back(), best);
+  return best;
 }
 
 // What a drill that leans leaves of a round wall, as seen along the normal: of a flat one it would
@@ -356,25 +408,22 @@ FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const Opening
   const double sigma_mm = std::hypot(slot.fitted.sigma.length_mm, slot.fitted.sigma.width_mm);
   const bool is_long = longer_mm > kBorder.slot_sigmas * sigma_mm &&
                        longer_mm > kBorder.slot_part * long_one.width_mm;
-  OpeningBorder round = long_one;
-  round.width_mm = round.length_mm = std::sqrt(long_one.AreaMm2() * 4.0 / std::numbers::pi);
   if (is_long) {
     // A drill that leans along the long axis leaves an oval, too, no longer than leans allow.
-    const double lean = std::sqrt(std::pow(long_one.length_mm / long_one.width_mm, 2) - 1.0);
-    if (lean > kBorder.most_lean || !(about.pipe_radius_mm > 0)) return slot.fitted;
-    round.width_mm = round.length_mm = long_one.width_mm;
-    std::optional<ShapeFit> best;
-    for (const double side : {-1.0, 1.0}) {
-      round.lean =
-          side * lean * Eigen::Vector2d(std::cos(long_one.axis_rad), std::sin(long_one.axis_rad));
-      const auto leaning = FitLean(wall, round);
-      if (leaning && (!best || leaning->log_density > best->log_density)) best = leaning;
-    }
-    return best && best->log_density > slot.log_density ? best->fitted : slot.fitted;
+    const bool may_lean =
+        long_one.length_mm < std::hypot(1.0, kBorder.most_lean) * long_one.width_mm;
+    if (!may_lean || !(about.pipe_radius_mm > 0)) return slot.fitted;
+    const auto leaning = FitLean(wall, LeansOf(long_one));
+    return leaning && leaning->log_evidence > slot.log_evidence ? leaning->fitted : slot.fitted;
   }
+  OpeningBorder round = long_one;
+  round.width_mm = round.length_mm = std::sqrt(long_one.AreaMm2() * 4.0 / std::numbers::pi);
   const ShapeFit hole = ShapeWalk(wall, round, Shape::kHole).Fit(kBorder.walk);
   if (SagMm(hole.fitted.border) > kBorder.least_sag * hole.fitted.sigma.middle_mm.norm()) {
-    if (const auto leaning = FitLean(wall, hole.fitted.border)) return leaning->fitted;
+    const bool is_oval = longer_mm > kBorder.oval_sigmas * sigma_mm;
+    const auto leaning =
+        FitLean(wall, is_oval ? LeansOf(long_one) : std::vector{hole.fitted.border});
+    if (leaning && leaning->log_evidence > hole.log_evidence) return leaning->fitted;
   }
   return hole.fitted;
 }

@@ -42,9 +42,16 @@ struct Sums {
   Eigen::VectorXd first;
   Eigen::MatrixXd second;
   double count = 0;
+  double log_density = 0;  // of all that were added
 };
 
 }  // namespace
+
+double Posterior::LogEvidence() const {
+  const auto n = static_cast<double>(mean.size());
+  const double log_volume = n * (1.0 + std::log(2.0 * std::numbers::pi));
+  return mean_log_density + 0.5 * (log_volume + DefiniteSolver(covariance).LogDeterminant());
+}
 
 // SplitMix64: the same numbers with every standard library.
 double WalkDice::Uniform() {
@@ -66,7 +73,8 @@ void WalkDice::Throw() {
 
 Posterior SamplePosterior(const Eigen::VectorXd& start, const Eigen::VectorXd& scale, int walk,
                           const std::function<double(const Eigen::VectorXd&)>& log_density) {
-  return SamplePosterior({start, scale.array().square().matrix().asDiagonal()}, walk, log_density);
+  return SamplePosterior({start, scale.array().square().matrix().asDiagonal(), 0.0}, walk,
+                         log_density);
 }
 
 Posterior SamplePosterior(const Posterior& rough, int walk,
@@ -104,6 +112,7 @@ Posterior SamplePosterior(const Posterior& rough, int walk, WalkDice& dice,
         ++taken;
       }
       sums.Add(off);
+      sums.log_density += here;
     }
     // About a quarter of the steps should be taken.
     const double part = static_cast<double>(taken) / steps;
@@ -115,7 +124,7 @@ Posterior SamplePosterior(const Posterior& rough, int walk, WalkDice& dice,
     shape = sums.Covariance() + kKeptShape * shape;
   }
   const Sums sums = round(walk);
-  return {start + sums.Mean(), sums.Covariance()};
+  return {start + sums.Mean(), sums.Covariance(), sums.log_density / sums.count};
 }
 
 }  // namespace bendloop::pipeline

@@ -14,7 +14,12 @@ namespace bendloop::pipeline {
 struct Posterior {
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;
+  double mean_log_density = 0;
 
+  // The logarithm of the integral over the density, as near as one that spreads so may be: its mean
+  // logarithm and the entropy of a normal one with this covariance. Compares models whose densities
+  // are of the same data, each with what was known before.
+  double LogEvidence() const;
   double Sigma(Eigen::Index i) const { return std::sqrt(std::max(0.0, covariance(i, i))); }
 };
 
