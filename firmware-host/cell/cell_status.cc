@@ -73,6 +73,7 @@ void ShowRecorder(const RecorderCounters& counters, CellSnapshot& s) {
   s.removed_sessions = counters.removed_sessions;
   s.disk_used_mb = counters.sessions_bytes >> 20;
   s.disk_free_mb = counters.free_bytes >> 20;
+  s.knows_disk = counters.knows_disk;
 }
 
 std::string ProgressLine(const pipeline::LiveView& view, double nominal_length_mm) {

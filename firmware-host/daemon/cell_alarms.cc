@@ -101,9 +101,9 @@ void CellAlarms::Look(const CellSnapshot& cell) {
 }
 
 void CellAlarms::LookAtDisk(const CellSnapshot& cell) {
-  // The disk is looked at when a recording begins or ends, and when it could not begin.
-  const bool known = cell.recorded_sessions > 0 || cell.recorder_dropped_sessions > 0;
-  board_.Set(AlarmCode::kDiskFull, known && cell.disk_free_mb < kLeastFreeMb,
+  // The disk is looked at when the first profiles of a recording are safe, when it ends, and when
+  // it could not begin.
+  board_.Set(AlarmCode::kDiskFull, cell.knows_disk && cell.disk_free_mb < kLeastFreeMb,
              std::to_string(cell.disk_free_mb) + " MB are free");
 }
 

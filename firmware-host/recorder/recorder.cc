@@ -385,7 +385,9 @@ void Recorder::LookAtDisk() {
   const fs::space_info space = fs::space(options_.directory, error);
   const std::lock_guard lock(mutex_);
   counters_.sessions_bytes = bytes;
-  if (!error) counters_.free_bytes = space.available;
+  if (error) return;
+  counters_.free_bytes = space.available;
+  counters_.knows_disk = true;
 }
 
 void Recorder::Tell(const char* what) {

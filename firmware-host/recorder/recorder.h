@@ -49,8 +49,9 @@ struct RecorderCounters {
   std::uint64_t queued_points = 0;
   std::uint64_t queued_items = 0;
   std::uint64_t sessions_bytes = 0;  // on the disk, when a session last began or ended
-  std::uint64_t free_bytes = 0;
-  std::string last_error;  // "" while all is well
+  std::uint64_t free_bytes = 0;      // if knows_disk
+  bool knows_disk = false;           // it was looked at
+  std::string last_error;            // "" while all is well
 };
 
 // Writes sessions on a thread of its own, which may lag: no call of the measuring side waits for

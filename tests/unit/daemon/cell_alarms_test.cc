@@ -10,7 +10,7 @@ namespace {
 TEST(CellAlarms, TellOfAFullDiskWhenThePartIsDone) {
   CellAlarms alarms;
   CellSnapshot cell;
-  cell.recorded_sessions = 1;
+  cell.knows_disk = true;
   cell.disk_free_mb = 0;
   alarms.PartDone({}, cell);
   EXPECT_TRUE(alarms.board().IsActive(AlarmCode::kDiskFull));
@@ -19,12 +19,15 @@ TEST(CellAlarms, TellOfAFullDiskWhenThePartIsDone) {
   EXPECT_FALSE(alarms.board().IsActive(AlarmCode::kDiskFull));
 }
 
+// A recording that has begun, or found no memory, has not looked at the disk yet.
 TEST(CellAlarms, TellOfADiskThatWasFullFromTheStart) {
   CellAlarms alarms;
-  CellSnapshot cell;  // nothing was recorded: nobody has looked at the disk
+  CellSnapshot cell;
+  cell.recorded_sessions = 1;
+  cell.recorder_dropped_sessions = 1;
   alarms.Look(cell);
   EXPECT_FALSE(alarms.board().IsActive(AlarmCode::kDiskFull));
-  cell.recorder_dropped_sessions = 1;
+  cell.knows_disk = true;
   alarms.Look(cell);
   EXPECT_TRUE(alarms.board().IsActive(AlarmCode::kDiskFull));
 }
