@@ -5,7 +5,7 @@ set -eu
 build=$(realpath "$1")
 for tool in dpkg-deb dpkg-shlibdeps lintian; do
   command -v "$tool" >/dev/null || {
-    echo "############ NOT PACKED: $tool is missing; config/install-packages.sh root ############" >&2
+    echo "############ NOT PACKED: $tool is missing; config/install-packages.sh test root ############" >&2
     exit 77
   }
 done

@@ -9,6 +9,10 @@ cache=$2
 work=$3
 here=$(dirname -- "$(realpath "$0")")
 PATH=$PATH:/usr/sbin:/sbin
+mkdir -p "$cache"
+# Two tests may come at once; each packs what the build's folder is needed for.
+exec 8>"$cache/image-lock"
+flock 8
 if [ -e "$build/CPackConfig.cmake" ]; then
   (cd "$build" && cpack -G DEB -B "$work/packages") >"$work/cpack.log" 2>&1 || {
     cat "$work/cpack.log" >&2

@@ -16,11 +16,13 @@ rate=200
 log=console
 # shellcheck source=tests/vm/machines.sh disable=SC2034,SC2154
 . "$here/machines.sh"
+# shellcheck source=tests/vm/installed_root.sh
+. "$here/installed_root.sh"
 # shellcheck disable=SC2317  # called by the trap
 cleanup() {
   [ ! -s "$work/qemu.pid" ] || kill -9 "$(cat "$work/qemu.pid")" 2>/dev/null || true
   machines_off
-  if mountpoint -q "$work/root/proc"; then umount "$work/root/proc"; fi
+  root_off
   rm -rf --one-file-system "$work"
 }
 trap cleanup EXIT
@@ -36,13 +38,7 @@ bender_on
 scanner_on 0
 
 step "Installed on the guest's disk, with a cell that has these"
-root=$work/root
-mkdir "$root"
-tar -C "$root" -xf "${image%.ext4}.tar"
-mount -t proc proc "$root/proc"
-cp "$work"/packages/bendloop_*.deb "$root/root"
-inside() { chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEBIAN_FRONTEND=noninteractive "$@" </dev/null; }
-inside sh -c 'cd /root && apt-get -q -y install ./bendloop_*.deb' >install.log 2>&1 || fail "$(cat install.log)"
+root_with "${image%.ext4}.tar" "$work"/packages/bendloop_*.deb || fail "it cannot be installed"
 cp "$here/one_bend.toml" "$root/etc/bendloop/parts"
 scanner_port=$(port_of scanner)
 bender_port=$(port_of bender)
@@ -53,9 +49,7 @@ inside bendloop check /etc/bendloop/cell.toml || fail "the cell is wrong"
 mkdir -p "$root/etc/systemd/system/bendloopd.service.d"
 inside bendloop check --unit-drop-in /etc/bendloop/cell.toml >"$root/etc/systemd/system/bendloopd.service.d/50-cell.conf"
 inside systemctl enable bendloopd >install.log 2>&1 || fail "$(cat install.log)"
-umount "$root/proc"
-mke2fs -q -t ext4 -d "$root" "$disk" 2G >install.log 2>&1 || fail "$(cat install.log)"
-rm -rf --one-file-system "$root"
+root_to "$disk"
 
 boot() { # boot FILE...: the guest runs, with these taken along
   : >console

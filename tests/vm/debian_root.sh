@@ -12,7 +12,7 @@ skip() {
   exit 77
 }
 [ "$(id -u)" -eq 0 ] || skip "only root can make one"
-command -v mmdebstrap >/dev/null || skip "mmdebstrap is missing; config/install-packages.sh root"
+command -v mmdebstrap >/dev/null || skip "mmdebstrap is missing; config/install-packages.sh test"
 mkdir -p "$cache"
 cache=$(realpath "$cache")
 exec 9>"$cache/root-lock"
@@ -31,12 +31,12 @@ if [ ! -e "$root" ]; then
   names=
   for package in "$@"; do names="$names /root/$(basename "$package")"; done
   # shellcheck disable=SC2016  # $1 is the new root, for mmdebstrap
-  mmdebstrap --quiet --variant=minbase --format=tar --include=systemd,systemd-sysv,udev,dbus --skip=cleanup/apt \
+  timeout 300 mmdebstrap --quiet --variant=minbase --format=tar --include=systemd,systemd-sysv,udev,dbus --skip=cleanup/apt \
     --aptopt="$settings" --customize-hook="copy-in $* /root" \
     --customize-hook='chroot "$1" apt-get clean' \
     --customize-hook='chroot "$1" apt-get -qq -y --download-only install'"$names" \
     --customize-hook='rm "$1"/root/*.deb' --customize-hook="$(dirname -- "$(realpath "$0")")/debian_lists.sh"' "$1"' \
-    bookworm "$root.new" "$(host_mirror)" >&2 || skip "mmdebstrap failed"
+    bookworm "$root.new" "$(host_mirror)" >&2 || skip "mmdebstrap failed, or took longer than 300 s"
   mv "$root.new" "$root"
 fi
 echo "$root"
