@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <sstream>
 
+#include "drivers/scanner_wire/wire_format.h"
 #include "firmware-host/cell/service_times.h"
+#include "hal/laser_profile.h"
 
 namespace bendloop::host {
 namespace {
@@ -21,6 +23,16 @@ std::vector<std::string> WordsOf(const ServiceNeeds& needs) {
   if (needs.can) words.emplace_back("can");
   words.insert(words.end(), needs.addresses.begin(), needs.addresses.end());
   return words;
+}
+
+// Of a scanner whose profiles are the largest that there are: which one it is shows when it
+// answers.
+std::uint64_t MemoryMb(std::size_t queue_profiles) {
+  constexpr std::uint64_t kProfileBytes =
+      drivers::kWireMaxPoints * (sizeof(hal::ProfilePoint) + sizeof(std::uint8_t));
+  const std::size_t usual = config::ScannerConfig{}.queue_profiles;
+  if (queue_profiles <= usual) return kUnitMemoryMb;
+  return kUnitMemoryMb + (((queue_profiles - usual) * kProfileBytes) >> 20) + 1;
 }
 
 }  // namespace
@@ -46,6 +58,7 @@ ServiceNeeds NeedsOf(const config::CellConfig& cell) {
   needs.serial = link == BenderKind::kModbusRtu;
   needs.can = link == BenderKind::kCanIsotp || link == BenderKind::kCanopen;
   needs.stop = LongestStop(cell);
+  needs.memory_mb = MemoryMb(cell.scanner.queue_profiles);
   return needs;
 }
 
@@ -79,6 +92,10 @@ std::string UnitDropIn(const ServiceNeeds& needs, const std::string& file) {
   if (needs.stop > ServiceTimes().stop) {
     out << "# A commit on its way is waited for.\nTimeoutStopSec="
         << std::chrono::ceil<std::chrono::seconds>(needs.stop).count() << "\n";
+  }
+  if (needs.memory_mb > kUnitMemoryMb) {
+    out << "# A queue of so many profiles (queue_profiles).\nMemoryMax=" << needs.memory_mb
+        << "M\n";
   }
   return out.str();
 }

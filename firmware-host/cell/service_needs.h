@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -17,8 +18,13 @@ struct ServiceNeeds {
   bool can = false;
   std::vector<std::string> addresses = {};  // numeric, not of this machine; each once
   std::chrono::nanoseconds stop{};          // what a stop may last
+  std::uint64_t memory_mb = 0;              // as MemoryMax
 };
 ServiceNeeds NeedsOf(const config::CellConfig& cell);
+
+// The unit's MemoryMax: twice what a cell with the queue that none names takes at most
+// (tests/ship/memory.sh).
+inline constexpr std::uint64_t kUnitMemoryMb = 1024;
 
 // The unit's environment says what it grants: "usb serial can", and addresses.
 inline constexpr const char* kGrantedVariable = "BENDLOOP_GRANTED";

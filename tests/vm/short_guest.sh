@@ -127,7 +127,9 @@ for session in /var/lib/bendloop/sessions/*.session; do
 done
 bendloop history --config /etc/bendloop/cell.toml --csv - >history.csv
 [ "$(cut -d , -f 1 history.csv | sort | uniq -d | wc -l)" = 0 ] || fail "a part stands in the history twice: $(cat history.csv)"
-peak=$(cat /sys/fs/cgroup/system.slice/bendloopd.service/memory.peak)
+group=/sys/fs/cgroup/system.slice/bendloopd.service
+[ "$(cat "$group/memory.max")" = $((1024 << 20)) ] || fail "the service may have $(cat "$group/memory.max") bytes of memory"
+peak=$(cat "$group/memory.peak")
 systemctl stop bendloopd
 [ "$(systemctl show -p Result --value bendloopd)" = success ] || fail "did not stop well"
 echo "$(find /var/lib/bendloop/sessions -name '*.session' | wc -l) sessions, none damaged; $(grep -c ',committed,' history.csv) commits;" \

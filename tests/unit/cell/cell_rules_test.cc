@@ -8,6 +8,7 @@
 #include <string>
 
 #include "firmware-host/cell/bender_follower.h"
+#include "firmware-host/cell/service_needs.h"
 #include "firmware-host/cell/service_times.h"
 #include "firmware-host/cell/tube_rules.h"
 
@@ -58,6 +59,7 @@ TEST(ServiceTimes, AreThoseOfTheShippedUnit) {
   };
   EXPECT_THAT(unit, HasSubstr("\nWatchdogSec=" + seconds(shipped.watchdog)));
   EXPECT_THAT(unit, HasSubstr("\nTimeoutStopSec=" + seconds(shipped.stop)));
+  EXPECT_THAT(unit, HasSubstr("\nMemoryMax=" + std::to_string(kUnitMemoryMb) + "M\n"));
   EXPECT_TRUE(CheckWatchdog(shipped));
   // What the drivers open: scanners on USB, benders on serial lines.
   EXPECT_THAT(unit, HasSubstr("\nDevicePolicy=closed\n"));

@@ -76,6 +76,14 @@ TEST(ServiceNeeds, DropInGivesTheTimeThatAStopMayTake) {
               HasSubstr("\nTimeoutStopSec=" + std::to_string(seconds) + "\n"));
 }
 
+TEST(ServiceNeeds, DropInGivesTheMemoryThatALongQueueTakes) {
+  config::CellConfig cell = NetworkCell();
+  EXPECT_THAT(UnitDropIn(NeedsOf(cell), "x"), Not(HasSubstr("MemoryMax")));
+  cell.scanner.queue_profiles += 1 << 14;  // of 147456 bytes each
+  EXPECT_THAT(UnitDropIn(NeedsOf(cell), "x"),
+              HasSubstr("\nMemoryMax=" + std::to_string(kUnitMemoryMb + 2304 + 1) + "M\n"));
+}
+
 TEST(ServiceNeeds, WhatIsNotGrantedIsToldWithTheMend) {
   const ServiceNeeds needs = NeedsOf(NetworkCell());
   EXPECT_TRUE(CheckGranted(needs, nullptr)) << "no service";
