@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <numbers>
 #include <numeric>
@@ -17,6 +18,7 @@
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/product_sums.h"
+#include "pipeline/math/quantiles.h"
 #include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
@@ -43,6 +45,11 @@ struct DentSettings {
   double hardly = 1e-3;
   // [of depth] 1 sigma of a dent that is known no better was not fitted.
   double vague = 0.33;
+  // [of depth] and [sigma] One that its points say, where and as large as the cells have it, is
+  // certainly no deeper than this is none.
+  double denied = 0.5, denied_sigmas = 3.0;
+  // Nor is one of which fewer points lie as deep as that.
+  std::ptrdiff_t least_deep = 8;
 };
 constexpr DentSettings kDents;
 
@@ -92,6 +99,12 @@ class DentFit {
     certainty_[kAxisU] = certainty_[kAxisV] = 1.0 / kDents.half_axis;
     certainty_[kPower] = 1.0 / kDents.power;
     certainty_.tail<5>().setConstant(1.0 / (kDents.wall * pipe_radius_mm));
+  }
+
+  // The same place, size and form, whatever the points say.
+  void Hold() {
+    constexpr double kHeld = 1e6;  // [1 / mm, and of what has no unit]
+    for (const Unknown k : {kU, kV, kAxisU, kLean, kAxisV, kPower}) certainty_[k] = kHeld;
   }
 
   FittedDent Fit() {
@@ -336,13 +349,15 @@ class PlacesOfTube {
   std::vector<std::int32_t> all_;
 };
 
-// As the cells saw it: its middle and size to about a cell.
+// As the cells saw it: its middle and size to about a cell; they may have seen its flank alone, so
+// its depth to about itself.
 void Doubt(double pipe_radius_mm, DentFound& dent) {
   constexpr double kCellPart = 0.15;  // of r_P: 1 sigma of a place in a cell half as long
   dent.along_sigma_mm = kCellPart * pipe_radius_mm;
   dent.around_sigma_deg = kCellPart * hal::kDegreesPerRadian;
   dent.area_mm2 = 0.25 * std::numbers::pi * dent.size_mm * dent.size_mm;
   dent.area_sigma_mm2 = 0.5 * dent.area_mm2;
+  dent.sigma_mm = dent.depth_mm;
 }
 
 }  // namespace
@@ -351,6 +366,23 @@ FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double de
                    double size_mm, double pipe_radius_mm, double noise_mm) {
   if (points.size() < kDents.least_points || !(noise_mm > 0)) return {};
   return DentFit(points, reach_mm, depth_mm, size_mm, pipe_radius_mm, noise_mm).Fit();
+}
+
+bool IsDenied(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
+              double pipe_radius_mm, double noise_mm) {
+  if (points.size() < kDents.least_points || !(noise_mm > 0)) return false;
+  std::vector<double> off_mm;
+  for (const WallPoint& point : points) off_mm.push_back(point.off_mm);
+  const double usual_mm = Median(off_mm);
+  const auto deep = std::count_if(off_mm.begin(), off_mm.end(), [&](double off) {
+    return usual_mm - off > kDents.denied * depth_mm;
+  });
+  if (deep < kDents.least_deep) return true;
+  DentFit held(points, reach_mm, depth_mm, size_mm, pipe_radius_mm, noise_mm);
+  held.Hold();
+  const FittedDent dent = held.Fit();
+  return dent.depth_sigma_mm > 0 &&
+         dent.depth_mm + kDents.denied_sigmas * dent.depth_sigma_mm < kDents.denied * depth_mm;
 }
 
 void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& ends,
@@ -369,6 +401,11 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
         kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm, kDents.enough_points);
     const FittedDent fitted =
         FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
+    if (!fitted.is_fitted &&
+        IsDenied(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm)) {
+      dent.depth_mm = 0;
+      continue;
+    }
     if (fitted.is_fitted) {
       const double along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, wall.length_mm());
       const hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
@@ -387,6 +424,7 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
     dent.along_sigma_mm =
         std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
   }
+  std::erase_if(dents, [](const DentFound& dent) { return dent.depth_mm == 0; });
 }
 
 }  // namespace bendloop::pipeline

@@ -22,7 +22,8 @@ struct WallForm {
 // Place, depth and area of dents that were seen in cells of the surface (fit/surface_form.h), from
 // the points themselves: least squares of D 2^-(q^s) on a smooth wall, q a quadratic form of the
 // place on the unrolled surface, 1 where the dent is half as deep as in its middle. The power s
-// tells round dents (1: a gaussian) from flats. What cannot be fitted stays as the cells have it.
+// tells round dents (1: a gaussian) from flats. What cannot be fitted stays as the cells have it,
+// its depth known to about itself, or goes where its points deny it.
 // `noise_mm`: 1 sigma of a point along the normal.
 // `wall`: how its bends ease and are flattened; places are those of `tube`, whose bends are sharp
 // and round.
@@ -43,5 +44,9 @@ struct FittedDent {
 // `points`: within `reach_mm` of a place where it is about `depth_mm` deep and `size_mm` wide.
 FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,
                    double size_mm, double pipe_radius_mm, double noise_mm);
+// Whether they certainly say that there is none: a few samples at the edge of what a scan sees make
+// cells look pressed in, and those all around do not.
+bool IsDenied(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
+              double pipe_radius_mm, double noise_mm);
 
 }  // namespace bendloop::pipeline

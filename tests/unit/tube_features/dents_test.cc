@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/dents.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <vector>
+
+#include "tests/support/cut_walls.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using tests::Uniform;
+
+constexpr double kRadiusMm = 8, kReachMm = 10, kNoiseMm = 0.03;
+
+// The wall about a place; `in_mm`: how far it is pressed in there, `is_seen`: where it has points.
+std::vector<WallPoint> WallOf(const std::function<double(double, double)>& in_mm,
+                              const std::function<bool(double, double)>& is_seen) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> noise(0, kNoiseMm);
+  std::vector<WallPoint> points;
+  while (points.size() < 3000) {
+    const double along = Uniform(random, -kReachMm, kReachMm);
+    const double around = Uniform(random, -kReachMm, kReachMm);
+    if (is_seen(along, around))
+      points.push_back({along, around, noise(random) - in_mm(along, around)});
+  }
+  return points;
+}
+
+bool Everywhere(double, double) { return true; }
+
+TEST(Dents, APlainWallDeniesThem) {
+  const auto plain = WallOf([](double, double) { return 0.0; }, Everywhere);
+  // As deep as noise, and deeper than any point is.
+  for (const double depth_mm : {0.03, 0.3}) {
+    EXPECT_TRUE(IsDenied(plain, kReachMm, depth_mm, 5, kRadiusMm, kNoiseMm));
+  }
+  // Where the place itself was not seen, too.
+  const auto beside =
+      WallOf([](double, double) { return 0.0; }, [](double along, double) { return along > 5; });
+  EXPECT_TRUE(IsDenied(beside, kReachMm, 0.3, 5, kRadiusMm, kNoiseMm));
+}
+
+TEST(Dents, WhatIsPressedInIsNotDenied) {
+  const auto round = [](double along, double around) {
+    return 0.3 * std::exp(-0.5 * (along * along + around * around) / 9);
+  };
+  // A crease, a flat along the tube and a dent's flank are no gaussians, yet there they are.
+  const auto crease = [](double along, double) { return std::abs(along) < 0.8 ? 0.3 : 0.0; };
+  const auto flat = [](double, double around) {
+    return 0.3 * std::max(0.0, 1.0 - std::pow((around - 1) / 3, 2));
+  };
+  EXPECT_FALSE(IsDenied(WallOf(round, Everywhere), kReachMm, 0.25, 6, kRadiusMm, kNoiseMm));
+  EXPECT_FALSE(IsDenied(WallOf(crease, Everywhere), kReachMm, 0.2, 5, kRadiusMm, kNoiseMm));
+  EXPECT_FALSE(IsDenied(WallOf(flat, Everywhere), kReachMm, 0.25, 7, kRadiusMm, kNoiseMm));
+  const auto flank =
+      WallOf(round, [](double along, double around) { return along > 2 && around > 0; });
+  EXPECT_FALSE(IsDenied(flank, kReachMm, 0.15, 5, kRadiusMm, kNoiseMm));
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
