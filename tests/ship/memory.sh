@@ -77,7 +77,7 @@ while [ "$part" -lt "$parts" ]; do
   part=$((part + 1))
   name=part-$(printf %04d "$part")
   echo bend >&3
-  await 20 "tube $part" part_seen
+  await 60 "tube $part" part_seen
   echo "scan tray/$name.json" >&4
   await 600 "result of part $part" test -e "state/results/$name.json"
 done

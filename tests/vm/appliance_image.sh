@@ -27,7 +27,10 @@ image=${tar%.tar}.ext4
 if [ ! -e "$image" ]; then
   rm -f "$cache"/debian-root-*.ext4
   mkdir "$work/root"
-  tar -C "$work/root" -xf "$tar"
+  tar -C "$work/root" -xf "$tar" || {
+    echo "############ NOT TRIED: a Debian cannot be unpacked here ############" >&2
+    exit 77
+  }
   # Sparse: what the packages and the recordings need, and no more.
   mke2fs -q -t ext4 -d "$work/root" "$image.new" 2G >&2
   mv "$image.new" "$image"

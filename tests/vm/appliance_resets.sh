@@ -12,6 +12,7 @@ kind=${4:-honest}
 here=$(dirname -- "$(realpath "$0")")
 mkdir -p "$cache"
 cache=$(realpath "$cache")
+export TMPDIR="$cache" # a disk of some hundred MB, which a /tmp in memory may not take
 rate=200
 log=console
 # shellcheck source=tests/vm/machines.sh disable=SC2034,SC2154

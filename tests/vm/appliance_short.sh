@@ -5,7 +5,9 @@
 # Needs root for the guest's disk, whose Debian is made once and kept in CACHE. Exits with 77 where it cannot be tried.
 set -eu
 build=$(realpath "$1")
-cache=$2
+mkdir -p "$2"
+cache=$(realpath "$2")
+export TMPDIR="$cache" # a disk of some hundred MB, which a /tmp in memory may not take
 here=$(dirname -- "$(realpath "$0")")
 work=$(mktemp -d)
 # shellcheck source=tests/vm/installed_root.sh

@@ -6,7 +6,10 @@ inside() { chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin DEB
 # root_with TAR PACKAGE...: that Debian in root, with these; what apt says is in work/install.log
 root_with() {
   mkdir "$root"
-  tar -C "$root" -xf "$1"
+  tar -C "$root" -xf "$1" || {
+    echo "############ NOT TRIED: a Debian cannot be unpacked here ############" >&2
+    exit 77
+  }
   shift
   mount -t proc proc "$root/proc" || {
     echo "############ NOT TRIED: nothing can be mounted here ############" >&2
