@@ -16,13 +16,13 @@ namespace {
 
 using tests::Uniform;
 
-constexpr double kRadiusMm = 8, kReachMm = 10, kNoiseMm = 0.03;
+constexpr double kPipeRadiusMm = 8, kReachMm = 10, kWallNoiseMm = 0.03;
 
 // The wall about a place; `in_mm`: how far it is pressed in there, `is_seen`: where it has points.
 std::vector<WallPoint> WallOf(const std::function<double(double, double)>& in_mm,
                               const std::function<bool(double, double)>& is_seen) {
   std::mt19937_64 random(3);
-  std::normal_distribution<double> noise(0, kNoiseMm);
+  std::normal_distribution<double> noise(0, kWallNoiseMm);
   std::vector<WallPoint> points;
   while (points.size() < 3000) {
     const double along = Uniform(random, -kReachMm, kReachMm);
@@ -39,12 +39,12 @@ TEST(Dents, APlainWallDeniesThem) {
   const auto plain = WallOf([](double, double) { return 0.0; }, Everywhere);
   // As deep as noise, and deeper than any point is.
   for (const double depth_mm : {0.03, 0.3}) {
-    EXPECT_TRUE(IsDenied(plain, kReachMm, depth_mm, 5, kRadiusMm, kNoiseMm));
+    EXPECT_TRUE(IsDenied(plain, kReachMm, depth_mm, 5, kPipeRadiusMm, kWallNoiseMm));
   }
   // Where the place itself was not seen, too.
   const auto beside =
       WallOf([](double, double) { return 0.0; }, [](double along, double) { return along > 5; });
-  EXPECT_TRUE(IsDenied(beside, kReachMm, 0.3, 5, kRadiusMm, kNoiseMm));
+  EXPECT_TRUE(IsDenied(beside, kReachMm, 0.3, 5, kPipeRadiusMm, kWallNoiseMm));
 }
 
 TEST(Dents, WhatIsPressedInIsNotDenied) {
@@ -56,12 +56,12 @@ TEST(Dents, WhatIsPressedInIsNotDenied) {
   const auto flat = [](double, double around) {
     return 0.3 * std::max(0.0, 1.0 - std::pow((around - 1) / 3, 2));
   };
-  EXPECT_FALSE(IsDenied(WallOf(round, Everywhere), kReachMm, 0.25, 6, kRadiusMm, kNoiseMm));
-  EXPECT_FALSE(IsDenied(WallOf(crease, Everywhere), kReachMm, 0.2, 5, kRadiusMm, kNoiseMm));
-  EXPECT_FALSE(IsDenied(WallOf(flat, Everywhere), kReachMm, 0.25, 7, kRadiusMm, kNoiseMm));
+  EXPECT_FALSE(IsDenied(WallOf(round, Everywhere), kReachMm, 0.25, 6, kPipeRadiusMm, kWallNoiseMm));
+  EXPECT_FALSE(IsDenied(WallOf(crease, Everywhere), kReachMm, 0.2, 5, kPipeRadiusMm, kWallNoiseMm));
+  EXPECT_FALSE(IsDenied(WallOf(flat, Everywhere), kReachMm, 0.25, 7, kPipeRadiusMm, kWallNoiseMm));
   const auto flank =
       WallOf(round, [](double along, double around) { return along > 2 && around > 0; });
-  EXPECT_FALSE(IsDenied(flank, kReachMm, 0.15, 5, kRadiusMm, kNoiseMm));
+  EXPECT_FALSE(IsDenied(flank, kReachMm, 0.15, 5, kPipeRadiusMm, kWallNoiseMm));
 }
 
 }  // namespace

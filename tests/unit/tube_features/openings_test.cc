@@ -15,9 +15,7 @@
 namespace bendloop::pipeline {
 namespace {
 
-double Uniform(std::mt19937_64& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
+using tests::Uniform;
 
 // Evenly over a square; those in the opening are missing, noise moves the others by `smear_mm`.
 std::vector<Eigen::Vector2d> Wall(const OpeningBorder& opening, double per_mm2, double smear_mm,
