@@ -180,16 +180,84 @@ std::optional<std::vector<SurfacePatch>> Runs(const std::vector<Cells>& strips) 
   return runs;
 }
 
+double SizeMm(const SurfacePatch& patch) {
+  double size = 0;
+  for (const OrientedPoint& s : patch.samples) {
+    size = std::max(size, (s.point - patch.samples.front().point).norm());
+  }
+  return size;
+}
+
+// `cell` as a part of the cylinder or torus of `whole`; nothing where it does not lie on it.
+std::optional<SurfacePatch> AsPartOf(const SurfacePatch& whole, const SurfacePatch& cell) {
+  const auto exact = [](double) { return kExactSurfaceMm; };
+  SurfacePatch part = cell;
+  const bool lies_on = whole.kind == PatchKind::kTorus
+                           ? BecomeTorus(part, whole.axis, whole.origin, exact)
+                           : BecomeCylinder(part, whole.axis, whole.origin, exact);
+  return lies_on ? std::optional(std::move(part)) : std::nullopt;
+}
+
+// Cells that lie on one cylinder or torus.
+struct OneSurface {
+  SurfacePatch surface;  // as the largest has it
+  Cells cells;
+};
+
+// The surface of `known` that the cell lies on, the nearest where there are several.
+OneSurface* SurfaceUnder(const SurfacePatch& cell, std::vector<OneSurface>& known) {
+  OneSurface* nearest = nullptr;
+  double off_mm = 0;
+  for (OneSurface& one : known) {
+    const auto part = AsPartOf(one.surface, cell);
+    if (!part || (nearest != nullptr && part->off_mm >= off_mm)) continue;
+    nearest = &one;
+    off_mm = part->off_mm;
+  }
+  return nearest;
+}
+
+// Each cell as the cylinder or torus that it is. All that lie on one say where its axis is: of a
+// degree of a bend, as systems leave it where they cut it off a larger one, rounding alone says
+// that. What is neither stays free.
+std::vector<SurfacePatch> ExactCells(Cells cells) {
+  std::stable_sort(cells.begin(), cells.end(), [](const SurfacePatch* a, const SurfacePatch* b) {
+    return SizeMm(*a) > SizeMm(*b);
+  });
+  std::vector<SurfacePatch> exact;
+  std::vector<OneSurface> known;
+  for (const SurfacePatch* cell : cells) {
+    if (OneSurface* one = SurfaceUnder(*cell, known)) {
+      one->cells.push_back(cell);
+      continue;
+    }
+    SurfacePatch surface = *cell;
+    RecogniseFreeSurface(surface);
+    if (surface.kind == PatchKind::kFree) {
+      exact.push_back(std::move(surface));
+    } else {
+      known.push_back({std::move(surface), {cell}});
+    }
+  }
+  for (OneSurface& one : known) {
+    const auto fitted = one.cells.size() > 1 ? NearSurface(one.cells) : std::nullopt;
+    const bool better = fitted && fitted->kind == one.surface.kind;
+    for (const SurfacePatch* cell : one.cells) {
+      auto part = better ? AsPartOf(*fitted, *cell) : std::nullopt;
+      if (!part) part = AsPartOf(one.surface, *cell);
+      exact.push_back(part ? std::move(*part) : one.surface);
+    }
+  }
+  return exact;
+}
+
 // What the cells of a face are; the cells themselves where they are no cylinder or torus.
 std::vector<SurfacePatch> FaceOf(const Cells& cells) {
-  std::vector<SurfacePatch> exact;
-  bool all = true;
-  for (const SurfacePatch* cell : cells) {
-    exact.push_back(*cell);
-    RecogniseFreeSurface(exact.back());
-    all = all && exact.back().kind != PatchKind::kFree;
+  std::vector<SurfacePatch> exact = ExactCells(cells);
+  if (std::none_of(exact.begin(), exact.end(),
+                   [](const SurfacePatch& cell) { return cell.kind == PatchKind::kFree; })) {
+    return exact;
   }
-  if (all) return exact;
   if (auto one = NearSurface(cells)) return {std::move(*one)};
   if (cells.size() == 1) return exact;
   std::optional<std::vector<SurfacePatch>> best;

@@ -16,7 +16,11 @@
 #include <BRep_Builder.hxx>
 #include <GeomConvert.hxx>
 #include <Geom_BSplineCurve.hxx>
+#include <Geom_BSplineSurface.hxx>
 #include <Geom_Circle.hxx>
+#include <Geom_CylindricalSurface.hxx>
+#include <Geom_RectangularTrimmedSurface.hxx>
+#include <Geom_ToroidalSurface.hxx>
 #include <ShapeUpgrade_ShapeDivideAngle.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
@@ -80,6 +84,37 @@ TopoDS_Shape AsExtrusions(const hal::Tube& tube) {
       [&](const host::SpineArc& arc) {
         const TopoDS_Wire ring = SplineCircle(arc.from, arc.tangent_in, tube.pipe_radius_mm);
         builder.Add(all, BRepPrimAPI_MakeRevol(ring, AxisOf(arc), arc.angle_rad).Shape());
+      });
+  return all;
+}
+
+TopoDS_Shape AsCutSplines(const hal::Tube& tube, double short_piece_deg) {
+  TopoDS_Compound all;
+  BRep_Builder builder;
+  builder.MakeCompound(all);
+  const double whole = 2 * M_PI;
+  const auto add = [&](const Handle(Geom_Surface) & surface, double short_piece) {
+    const Handle(Geom_BSplineSurface) spline = GeomConvert::SurfaceToBSplineSurface(surface);
+    spline->IncreaseDegree(3, 3);
+    if (short_piece > 0) spline->InsertUKnot(short_piece, 3, 1e-9);
+    builder.Add(all, BRepBuilderAPI_MakeFace(spline, 1e-6).Face());
+  };
+  EachPiece(
+      tube,
+      [&](const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+        const gp_Ax3 axes(Point(from), gp_Dir(Way(to - from)));
+        add(new Geom_RectangularTrimmedSurface(
+                new Geom_CylindricalSurface(axes, tube.pipe_radius_mm), 0, whole, 0,
+                (to - from).norm()),
+            0);
+      },
+      [&](const host::SpineArc& arc) {
+        const gp_Ax3 axes(Point(arc.centre), gp_Dir(Way(arc.normal)),
+                          gp_Dir(Way(arc.from - arc.centre)));
+        add(new Geom_RectangularTrimmedSurface(
+                new Geom_ToroidalSurface(axes, arc.bend_radius_mm, tube.pipe_radius_mm), 0,
+                arc.angle_rad, 0, whole),
+            short_piece_deg * M_PI / 180);
       });
   return all;
 }

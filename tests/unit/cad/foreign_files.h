@@ -14,6 +14,9 @@ TopoDS_Shape AsNurbs(const TopoDS_Shape& wire);
 // A bar swept piece by piece: straights as extrusions of a B-spline circle, bends as its
 // revolutions, each side in a face of its own.
 TopoDS_Shape AsExtrusions(const hal::Tube& tube);
+// A bar of rational cubic B-splines that are closed around it; each bend's has a short piece of so
+// many degrees where it begins, as systems leave it that cut them off a larger one.
+TopoDS_Shape AsCutSplines(const hal::Tube& tube, double short_piece_deg);
 // No face goes more than `angle_deg` around, as systems have it that know no seams.
 TopoDS_Shape WithoutSeams(const TopoDS_Shape& shape, double angle_deg);
 // A pipe along the whole centre line at once.

@@ -41,6 +41,10 @@ TEST(Foreign, SurfacesThatAreCylindersAndToriByAnyName) {
   const TopoDS_Shape pipe = test::Pipe(test::DemoTube());
   ExpectDemo({{"quarters", test::WithoutSeams(pipe, 90)}}, 1e-5, true);
   ExpectDemo({{"extrusions", test::AsExtrusions(test::DemoTube())}}, 1e-5, false);
+  for (const double degrees : {0.0, 4.0, 1.0, 0.2}) {
+    SCOPED_TRACE(degrees);
+    ExpectDemo({{"cut splines", test::AsCutSplines(test::DemoTube(), degrees)}}, 1e-5, false);
+  }
   ExpectDemo({{"shell", test::AsShell(test::DemoTube())}}, 1e-5, false);
 }
 
