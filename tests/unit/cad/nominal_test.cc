@@ -4,16 +4,22 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "config/load.h"
 #include "firmware-host/cad/export_command.h"
+#include "firmware-host/cad/tube_chain.h"
+#include "hal/bend_program.h"
 #include "hal/spine.h"
 #include "made_files.h"
 #include "pipeline/tube/representations.h"
@@ -203,7 +209,97 @@ TEST(Export, ComesBackAsTheSameTube) {
   EXPECT_THAT(drawing, HasSubstr("\nPOLYLINE\n8\nCORNERS\n"));
 }
 
+using Groups = std::vector<std::pair<int, std::string>>;
+
+// The group codes of a DXF file with their values.
+Groups ReadDxf(const std::string& file) {
+  Groups groups;
+  std::ifstream in(file);
+  for (std::string code, value; std::getline(in, code) && std::getline(in, value);) {
+    groups.emplace_back(std::stoi(code), value);
+  }
+  return groups;
+}
+
+Eigen::Vector3d PointAt(const std::map<int, double>& values, int code) {
+  return {values.at(code), values.at(code + 10), values.at(code + 20)};
+}
+
+// Both ends of a LINE or an ARC, whose frame the DXF reference derives from its normal.
+std::pair<Eigen::Vector3d, Eigen::Vector3d> EndsOf(const std::string& kind,
+                                                   const std::map<int, double>& values) {
+  if (kind == "LINE") return {PointAt(values, 10), PointAt(values, 11)};
+  const Eigen::Vector3d n = PointAt(values, 210), c = PointAt(values, 10);
+  const bool near_z = std::abs(n.x()) < 1.0 / 64 && std::abs(n.y()) < 1.0 / 64;
+  Eigen::Matrix3d frame;
+  frame.col(0) =
+      (near_z ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ()).cross(n).normalized();
+  frame.col(1) = n.cross(frame.col(0));
+  frame.col(2) = n;
+  const auto at = [&](double deg) -> Eigen::Vector3d {
+    const double a = deg * M_PI / 180, r = values.at(40);
+    return frame * (c + Eigen::Vector3d(r * std::cos(a), r * std::sin(a), 0));
+  };
+  return {at(values.at(50)), at(values.at(51))};
+}
+
+TEST(Export, DrawingsAreTheCentreLineToAMillionth) {
+  const hal::Tube tube = DemoTube();
+  const auto first = Nominal(test::WriteStepFile({{"tube", Pipe(tube)}}));
+  ASSERT_EQ(first.code, 0) << first.err;
+  const std::string out = test::TemporaryFile("drawn");
+  std::string said;
+  ASSERT_EQ(Export(first.part->file.string(), out, said), 0) << said;
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> drawn;
+  const Groups groups = ReadDxf(out + ".dxf");
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (groups[i].first != 0 || (groups[i].second != "LINE" && groups[i].second != "ARC")) continue;
+    std::map<int, double> values;
+    for (std::size_t k = i + 1; k < groups.size() && groups[k].first != 0; ++k) {
+      if (groups[k].first >= 10) values[groups[k].first] = std::stod(groups[k].second);
+    }
+    drawn.push_back(EndsOf(groups[i].second, values));
+  }
+  const Spine spine = SpineOf(tube);
+  std::vector<Eigen::Vector3d> joints{spine.start};
+  for (const SpineArc& arc : spine.arcs) {
+    if ((arc.from - joints.back()).norm() > 1e-9) joints.push_back(arc.from);
+    joints.push_back(arc.to);
+  }
+  joints.push_back(spine.end);
+  ASSERT_EQ(drawn.size() + 1, joints.size());
+  for (std::size_t i = 0; i < drawn.size(); ++i) {
+    SCOPED_TRACE(i);
+    EXPECT_LT((drawn[i].first - joints[i]).norm(), 1e-6);
+    EXPECT_LT((drawn[i].second - joints[i + 1]).norm(), 1e-6);
+  }
+  // The corners: each line is a point, but for what says what it is.
+  const auto polygon = pipeline::PolygonFromTube(tube);
+  ASSERT_TRUE(polygon);
+  std::ifstream csv(out + ".csv");
+  std::vector<Eigen::Vector3d> corners;
+  for (std::string line; std::getline(csv, line);) {
+    Eigen::Vector3d p;
+    if (std::sscanf(line.c_str(), "%lf,%lf,%lf", &p.x(), &p.y(), &p.z()) == 3) corners.push_back(p);
+  }
+  ASSERT_EQ(corners.size(), polygon->points_mm.size());
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    EXPECT_LT((corners[i] - polygon->points_mm[i]).norm(), 1e-6);
+  }
+}
+
 constexpr const char* kUnits[] = {"MM", "INCH", "M"};
+
+void ExpectSameRows(const hal::BendProgram& rows, const hal::BendProgram& expected) {
+  ASSERT_EQ(rows.rows.size(), expected.rows.size());
+  for (std::size_t i = 0; i < rows.rows.size(); ++i) {
+    const hal::BendRow &row = rows.rows[i], &other = expected.rows[i];
+    EXPECT_NEAR(row.length_mm, other.length_mm, 1e-6);
+    EXPECT_NEAR(row.angle_deg, other.angle_deg, 1e-6);
+    EXPECT_NEAR(hal::WrapRotationDeg(row.rotation_deg - other.rotation_deg), 0, 1e-6);
+    EXPECT_NEAR(row.bend_radius_mm.value_or(0), other.bend_radius_mm.value_or(0), 1e-6);
+  }
+}
 
 // XYZ, LRA, YBC and STEP of one part are one nominal.
 TEST(Nominal, IsTheSameFromEveryRepresentation) {
@@ -225,7 +321,7 @@ TEST(Nominal, IsTheSameFromEveryRepresentation) {
     // Random tubes run into themselves, which a solid bar may.
     const auto file =
         test::WriteStepFile({{"tube", Pipe(tube, {.wall_mm = 0})}}, "AP214IS", kUnits[k % 3]);
-    ExpectRows(Nominal(file), tube.program, 1e-5);
+    ExpectRows(Nominal(file), tube.program, 2e-6);
     const auto polygon = pipeline::PolygonFromTube(tube);
     ASSERT_TRUE(polygon);
     const auto from_xyz = pipeline::TubeFromPolygon(*polygon);
@@ -234,10 +330,8 @@ TEST(Nominal, IsTheSameFromEveryRepresentation) {
     ASSERT_TRUE(ybc);
     const auto from_ybc = pipeline::ProgramFromYbc(*ybc, {});
     ASSERT_TRUE(from_ybc);
-    for (std::size_t i = 0; i < tube.program.rows.size(); ++i) {
-      EXPECT_NEAR(from_ybc->rows[i].length_mm, tube.program.rows[i].length_mm, 1e-6);
-      EXPECT_NEAR(from_ybc->rows[i].angle_deg, tube.program.rows[i].angle_deg, 1e-6);
-    }
+    ExpectSameRows(from_xyz->program, tube.program);
+    ExpectSameRows(*from_ybc, tube.program);
   }
 }
 
