@@ -49,9 +49,12 @@ struct CadTube {
   std::vector<std::string> problems;
 
   bool goes_on = false;  // with another diameter, as another tube of the file
+  bool is_round = true;  // false: no face goes all around it; one of its problems
   bool is_ring = false;  // closed: without ends; one of its problems
 
   bool is_bent() const { return !spine.arcs.empty(); }
+  // Whether lines and arcs can come near to what is none.
+  bool has_nearest() const { return is_round && !is_ring; }
 };
 
 // How the ends are cut, as a part file says it; those that are square or no plane are square.

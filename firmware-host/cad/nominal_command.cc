@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <ostream>
@@ -144,17 +145,16 @@ std::optional<CadTube> OnePart(const std::vector<CadTube>& tubes) {
   return part;
 }
 
-// What the file is about, where that is clear: its only bent tube, its only tube, its only centre
-// line, in this order.
-hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArguments& arguments) {
-  if (tubes.empty()) {
-    return hal::Fail(hal::ErrorKind::kBadInput,
-                     arguments.file +
-                         ": holds no round tube: no cylinders of some length and no tori, and no "
-                         "centre line of lines and arcs; a triangulated part (STL in STEP) has "
-                         "none, either: export it as solid");
-  }
-  if (!arguments.body.empty()) return ByName(tubes, arguments.body, arguments.file);
+// What is round of them; all, where nothing is.
+std::vector<CadTube> RoundOnes(const std::vector<CadTube>& tubes) {
+  std::vector<CadTube> round;
+  std::copy_if(tubes.begin(), tubes.end(), std::back_inserter(round),
+               [](const CadTube& tube) { return tube.is_round; });
+  return round.empty() ? tubes : round;
+}
+
+// The only bent tube, the only tube, the only centre line, in this order.
+std::optional<CadTube> TheOne(const std::vector<CadTube>& tubes) {
   const auto only = [&](const auto& is) -> std::optional<CadTube> {
     const auto count = std::count_if(tubes.begin(), tubes.end(), is);
     if (count != 1) return std::nullopt;
@@ -179,9 +179,31 @@ hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArgu
     if (auto tube = only(is_solid); tube && !bent) return *tube;
   }
   if (tubes.size() == 1) return tubes.front();
-  if (auto tube = OnePart(tubes)) return *tube;
+  if (auto tube = OnePart(tubes)) return tube;
   const bool all_wires = std::all_of(tubes.begin(), tubes.end(), is_wire);
   if (auto tube = only([&](const CadTube& t) { return t.is_bent(); }); tube && all_wires) {
+    return *tube;
+  }
+  return std::nullopt;
+}
+
+// What the file is about, where that is clear.
+hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArguments& arguments) {
+  if (tubes.empty()) {
+    return hal::Fail(
+        hal::ErrorKind::kBadInput,
+        arguments.file +
+            ": holds no round tube: no cylinders of some length and no tori that go "
+            "around, and no centre line of lines and arcs; a triangulated part (STL in STEP) has "
+            "none, either: export it as solid");
+  }
+  if (!arguments.body.empty()) return ByName(tubes, arguments.body, arguments.file);
+  const std::vector<CadTube> round = RoundOnes(tubes);
+  if (auto tube = TheOne(round)) {
+    if (round.size() < tubes.size()) {
+      tube->notes.push_back("profiles that are not round, left out (--list): " +
+                            std::to_string(tubes.size() - round.size()));
+    }
     return *tube;
   }
   const std::string goes_on =
@@ -283,7 +305,7 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
     tube->pipe_radius_mm = *arguments.pipe_diameter_mm / 2;
   }
   const bool has_pipe = !tube->is_wire || tube->pipe_radius_mm > 0;
-  if (!tube->problems.empty() && arguments.nearest && !tube->is_ring && has_pipe) {
+  if (!tube->problems.empty() && arguments.nearest && tube->has_nearest() && has_pipe) {
     auto dense = LoadShape(arguments.file, std::max(kLeastStepMm, tube->pipe_radius_mm / 3));
     if (!dense) return hal::Fail(dense.error());
     auto nearest = NearestTube(dense->bodies.at(tube->body), *tube);
@@ -294,7 +316,7 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
   if (!tube->problems.empty()) {
     std::string all;
     for (const std::string& problem : tube->problems) all += (all.empty() ? "" : "; ") + problem;
-    return bad(all + (arguments.nearest && has_pipe
+    return bad(all + (!tube->has_nearest() || (arguments.nearest && has_pipe)
                           ? ""
                           : "; --nearest gives the lines and arcs nearest to it" +
                                 std::string(has_pipe ? "" : ", with --pipe-diameter MM")));

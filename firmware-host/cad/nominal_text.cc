@@ -132,9 +132,10 @@ std::string TubeList(const std::vector<CadTube>& tubes) {
                known ? Fixed(2 * tube.pipe_radius_mm, 3) : "",
                tube.wall_mm ? Fixed(*tube.wall_mm, 3) : "", std::to_string(tube.spine.arcs.size()),
                Fixed(tube.spine.length_mm(), 3),
-               !tube.problems.empty() ? "no lines and arcs"
-               : tube.is_wire         ? "centre line"
-                                      : ""});
+               !tube.is_round           ? "not round"
+               : !tube.problems.empty() ? "no lines and arcs"
+               : tube.is_wire           ? "centre line"
+                                        : ""});
   }
   return table.Render(false);
 }

@@ -12,23 +12,21 @@
 #include "firmware-host/cad/end_form.h"
 #include "firmware-host/cad/free_surface.h"
 #include "firmware-host/cad/near_surface.h"
+#include "firmware-host/cad/tube_layers.h"
 
 namespace bendloop::host {
 namespace {
 
 using Eigen::Vector3d;
-// Surfaces about one axis that go along this part of the longest of them may be the tube's outer.
-constexpr double kMostOfLongest = 0.6;
-// The same for the inner surface, of the outer's length.
-constexpr double kMostOfOuter = 0.5;
 // A straight tube is at least so many diameters long; what is shorter is a hole, a nut, a boss.
 constexpr double kFewestDiameters = 2;
 // A free surface that goes on beyond an end by more pipe radii than this is a bend, else the end's
 // form; or by more than the second, where it keeps as near to the axis as an end that is pressed
 // flat, from the middle (pi / 2) or to one side (1.9).
 constexpr double kEndFormRadii = 4, kFlatFormRadii = 20, kFlatAcrossRadii = 2;
-// A straight tube has so much around it [deg]; half a one is the edge of something flat.
-constexpr double kStraightAroundDeg = 270;
+// Somewhere along it a tube has so much around it [deg]; what nowhere has more than half a turn is
+// the edge of something flat, or the round side of an oval profile.
+constexpr double kRoundAroundDeg = 270;
 // A tube that goes on with another diameter does so within so many diameters.
 constexpr double kReducerDiameters = 4;
 // A whole torus that has less of its surface is a fillet or a groove.
@@ -122,83 +120,12 @@ class BodyTubes {
     return clusters;
   }
 
-  // The chains of a cluster that have one radius: a surface, whole or in pieces.
-  struct Layer {
-    double radius_mm = 0, length_mm = 0;
-    std::size_t arcs = 0;
-    bool concave = false;
-    std::vector<const TubeChain*> chains;
-  };
-
-  static std::vector<Layer> LayersOf(const Cluster& cluster) {
-    std::vector<Layer> layers;
-    for (const TubeChain* c : cluster) {
-      const auto same = std::find_if(layers.begin(), layers.end(), [&](const Layer& l) {
-        return l.concave == c->concave &&
-               std::abs(l.radius_mm - c->radius_mm) < MatchToleranceMm(c->radius_mm) / 4;
-      });
-      Layer& layer = same != layers.end()
-                         ? *same
-                         : layers.emplace_back(Layer{c->radius_mm, 0, 0, c->concave, {}});
-      layer.length_mm += c->spine.length_mm();
-      layer.arcs += c->spine.arcs.size();
-      layer.chains.push_back(c);
-    }
-    return layers;
-  }
-
-  // The widest that goes along most of the tube. A silencer about a bent pipe is longer than the
-  // pipe, and has no bends.
-  static const Layer* OuterOf(const std::vector<Layer>& layers) {
-    double longest = 0;
-    std::size_t most_arcs = 0;
-    for (const Layer& l : layers) most_arcs = std::max(most_arcs, l.arcs);
-    const auto bends = [&](const Layer& l) { return 2 * l.arcs >= most_arcs; };
-    for (const Layer& l : layers) {
-      if (bends(l)) longest = std::max(longest, l.length_mm);
-    }
-    const Layer* outer = nullptr;
-    for (const bool concave : {false, true}) {
-      if (outer != nullptr) break;
-      for (const Layer& l : layers) {
-        if (l.concave != concave || !bends(l) || l.length_mm < kMostOfLongest * longest) continue;
-        if (outer == nullptr || l.radius_mm > outer->radius_mm) outer = &l;
-      }
-    }
-    return outer;
-  }
-
-  const Layer* InnerOf(const std::vector<Layer>& layers, const Layer& outer) const {
-    const Layer* inner = nullptr;
-    for (const Layer& l : layers) {
-      if (&l == &outer || l.radius_mm >= outer.radius_mm) continue;
-      if (body_.kind == BodyKind::kSolid && !l.concave) continue;
-      if (l.length_mm < kMostOfOuter * outer.length_mm) continue;
-      if (inner == nullptr || l.radius_mm > inner->radius_mm) inner = &l;
-    }
-    return inner;
-  }
-
-  // The chain that shows most of the tube: the outer surface's, unless it lacks bends that the
-  // inner one's has.
-  static const TubeChain& BasisOf(const Layer& outer, const Layer* inner) {
-    const auto longest = [](const Layer& layer) {
-      return *std::max_element(layer.chains.begin(), layer.chains.end(),
-                               [](const TubeChain* a, const TubeChain* b) {
-                                 return a->spine.length_mm() < b->spine.length_mm();
-                               });
-    };
-    const TubeChain* basis = longest(outer);
-    if (inner == nullptr) return *basis;
-    const TubeChain* other = longest(*inner);
-    return other->spine.arcs.size() > basis->spine.arcs.size() ? *other : *basis;
-  }
-
   std::optional<CadTube> TubeOf(const Cluster& cluster) {
-    const std::vector<Layer> layers = LayersOf(cluster);
-    const Layer* outer = OuterOf(layers);
+    const std::vector<TubeLayer> layers = LayersOf(cluster);
+    const TubeLayer* outer = OuterOf(layers);
     if (outer == nullptr) return std::nullopt;
-    const Layer* inner = outer->concave ? nullptr : InnerOf(layers, *outer);
+    const TubeLayer* inner =
+        outer->concave ? nullptr : InnerOf(layers, *outer, body_.kind == BodyKind::kSolid);
     const TubeChain& basis = BasisOf(*outer, inner);
     if (basis.is_closed) return RingOf(outer->radius_mm);
     CadTube tube;
@@ -224,7 +151,14 @@ class BodyTubes {
     const bool long_enough = tube.spine.length_mm() >= 2 * kFewestDiameters * tube.pipe_radius_mm;
     // A straight hole through a block is no tube.
     const bool is_bore = outer->concave && body_.kind == BodyKind::kSolid;
-    if (!tube.is_bent() && (is_bore || !long_enough || IsEdgeOfFlat(basis))) return std::nullopt;
+    const double around =
+        std::max(MostAroundDeg(*outer, pieces_), inner ? MostAroundDeg(*inner, pieces_) : 0);
+    tube.is_round = around >= kRoundAroundDeg;
+    if (!tube.is_bent() && (is_bore || !long_enough || !tube.is_round)) return std::nullopt;
+    if (!tube.is_round) {
+      tube.problems.push_back(Text(
+          "its profile is not round: its curved sides go %.0f degrees around, at most", around));
+    }
     AddGapNotes(basis, tube);
     AddOtherNotes(cluster, *outer, basis, tube);
     return tube;
@@ -250,7 +184,7 @@ class BodyTubes {
   }
 
   // What the rows do not hold.
-  void AddOtherNotes(const Cluster& cluster, const Layer& outer, const TubeChain& basis,
+  void AddOtherNotes(const Cluster& cluster, const TubeLayer& outer, const TubeChain& basis,
                      CadTube& tube) const {
     double lost = 0;
     // Where the inner surface is followed, the outer one is in pieces.
@@ -308,7 +242,7 @@ class BodyTubes {
         if (chain == &outer) continue;
         for (const int i : chain->pieces) grew |= Extend(PieceOf(i), origin, outward, at, end);
       }
-      if (!end.is_plane || end.oblique_deg != 0 || piece.is_arc) continue;
+      if (end.oblique_deg != 0 || piece.is_arc) continue;
       const double form = FormEndMm(body_, piece, origin, outward, at, others);
       grew |= form > at + 1e-6;
       at = std::max(at, form);
@@ -405,15 +339,6 @@ class BodyTubes {
         faces.insert(PieceOf(i).faces.begin(), PieceOf(i).faces.end());
     }
     return faces;
-  }
-
-  // Half cylinders beside a bent tube: an end that is pressed flat, a bracket.
-  bool IsEdgeOfFlat(const TubeChain& basis) const {
-    double around = 0;
-    for (const int i : basis.pieces) around = std::max(around, PieceOf(i).around_deg());
-    return around < kStraightAroundDeg &&
-           std::any_of(chains_.begin(), chains_.end(),
-                       [](const TubeChain& chain) { return !chain.spine.arcs.empty(); });
   }
 
   // Whether `b` goes on where `a` ends.

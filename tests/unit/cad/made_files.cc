@@ -162,6 +162,10 @@ TopoDS_Shape Joined(const TopoDS_Shape& a, const TopoDS_Shape& b) {
   return BRepAlgoAPI_Fuse(a, b).Shape();
 }
 
+TopoDS_Shape Without(const TopoDS_Shape& a, const TopoDS_Shape& b) {
+  return BRepAlgoAPI_Cut(a, b).Shape();
+}
+
 std::string WriteStepFile(const Named& shapes, const std::string& schema, const std::string& unit) {
   Handle(TDocStd_Document) document = new TDocStd_Document("BinXCAF");
   const Handle(XCAFDoc_ShapeTool) tool = XCAFDoc_DocumentTool::ShapeTool(document->Main());

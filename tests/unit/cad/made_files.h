@@ -36,6 +36,7 @@ TopoDS_Shape WithCollar(const TopoDS_Shape& shape, const Eigen::Vector3d& from,
                         const Eigen::Vector3d& to, double radius_mm, double inner_radius_mm);
 
 TopoDS_Shape Joined(const TopoDS_Shape& a, const TopoDS_Shape& b);
+TopoDS_Shape Without(const TopoDS_Shape& a, const TopoDS_Shape& b);
 
 using Named = std::vector<std::pair<std::string, TopoDS_Shape>>;
 // `schema` is OpenCASCADE's: AP203, AP214IS, AP242DIS; `unit` MM, INCH, M. The shapes stand in an
