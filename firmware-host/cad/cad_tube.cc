@@ -28,6 +28,11 @@ void FindOpenings(const CadBody& body, CadTube& tube) {
   CadTube back = tube;
   back.spine = tube.spine.Reversed();
   tube.openings_reversed = OpeningsOf(body, back);
+  const auto add = [](std::vector<std::string> more, std::vector<std::string>& notes) {
+    notes.insert(notes.end(), more.begin(), more.end());
+  };
+  add(BoreNotes(body, tube, tube.openings), tube.placed_notes);
+  add(BoreNotes(body, back, tube.openings_reversed), tube.placed_notes_reversed);
 }
 
 // Zero is the normal of the bend beside the straight, as hal::AroundZero has it.

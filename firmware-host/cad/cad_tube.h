@@ -73,5 +73,8 @@ std::vector<CadTube> TubesOfSurfaces(CadBody& body);
 std::vector<CadTube> TubesOfCurves(const CadBody& body);
 // Openings in the wall of `tube`, whose spine is known.
 std::vector<WallOpening> OpeningsOf(const CadBody& body, const CadTube& tube);
+// What is drilled into it and is none of its openings: blind, countersunk, through a bar.
+std::vector<std::string> BoreNotes(const CadBody& body, const CadTube& tube,
+                                   const std::vector<WallOpening>& openings);
 
 }  // namespace bendloop::host

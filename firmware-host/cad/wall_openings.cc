@@ -2,9 +2,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "firmware-host/cad/cad_tube.h"
@@ -48,18 +50,28 @@ bool GoesThroughWall(const std::vector<Vector3d>& border, const Developed& devel
          std::abs(high - tube.pipe_radius_mm) < tolerance;
 }
 
+// From where to where along the bore's axis.
+std::pair<double, double> ReachOf(const std::vector<Vector3d>& border, const SurfacePatch& patch) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const Vector3d& p : border) {
+    low = std::min(low, (p - patch.origin).dot(patch.axis));
+    high = std::max(high, (p - patch.origin).dot(patch.axis));
+  }
+  return {low, high};
+}
+
+bool IsBore(const CadBody& body, const SurfacePatch& patch, const CadTube& tube) {
+  return patch.kind == PatchKind::kCylinder && patch.radius_mm < tube.pipe_radius_mm &&
+         (body.kind != BodyKind::kSolid || patch.concave);
+}
+
 std::vector<Bore> BoresOf(const CadBody& body, const CadTube& tube, const Developed& developed) {
   std::vector<Bore> bores;
   for (const SurfacePatch& patch : body.patches) {
-    if (patch.kind != PatchKind::kCylinder || patch.radius_mm >= tube.pipe_radius_mm) continue;
-    if (body.kind == BodyKind::kSolid && !patch.concave) continue;
+    if (!IsBore(body, patch, tube)) continue;
     const auto border = BorderOf(body, patch.face);
     if (!GoesThroughWall(border, developed, tube)) continue;
-    double low = std::numeric_limits<double>::infinity(), high = -low;
-    for (const Vector3d& p : border) {
-      low = std::min(low, (p - patch.origin).dot(patch.axis));
-      high = std::max(high, (p - patch.origin).dot(patch.axis));
-    }
+    const auto [low, high] = ReachOf(border, patch);
     const Vector3d at = patch.origin + (low + high) / 2 * patch.axis;
     const double around = (patch.u1 - patch.u0) * 180 / std::numbers::pi;
     const auto same = std::find_if(bores.begin(), bores.end(), [&](const Bore& b) {
@@ -110,7 +122,80 @@ std::optional<WallOpening> SlotOf(const Bore& a, const Bore& b, const CadTube& t
   return slot;
 }
 
+// A bore's faces, whose axis they share.
+struct OddBore {
+  SurfacePatch like;
+  double low = 0, high = 0;  // along its axis
+  double around_deg = 0;
+};
+
+// What leans less than this from the tube's own direction is a bore of its end [cosine].
+constexpr double kAlongCosine = 0.98;
+
+// Bores across the tube that end at its outer or inner surface, or begin at one, but are none of
+// `openings`.
+std::vector<OddBore> OddBoresOf(const CadBody& body, const CadTube& tube,
+                                const Developed& developed,
+                                const std::vector<WallOpening>& openings) {
+  std::vector<OddBore> bores;
+  const double tolerance = 2 * MatchToleranceMm(tube.pipe_radius_mm);
+  for (const SurfacePatch& patch : body.patches) {
+    const bool known = std::any_of(openings.begin(), openings.end(), [&](const WallOpening& o) {
+      return std::find(o.faces.begin(), o.faces.end(), patch.face) != o.faces.end();
+    });
+    if (known || !IsBore(body, patch, tube)) continue;
+    const auto border = BorderOf(body, patch.face);
+    double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
+    for (const Vector3d& p : border) {
+      const double across = developed.Of(p).across_mm;
+      nearest = std::min(nearest, across);
+      farthest = std::max(farthest, across);
+    }
+    const double inner = tube.pipe_radius_mm - tube.wall_mm.value_or(tube.pipe_radius_mm);
+    const bool begins_inside = tube.wall_mm && std::abs(nearest - inner) < tolerance;
+    const bool ends_outside = std::abs(farthest - tube.pipe_radius_mm) < tolerance;
+    if (farthest > tube.pipe_radius_mm + tolerance || (!begins_inside && !ends_outside)) continue;
+    const auto [low, high] = ReachOf(border, patch);
+    const Place at = developed.Of(patch.origin + (low + high) / 2 * patch.axis);
+    if (std::abs(at.tangent.dot(patch.axis)) > kAlongCosine) continue;
+    const double around = (patch.u1 - patch.u0) * 180 / std::numbers::pi;
+    const auto same = std::find_if(bores.begin(), bores.end(), [&](const OddBore& b) {
+      return std::abs(b.like.radius_mm - patch.radius_mm) < 1e-3 &&
+             (b.like.origin - patch.origin).norm() < 1e-3 && b.like.axis.dot(patch.axis) > 1 - 1e-6;
+    });
+    if (same == bores.end()) {
+      bores.push_back({patch, low, high, around});
+    } else {
+      same->around_deg += around;
+    }
+  }
+  std::erase_if(bores, [](const OddBore& b) { return b.around_deg < kHoleDeg; });
+  return bores;
+}
+
 }  // namespace
+
+std::vector<std::string> BoreNotes(const CadBody& body, const CadTube& tube,
+                                   const std::vector<WallOpening>& openings) {
+  const Developed developed(tube.spine);
+  std::vector<std::string> notes;
+  for (const OddBore& bore : OddBoresOf(body, tube, developed, openings)) {
+    // A bore through a bar has a mouth on either side; one into it, or into a wall, has one.
+    const Place low = developed.Of(bore.like.origin + bore.low * bore.like.axis);
+    const Place high = developed.Of(bore.like.origin + bore.high * bore.like.axis);
+    const double widest = std::max(low.across_mm, high.across_mm);
+    for (const Place* mouth : {&low, &high}) {
+      if (mouth->across_mm < widest - tube.pipe_radius_mm / 4) continue;
+      char text[200];
+      std::snprintf(text, sizeof text,
+                    "a bore of %.3f mm at %.1f mm of the developed length, %.0f degrees around, is "
+                    "no plain hole through the wall: the part file does not have it",
+                    2 * bore.like.radius_mm, mouth->along_mm, mouth->around_deg + 0.0);
+      notes.emplace_back(text);
+    }
+  }
+  return notes;
+}
 
 std::vector<WallOpening> OpeningsOf(const CadBody& body, const CadTube& tube) {
   std::vector<WallOpening> openings;

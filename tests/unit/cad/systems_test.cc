@@ -107,6 +107,36 @@ TEST(Systems, AStraightThatIsNotQuiteStraightIsOne) {
   EXPECT_THAT(done.out, HasSubstr("meet at up to 0.090 degrees"));
 }
 
+// A hole that a part file cannot hold is told by its place, and never dropped.
+TEST(Systems, BoresThatAreNoPlainHolesAreTold) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 10;
+  tube.program = {{{100, 0, 90, 30.0}, {80, 0, 0, std::nullopt}}};
+  const auto through = Nominal(test::WriteStepFile(
+      {{"bar", test::Drilled(Pipe(tube, {.wall_mm = 0}), {40, 0, -30}, {40, 0, 30}, 3)}}));
+  test::ExpectRows(through, tube.program);
+  EXPECT_THAT(through.out, HasSubstr("a bore of 6.000 mm at 40.0 mm of the developed length, 0 "));
+  EXPECT_THAT(through.out,
+              HasSubstr("a bore of 6.000 mm at 40.0 mm of the developed length, 180 "));
+  EXPECT_THAT(Nominal(test::TemporaryFile("made.step"), {"--reverse"}).out,
+              HasSubstr("a bore of 6.000 mm at 187.1 mm"));
+  const auto blind = Nominal(test::WriteStepFile(
+      {{"bar", test::Drilled(Pipe(tube, {.wall_mm = 0}), {40, 0, 4}, {40, 0, 30}, 3)}}));
+  EXPECT_THAT(blind.out, HasSubstr("a bore of 6.000 mm at 40.0 mm of the developed length, 0 "));
+  EXPECT_THAT(blind.out, Not(HasSubstr("180 degrees around")));
+  // A countersink of 90 degrees on a hole through a wall of 3 mm.
+  TopoDS_Shape sunk = test::Drilled(Pipe(tube, {.wall_mm = 3}), {40, 0, 0}, {40, 0, 30}, 2);
+  sunk = test::Without(sunk, BRepPrimAPI_MakeCone(gp_Ax2({40, 0, 8}, {0, 0, 1}), 1, 6, 5).Shape());
+  const auto countersunk = Nominal(test::WriteStepFile({{"tube", sunk}}));
+  test::ExpectRows(countersunk, tube.program);
+  EXPECT_THAT(countersunk.out, HasSubstr("a bore of 4.000 mm at 40.0 mm"));
+  // A plain hole is one, and no bore beside.
+  const auto plain = Nominal(test::WriteStepFile(
+      {{"tube", test::Drilled(Pipe(tube, {.wall_mm = 3}), {40, 0, 0}, {40, 0, 30}, 2)}}));
+  EXPECT_THAT(plain.out, HasSubstr("hole of 4.000 mm at 40.000 mm"));
+  EXPECT_THAT(plain.out, Not(HasSubstr("bore")));
+}
+
 // Union nuts: each a solid, with its thread as a sheet beside it.
 TEST(Systems, NutsOnATubeAreNoTubes) {
   const hal::Tube tube = test::DemoTube();
