@@ -188,8 +188,23 @@ double SizeMm(const SurfacePatch& patch) {
   return size;
 }
 
+// Whether all samples of `cell` lie about where `whole` goes: what has thousands of pieces is
+// sorted by this.
+bool LiesNear(const SurfacePatch& whole, const SurfacePatch& cell) {
+  constexpr double kNear = 10 * kExactSurfaceMm;
+  return std::all_of(cell.samples.begin(), cell.samples.end(), [&](const OrientedPoint& s) {
+    const Vector3d d = s.point - whole.origin;
+    const double height = d.dot(whole.axis), across = (d - height * whole.axis).norm();
+    const double off = whole.kind == PatchKind::kTorus
+                           ? std::hypot(across - whole.bend_radius_mm, height) - whole.radius_mm
+                           : across - whole.radius_mm;
+    return std::abs(off) < kNear;
+  });
+}
+
 // `cell` as a part of the cylinder or torus of `whole`; nothing where it does not lie on it.
 std::optional<SurfacePatch> AsPartOf(const SurfacePatch& whole, const SurfacePatch& cell) {
+  if (!LiesNear(whole, cell)) return std::nullopt;
   const auto exact = [](double) { return kExactSurfaceMm; };
   SurfacePatch part = cell;
   const bool lies_on = whole.kind == PatchKind::kTorus

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <BRepBuilderAPI_GTransform.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
@@ -11,17 +12,21 @@
 #include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRep_Builder.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <TopoDS_Face.hxx>
 #include <cmath>
+#include <fstream>
 #include <gp_Circ.hxx>
+#include <gp_GTrsf.hxx>
 
 #include "firmware-host/cad/tube_chain.h"
 #include "foreign_files.h"
 #include "made_files.h"
 #include "run_nominal.h"
+#include "step_text.h"
 
 namespace bendloop::host {
 namespace {
@@ -151,6 +156,75 @@ TEST(Systems, NutsOnATubeAreNoTubes) {
   test::ExpectRows(done, tube.program);
   ASSERT_EQ(done.code, 0) << done.err;
   EXPECT_NEAR(done.part->wall_mm.value_or(0), 1, 1e-6);
+}
+
+// Bends about as tight as a die makes them, as files have them that know no seams, and with.
+TEST(Systems, BendsTighterThanTheirPipeIsWide) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 16.85;
+  tube.program = {
+      {{80, 0, 90, 17.5}, {60, 120, 60, 35.0}, {0, 90, 45, 35.0}, {70, 0, 0, std::nullopt}}};
+  for (const auto faces : {test::FaceStyle::kNoSeam, test::FaceStyle::kSeam,
+                           test::FaceStyle::kHalves, test::FaceStyle::kQuarters}) {
+    for (const auto surfaces : {test::SurfaceStyle::kAnalytic, test::SurfaceStyle::kRational}) {
+      SCOPED_TRACE(testing::Message() << int(faces) << " " << int(surfaces));
+      if (faces == test::FaceStyle::kNoSeam && surfaces == test::SurfaceStyle::kRational) continue;
+      test::StepStyle style;
+      style.faces = faces;
+      style.surfaces = surfaces;
+      style.wall_mm = 2;
+      const std::string file = test::TemporaryFile("tight.step");
+      std::ofstream(file) << test::StepText(tube, style);
+      test::ExpectRows(Nominal(file), tube.program, 1e-5);
+    }
+  }
+}
+
+// What AP242 carries beside the body: tolerances drawn as polylines, and their planes.
+TEST(Systems, NotesOnTheModelAreNoCurves) {
+  const std::string file = test::WriteStepFile({{"tube", Pipe(test::DemoTube())}}, "AP242DIS");
+  const std::string noted = test::Edited(
+      file, "ENDSEC;\nEND-ISO",
+      "#90001=CARTESIAN_POINT('',(0.,0.,0.));\n#90002=CARTESIAN_POINT('',(0.,90.,0.));\n"
+      "#90003=CARTESIAN_POINT('',(70.,90.,0.));\n#90004=POLYLINE('',(#90001,#90002,#90003));\n"
+      "#90005=GEOMETRIC_CURVE_SET('Position.1',(#90004));\n"
+      "#90006=DRAUGHTING_PRE_DEFINED_CURVE_FONT('continuous');\n"
+      "#90007=CURVE_STYLE('',#90006,POSITIVE_LENGTH_MEASURE(0.13),$);\n"
+      "#90008=PRESENTATION_STYLE_ASSIGNMENT((#90007));\n"
+      "#90009=ANNOTATION_CURVE_OCCURRENCE('Position.1',(#90008),#90005);\n"
+      "#90010=VALUE_REPRESENTATION_ITEM('number of annotations',COUNT_MEASURE(1.));\n"
+      "#90011=TESSELLATED_ANNOTATION_OCCURRENCE('',(#90008),#90005);\nENDSEC;\nEND-ISO");
+  const auto done = Nominal(noted);
+  test::ExpectRows(done, test::DemoTube().program);
+  EXPECT_THAT(done.out, Not(HasSubstr("left out")));
+}
+
+// A slot through both walls of an elbow, and dents that are B-splines, leave its bend what it is.
+TEST(Systems, ElbowsCutAndDented) {
+  hal::Tube elbow;
+  elbow.pipe_radius_mm = 17;
+  elbow.program = {{{30, 0, 90, 84.0}, {30, 0, 0, std::nullopt}}};
+  const auto bar = [](double x, double radius) {
+    return BRepPrimAPI_MakeCylinder(gp_Ax2({x, 0, -40}, {0, 0, 1}), radius, 80).Shape();
+  };
+  TopoDS_Shape shape = Pipe(elbow, {.wall_mm = 3});
+  shape = test::Without(shape, bar(12, 5));
+  shape = test::Without(shape, bar(20, 5));
+  shape = test::Without(shape, BRepPrimAPI_MakeBox(gp_Pnt(12, -5, -40), 8, 10, 80).Shape());
+  const auto slotted = Nominal(test::WriteStepFile({{"elbow", shape}}));
+  test::ExpectRows(slotted, elbow.program);
+  EXPECT_THAT(slotted.out, HasSubstr("slot of 18.000 by 10.000 mm at 16.000 mm"));
+  // An egg, as a B-spline, pressed into bend and straight.
+  gp_GTrsf stretch;
+  stretch.SetValue(1, 1, 3);
+  const TopoDS_Shape egg =
+      BRepBuilderAPI_GTransform(BRepPrimAPI_MakeSphere(gp_Pnt(0, 0, 0), 6).Shape(), stretch, true)
+          .Shape();
+  gp_Trsf onto;
+  onto.SetTranslation({32, -17, 0});
+  const auto dented = Nominal(test::WriteStepFile(
+      {{"elbow", test::Without(Pipe(elbow, {.wall_mm = 0}), egg.Moved(TopLoc_Location(onto)))}}));
+  test::ExpectRows(dented, elbow.program);
 }
 
 TEST(Systems, ProfilesThatAreNotRoundAreRefused) {
