@@ -42,7 +42,14 @@ void AddSurfaceEnds(CadBody& body, std::size_t index, std::vector<LooseEnd>& end
 
 void AddCurveEnds(const CadBody& body, std::size_t index, std::vector<LooseEnd>& ends) {
   for (const auto& curve : body.curves) {
-    if (curve.size() < 2 || (curve.front() - curve.back()).norm() < kCurvesMeetMm) continue;
+    if (curve.size() < 2) continue;
+    if ((curve.front() - curve.back()).norm() < kCurvesMeetMm) {
+      // A pipe's profile, whose middle lies where its centre line ends.
+      const Vector3d sum = std::accumulate(curve.begin() + 1, curve.end(), Vector3d(0, 0, 0));
+      ends.push_back(
+          {index, true, false, false, 0, sum / double(curve.size() - 1), Vector3d::Zero()});
+      continue;
+    }
     for (const Vector3d& p : {curve.front(), curve.back()}) {
       ends.push_back({index, true, false, false, 0, p, Vector3d::Zero()});
     }

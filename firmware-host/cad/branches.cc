@@ -19,6 +19,8 @@ constexpr double kAlongCosine = 0.98;
 constexpr double kBranchRadii = 2;
 // What stands nearer to an end than so many pipe radii belongs to the end.
 constexpr double kEndRadii = 0.25;
+// A plate stands off the tube by more than that, and by more than this [mm].
+constexpr double kLeastPlateMm = 1;
 
 struct Branch {
   double along_mm = 0, around_deg = 0, radius_mm = 0, height_mm = 0;
@@ -38,6 +40,20 @@ bool StandsOn(const CadTube& tube, const Developed& developed, const Vector3d& f
   branch.around_deg = end.around_deg;
   branch.height_mm = end.across_mm - radius;
   return true;
+}
+
+// With its bore, where a file does not say which side the material is on, and its steps.
+void AddTo(std::vector<Branch>& branches, const Branch& branch, double pipe_radius_mm) {
+  const auto same = std::find_if(branches.begin(), branches.end(), [&](const Branch& b) {
+    return std::abs(b.along_mm - branch.along_mm) < pipe_radius_mm &&
+           std::abs(b.around_deg - branch.around_deg) < 5;
+  });
+  if (same == branches.end()) {
+    branches.push_back(branch);
+  } else {
+    same->radius_mm = std::max(same->radius_mm, branch.radius_mm);
+    same->height_mm = std::max(same->height_mm, branch.height_mm);
+  }
 }
 
 std::string Text(const Branch& branch) {
@@ -62,22 +78,19 @@ std::vector<std::string> BranchNotes(const CadTube& tube,
   for (const TubeChain* chain : others) {
     if (chain->concave || chain->is_closed) continue;
     const Spine& spine = chain->spine;
+    // What comes back to the tube is farthest from it in its middle.
+    const Vector3d middle =
+        spine.arcs.empty() ? (spine.start + spine.end) / 2 : spine.arcs[spine.arcs.size() / 2].from;
+    const auto top = [&](const Vector3d& other) {
+      return developed.Of(other).across_mm > developed.Of(middle).across_mm ? other : middle;
+    };
     Branch branch;
     branch.radius_mm = chain->radius_mm;
-    if (!StandsOn(tube, developed, spine.start, spine.end, spine.direction, branch) &&
-        !StandsOn(tube, developed, spine.end, spine.start, spine.end_direction(), branch)) {
-      continue;
+    if (StandsOn(tube, developed, spine.start, top(spine.end), spine.direction, branch)) {
+      AddTo(branches, branch, tube.pipe_radius_mm);
     }
-    // Its bore, where a file does not say which side the material is on, and its steps.
-    const auto same = std::find_if(branches.begin(), branches.end(), [&](const Branch& b) {
-      return std::abs(b.along_mm - branch.along_mm) < tube.pipe_radius_mm &&
-             std::abs(b.around_deg - branch.around_deg) < 5;
-    });
-    if (same == branches.end()) {
-      branches.push_back(branch);
-    } else {
-      same->radius_mm = std::max(same->radius_mm, branch.radius_mm);
-      same->height_mm = std::max(same->height_mm, branch.height_mm);
+    if (StandsOn(tube, developed, spine.end, top(spine.start), spine.end_direction(), branch)) {
+      AddTo(branches, branch, tube.pipe_radius_mm);
     }
   }
   std::sort(branches.begin(), branches.end(), [](const Branch& a, const Branch& b) {
@@ -86,6 +99,43 @@ std::vector<std::string> BranchNotes(const CadTube& tube,
   std::vector<std::string> notes;
   for (const Branch& branch : branches) notes.push_back(Text(branch));
   return notes;
+}
+
+std::vector<std::string> PlateNotes(const CadBody& body, const CadTube& tube,
+                                    const std::vector<const TubeChain*>& others,
+                                    const std::set<int>& round) {
+  const double radius = tube.pipe_radius_mm, length = tube.spine.length_mm();
+  const Developed developed(tube.spine);
+  std::vector<Developed> beside;
+  for (const TubeChain* chain : others) beside.emplace_back(chain->spine);
+  // The cap of a branch, and of another tube of the body.
+  const auto is_others = [&](const Vector3d& p) {
+    for (std::size_t i = 0; i < beside.size(); ++i) {
+      if (beside[i].Of(p).across_mm < 1.05 * others[i]->radius_mm + 0.01) return true;
+    }
+    return false;
+  };
+  const double plain = radius + std::max(kLeastPlateMm, kEndRadii * radius);
+  Place farthest;
+  for (const FaceEdge& edge : body.edges) {
+    if (round.contains(edge.face)) continue;
+    for (const Vector3d& p : edge.points) {
+      const Place at = developed.Of(p);
+      const bool at_end =
+          (tube.first.fitting_mm > 0 && at.along_mm < tube.first.fitting_mm + kEndRadii * radius) ||
+          (tube.last.fitting_mm > 0 &&
+           at.along_mm > length - tube.last.fitting_mm - kEndRadii * radius);
+      if (at_end || at.across_mm < std::max(plain, farthest.across_mm) || is_others(p)) continue;
+      farthest = at;
+    }
+  }
+  if (farthest.across_mm == 0) return {};
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "other faces reach up to %.1f mm from its axis, at %.1f mm of the developed length "
+                "(a plate, a bracket, a sleeve): left out",
+                farthest.across_mm, farthest.along_mm);
+  return {text};
 }
 
 }  // namespace bendloop::host

@@ -208,10 +208,18 @@ class BodyTubes {
     const auto add = [](std::vector<std::string> more, std::vector<std::string>& notes) {
       notes.insert(notes.end(), more.begin(), more.end());
     };
+    std::set<int> round;
+    for (const TubeChain& chain : chains_) {
+      for (const int i : chain.pieces)
+        round.insert(PieceOf(i).faces.begin(), PieceOf(i).faces.end());
+    }
     add(BranchNotes(tube, others), tube.placed_notes);
+    add(PlateNotes(body_, tube, others, round), tube.placed_notes);
     CadTube back = tube;
     back.spine = tube.spine.Reversed();
+    std::swap(back.first, back.last);
     add(BranchNotes(back, others), tube.placed_notes_reversed);
+    add(PlateNotes(body_, back, others, round), tube.placed_notes_reversed);
   }
 
   void AddGapNotes(const TubeChain& outer, CadTube& tube) const {

@@ -6,14 +6,17 @@
 #include <BRepAdaptor_Curve.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakePolygon.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
 #include <BRepPrimAPI_MakeCone.hxx>
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRep_Builder.hxx>
 #include <GeomAPI_Interpolate.hxx>
+#include <STEPControl_Writer.hxx>
 #include <TColgp_Array1OfPnt.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
+#include <gp_Circ.hxx>
 #include <string>
 
 #include "firmware-host/cad/cad_helper.h"
@@ -27,6 +30,7 @@ namespace {
 using test::Nominal;
 using test::Pipe;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 hal::Tube Elbow(double pipe_radius_mm) {
   hal::Tube tube;
@@ -59,6 +63,50 @@ TEST(Beside, BranchesAreCountedFromTheFirstEnd) {
   const auto file = test::WriteStepFile({{"tee", tee.Moved(TopLoc_Location(shift))}});
   EXPECT_THAT(Nominal(file).out, HasSubstr("leaves it at 177.1 mm"));
   EXPECT_THAT(Nominal(file, {"--reverse"}).out, HasSubstr("leaves it at 50.0 mm"));
+}
+
+// Nothing that a body holds beside its tube is dropped without a word.
+TEST(Beside, CrossBarsAndPlatesAreTold) {
+  hal::Tube bow;
+  bow.pipe_radius_mm = 15;
+  bow.program = {{{200, 0, 90, 60.0}, {300, 0, 90, 60.0}, {200, 0, 0, std::nullopt}}};
+  const TopoDS_Shape bar = Pipe(bow, {.wall_mm = 0});
+  const auto frame = Nominal(
+      test::WriteStepFile({{"frame", test::Joined(bar, Bar({100, 0, 0}, {0, 1, 0}, 12, 420))}}));
+  test::ExpectRows(frame, bow.program);
+  EXPECT_THAT(frame.out, HasSubstr("a branch of 24.000 mm in diameter leaves it at 100.0 mm"));
+  EXPECT_THAT(frame.out, HasSubstr("a branch of 24.000 mm in diameter leaves it at 788.5 mm"));
+  EXPECT_THAT(frame.out, Not(HasSubstr("a plate")));
+  const TopoDS_Shape plate = BRepPrimAPI_MakeBox(gp_Pnt(70, -40, -3), 30, 80, 6).Shape();
+  const auto plated = Nominal(test::WriteStepFile({{"bracket", test::Joined(bar, plate)}}));
+  test::ExpectRows(plated, bow.program);
+  EXPECT_THAT(plated.out, HasSubstr("faces reach up to 40.1 mm from its axis"));
+  EXPECT_THAT(plated.out, HasSubstr("(a plate, a bracket, a sleeve)"));
+  const auto plain = Nominal(test::WriteStepFile({{"bow", bar}}));
+  EXPECT_THAT(plain.out, Not(HasSubstr("faces reach")));
+}
+
+// Circles that a file has as bodies of their own are the pipe of the centre line they lie about.
+TEST(Beside, CirclesAboutACentreLineAreItsPipe) {
+  const auto circle = [](double radius) {
+    return BRepBuilderAPI_MakeEdge(gp_Circ(gp_Ax2({0, 0, 0}, {1, 0, 0}), radius)).Edge();
+  };
+  TopoDS_Compound all;
+  BRep_Builder builder;
+  builder.MakeCompound(all);
+  builder.Add(all, test::CentreLine(Elbow(10)));
+  STEPControl_Writer writer;
+  for (const TopoDS_Shape& shape :
+       {TopoDS_Shape(all), TopoDS_Shape(circle(10)), TopoDS_Shape(circle(8))}) {
+    writer.Transfer(shape, STEPControl_AsIs);
+  }
+  const std::string file = test::TemporaryFile("circles.step");
+  ASSERT_EQ(writer.Write(file.c_str()), IFSelect_RetDone);
+  const auto done = Nominal(file);
+  test::ExpectRows(done, Elbow(10).program);
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_NEAR(done.part->pipe_radius_mm, 10, 1e-6);
+  EXPECT_NEAR(done.part->wall_mm.value_or(0), 2, 1e-6);
 }
 
 TEST(Beside, ASilencerIsNoTube) {
