@@ -92,6 +92,14 @@ std::vector<std::size_t> Groups(const std::vector<LooseEnd>& ends, std::size_t b
   return of;
 }
 
+// Circles alone have none: a pipe's profile.
+bool HasEnds(const CadBody& body) {
+  return body.kind != BodyKind::kWire ||
+         std::any_of(body.curves.begin(), body.curves.end(), [](const auto& curve) {
+           return curve.size() > 1 && (curve.front() - curve.back()).norm() >= kCurvesMeetMm;
+         });
+}
+
 void Append(CadBody& to, CadBody&& from) {
   int edges = 0;
   for (const FaceEdge& edge : to.edges) edges = std::max(edges, edge.edge);
@@ -132,7 +140,7 @@ void JoinBodies(CadShape& shape) {
       joined.push_back(std::move(shape.bodies[i]));
     } else {
       CadBody& whole = joined[place[of[i]]];
-      ++whole.joined;
+      if (HasEnds(shape.bodies[i])) ++whole.joined;
       Append(whole, std::move(shape.bodies[i]));
     }
   }

@@ -78,6 +78,7 @@ hal::Result<CadShape> ReadCadShape(std::string_view text, std::string_view file)
     }
     CadShape shape;
     shape.format = root.at("format").get<std::string>();
+    shape.lost_faces = root.value("lost_faces", 0);
     for (const AnswerJson& body : root.at("bodies")) shape.bodies.push_back(BodyOf(body));
     return shape;
   } catch (const AnswerJson::exception& error) {

@@ -58,6 +58,7 @@ struct CadBody {
 struct CadShape {
   std::string format;
   bool names_unit = true;  // of length; OpenCASCADE takes mm where a file names none
+  int lost_faces = 0;      // of the file, which OpenCASCADE could not build; 0 of IGES
   std::vector<CadBody> bodies;
 };
 

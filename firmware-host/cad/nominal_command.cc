@@ -358,6 +358,14 @@ int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostrea
       tube.notes.emplace_back("the file names no unit of length: its numbers are taken as mm");
     }
   }
+  if (shape->lost_faces > 0) {
+    for (CadTube& tube : tubes) {
+      tube.notes.push_back(
+          "faces of the file that cannot be built (it is damaged), or belong to "
+          "no product: " +
+          std::to_string(shape->lost_faces));
+    }
+  }
   if (arguments.list && !tubes.empty()) {
     out << TubeList(tubes);
     return 0;

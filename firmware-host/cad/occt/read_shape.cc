@@ -12,7 +12,11 @@
 #include <Interface_InterfaceModel.hxx>
 #include <STEPCAFControl_Reader.hxx>
 #include <STEPControl_Reader.hxx>
+#include <Standard_Failure.hxx>
+#include <StepShape_ConnectedFaceSet.hxx>
 #include <StepShape_GeometricSet.hxx>
+#include <StepShape_OrientedClosedShell.hxx>
+#include <StepShape_OrientedOpenShell.hxx>
 #include <StepShape_ShellBasedSurfaceModel.hxx>
 #include <StepShape_SolidModel.hxx>
 #include <TColStd_Array1OfReal.hxx>
@@ -34,6 +38,7 @@
 #include <gp_Cylinder.hxx>
 #include <gp_Torus.hxx>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "firmware-host/cad/occt/placements.h"
@@ -325,6 +330,8 @@ class Collector {
     }
   }
 
+  bool is_empty() const { return bodies_.empty(); }
+  int faces() const { return faces_; }
   json Take() { return std::move(bodies_); }
 
  private:
@@ -337,6 +344,7 @@ class Collector {
       AddPatches(face, ++number, step_mm_, patches);
       AddEdges(face, number, known, edges);
     }
+    faces_ += number;
     bodies_.push_back({{"name", name},
                        {"kind", kind},
                        {"faces", number},
@@ -345,6 +353,7 @@ class Collector {
   }
 
   double step_mm_;
+  int faces_ = 0;
   json bodies_ = json::array();
 };
 
@@ -387,7 +396,7 @@ void CheckStatus(IFSelect_ReturnStatus status) {
 
 // The solids, surfaces and curves of a file that leads to them by no product, as small programs
 // write it.
-bool AddWithoutProducts(STEPControl_Reader& reader, Collector& collector) {
+void AddWithoutProducts(STEPControl_Reader& reader, Collector& collector) {
   const Handle(Interface_InterfaceModel) model = reader.Model();
   reader.ClearShapes();
   for (int i = 1; i <= model->NbEntities(); ++i) {
@@ -399,7 +408,6 @@ bool AddWithoutProducts(STEPControl_Reader& reader, Collector& collector) {
     }
   }
   for (int i = 1; i <= reader.NbShapes(); ++i) collector.Add(reader.Shape(i), "");
-  return reader.NbShapes() > 0;
 }
 
 // Editors put UTF-8's mark before a text, which part 21 does not know.
@@ -411,7 +419,24 @@ void SkipMark(std::istream& in) {
   in.seekg(0);
 }
 
-void ReadStep(const std::string& file, Collector& collector) {
+// Of all shells, those that a shell names and the file lacks, too.
+int FacesIn(const Interface_InterfaceModel& model) {
+  int faces = 0;
+  for (int i = 1; i <= model.NbEntities(); ++i) {
+    const Handle(Standard_Transient) entity = model.Value(i);
+    // These name another shell, which is counted itself.
+    if (entity->IsKind(STANDARD_TYPE(StepShape_OrientedClosedShell)) ||
+        entity->IsKind(STANDARD_TYPE(StepShape_OrientedOpenShell))) {
+      continue;
+    }
+    const auto shell = Handle(StepShape_ConnectedFaceSet)::DownCast(entity);
+    if (!shell.IsNull()) faces += shell->NbCfsFaces();
+  }
+  return faces;
+}
+
+// How many faces the file has.
+int ReadStep(const std::string& file, Collector& collector) {
   Handle(TDocStd_Document) document = new TDocStd_Document("BinXCAF");
   STEPCAFControl_Reader reader;
   reader.SetNameMode(true);
@@ -432,9 +457,20 @@ void ReadStep(const std::string& file, Collector& collector) {
   shapes->GetFreeShapes(roots);
   if (has_products && !roots.IsEmpty()) {
     for (int i = 1; i <= roots.Length(); ++i) Walk(roots(i), gp_Trsf(), "", 0, collector);
-  } else if (!AddWithoutProducts(reader.ChangeReader(), collector)) {
-    throw std::runtime_error("holds no shape that can be built");
   }
+  const int faces = FacesIn(*reader.ChangeReader().Model());
+  try {
+    if (collector.is_empty()) AddWithoutProducts(reader.ChangeReader(), collector);
+  } catch (const Standard_Failure&) {
+    // Of a damaged product, which it has tried before, it says so.
+  }
+  if (collector.is_empty()) {
+    throw std::runtime_error(faces == 0
+                                 ? std::string("holds no shape that can be built")
+                                 : "is damaged: none of its " + std::to_string(faces) +
+                                       " faces can be built, since entities are missing or wrong");
+  }
+  return faces;
 }
 
 void ReadIges(const std::string& file, Collector& collector) {
@@ -458,13 +494,17 @@ bool IsIges(const std::string& file) {
 json ReadShape(const std::string& file, double step_mm) {
   Collector collector(step_mm);
   const bool iges = IsIges(file);
+  int faces = 0;
   if (iges) {
     ReadIges(file, collector);
   } else {
-    ReadStep(file, collector);
+    faces = ReadStep(file, collector);
   }
+  // A part that is placed several times is built as often, which may hide what is lost.
+  const int lost = std::max(0, faces - collector.faces());
   return {{"schema", "bendloop.cad-shape/1"},
           {"format", iges ? "IGES" : "STEP"},
+          {"lost_faces", lost},
           {"bodies", collector.Take()}};
 }
 

@@ -107,6 +107,7 @@ TEST(Beside, CirclesAboutACentreLineAreItsPipe) {
   ASSERT_EQ(done.code, 0) << done.err;
   EXPECT_NEAR(done.part->pipe_radius_mm, 10, 1e-6);
   EXPECT_NEAR(done.part->wall_mm.value_or(0), 2, 1e-6);
+  EXPECT_THAT(done.out, Not(HasSubstr("end to end")));
 }
 
 TEST(Beside, ASilencerIsNoTube) {

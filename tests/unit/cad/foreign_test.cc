@@ -19,6 +19,7 @@ namespace {
 using test::Nominal;
 using test::Outcome;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using Shapes = std::vector<std::pair<const char*, TopoDS_Shape>>;
 
 hal::BendProgram InTheMirror(hal::BendProgram program) {
@@ -103,6 +104,41 @@ TEST(Foreign, PlacementsThatMirrorOrScaleAreRefused) {
   EXPECT_THAT(mirrored.err, HasSubstr("#90002 mirrors it"));
   EXPECT_EQ(scaled.code, 3) << scaled.out;
   EXPECT_THAT(scaled.err, HasSubstr("#90002 scales it"));
+}
+
+// The file's text without the line that begins with the `number`-th entity of `kind`.
+std::string Lacking(const std::string& file, const std::string& kind, int number) {
+  std::ifstream in(file);
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  std::size_t at = 0;
+  for (int i = 0; i < number; ++i) at = text.find(" = " + kind + "(", at + 1);
+  const std::size_t from = text.rfind('\n', at) + 1;
+  text.erase(from, text.find(";\n", at) + 2 - from);
+  const std::string lacking = test::TemporaryFile("lacking.step");
+  std::ofstream(lacking) << text;
+  return lacking;
+}
+
+TEST(Foreign, SaysThatAFileIsDamaged) {
+  const hal::Tube tube = test::DemoTube();
+  const std::string file = test::WriteStepFile({{"tube", test::Pipe(tube)}});
+  const auto face = Nominal(Lacking(file, "ADVANCED_FACE", 3));
+  test::ExpectRows(face, tube.program, 1e-5);
+  EXPECT_THAT(face.out, HasSubstr("cannot be built (it is damaged), or belong to no product: 1"));
+  EXPECT_THAT(Nominal(file).out, Not(HasSubstr("damaged")));
+  // Of a missing vertex or point OpenCASCADE may give up the whole product.
+  for (const char* kind : {"VERTEX_POINT", "CARTESIAN_POINT", "EDGE_LOOP", "CYLINDRICAL_SURFACE"}) {
+    for (const int number : {2, 5}) {
+      SCOPED_TRACE(kind + std::to_string(number));
+      const auto done = Nominal(Lacking(file, kind, number));
+      if (done.code == 0) {
+        test::ExpectRows(done, tube.program, 1e-5);
+      } else {
+        EXPECT_EQ(done.code, 3);
+        EXPECT_THAT(done.err, HasSubstr("lacking.step: is damaged"));
+      }
+    }
+  }
 }
 
 TEST(Foreign, TextsOfFiles) {
