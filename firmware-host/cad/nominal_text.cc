@@ -27,11 +27,15 @@ std::string EndRemark(const char* which, const TubeEnd& end) {
   return text;
 }
 
+// Half a turn is 180 to the decimals that are shown.
+std::string Turn(double deg, int decimals) {
+  const double half = 180 - 0.5 * std::pow(10.0, -decimals);
+  return Fixed(deg < -half ? 180 : deg, decimals);
+}
+
 std::string OpeningRemark(const WallOpening& opening) {
-  // Half a turn is 180 to the decimals that are shown.
-  const double around = opening.around_deg < -179.995 ? 180 : opening.around_deg;
   const std::string where = " at " + Fixed(opening.along_mm, 3) + " mm of the developed length, " +
-                            Fixed(around, 2) + " degrees around";
+                            Turn(opening.around_deg, 2) + " degrees around";
   if (opening.length_mm == 0) return "hole of " + Fixed(opening.width_mm, 3) + " mm" + where;
   return "slot of " + Fixed(opening.length_mm, 3) + " by " + Fixed(opening.width_mm, 3) + " mm" +
          where + ", its long axis " + Fixed(opening.axis_deg, 2) + " degrees from the tube's";
@@ -77,7 +81,7 @@ std::string NominalText(const Nominal& nominal) {
                {"CLR mm", Align::kDecimal}});
   const auto& rows = nominal.program.program.rows;
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    table.Add({std::to_string(i + 1), Fixed(rows[i].length_mm, 4), Fixed(rows[i].rotation_deg, 4),
+    table.Add({std::to_string(i + 1), Fixed(rows[i].length_mm, 4), Turn(rows[i].rotation_deg, 4),
                Fixed(rows[i].angle_deg, 4),
                rows[i].bend_radius_mm ? Fixed(*rows[i].bend_radius_mm, 4) : ""});
   }
