@@ -49,8 +49,9 @@ bool IsAlongAxis(const FaceEdge& edge, const Frame& frame, double tolerance_mm) 
 bool LieOnEachOther(const FaceEdge& a, const FaceEdge& b, const Frame& frame, double tolerance_mm) {
   const Vector3d d = b.points.front() - a.points.front();
   if (&a == &b || (d - d.dot(frame.along) * frame.along).norm() > tolerance_mm) return false;
-  const auto [a0, a1] = std::minmax(frame.Along(a.points.front()), frame.Along(a.points.back()));
-  const auto [b0, b1] = std::minmax(frame.Along(b.points.front()), frame.Along(b.points.back()));
+  // Not of two temporaries, to which std::minmax gives references.
+  const auto [a0, a1] = std::minmax({frame.Along(a.points.front()), frame.Along(a.points.back())});
+  const auto [b0, b1] = std::minmax({frame.Along(b.points.front()), frame.Along(b.points.back())});
   return std::min(a1, b1) - std::max(a0, b0) > tolerance_mm;
 }
 

@@ -4,6 +4,7 @@
 #include <BOPAlgo_MakerVolume.hxx>
 #include <BRepAdaptor_Surface.hxx>
 #include <BRepAlgoAPI_Cut.hxx>
+#include <BRepAlgoAPI_Splitter.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
@@ -29,6 +30,7 @@
 #include <cmath>
 #include <fstream>
 #include <gp_Circ.hxx>
+#include <gp_Pln.hxx>
 #include <iterator>
 
 #include "firmware-host/cad/tube_chain.h"
@@ -174,6 +176,17 @@ TopoDS_Shape InSolids(const hal::Tube& tube, double wall_mm, bool as_compound_so
     builder.Add(shared, at.Current());
   }
   return shared;
+}
+
+TopoDS_Shape InShells(const TopoDS_Shape& shape) {
+  TopTools_ListOfShape what, by;
+  what.Append(shape);
+  by.Append(BRepBuilderAPI_MakeFace(gp_Pln({}, {0, 0, 1}), -5000, 5000, -5000, 5000).Shape());
+  BRepAlgoAPI_Splitter splitter;
+  splitter.SetArguments(what);
+  splitter.SetTools(by);
+  splitter.Build();
+  return splitter.Shape();
 }
 
 TopoDS_Shape WithoutEnds(const TopoDS_Shape& shape) {

@@ -23,6 +23,8 @@ TopoDS_Shape WithoutSeams(const TopoDS_Shape& shape, double angle_deg);
 TopoDS_Shape AsShell(const hal::Tube& tube);
 // A solid for each straight and each bend, in a compound; `as_compound_solid`: with shared faces.
 TopoDS_Shape InSolids(const hal::Tube& tube, double wall_mm, bool as_compound_solid);
+// Cut along the plane z = 0 into solids that lie beside each other.
+TopoDS_Shape InShells(const TopoDS_Shape& shape);
 // Outer and inner surface alone, every other face reversed.
 TopoDS_Shape WithoutEnds(const TopoDS_Shape& shape);
 // `shape` in the mirror.

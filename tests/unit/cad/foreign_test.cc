@@ -12,6 +12,7 @@
 #include "foreign_files.h"
 #include "made_files.h"
 #include "run_nominal.h"
+#include "step_text.h"
 
 namespace bendloop::host {
 namespace {
@@ -61,6 +62,23 @@ TEST(Foreign, BodiesOfATube) {
   const auto wire =
       test::WriteStepFile({{"tube", test::AsNurbs(test::CentreLine(test::DemoTube()))}});
   test::ExpectRows(Nominal(wire, {"--pipe-diameter", "10"}), test::DemoTube().program, 1e-5);
+}
+
+// Faces that share no edges, halves beside each other, leave the ends what they are.
+TEST(Foreign, EndsOfHalvesAreSquare) {
+  hal::Tube flat = test::DemoTube();
+  flat.program = {{{60, 0, 45, 20.0}, {40, 0, 60, 20.0}, {50, 0, 0, std::nullopt}}};
+  test::StepStyle style;
+  style.faces = test::FaceStyle::kHalves;
+  style.body = test::BodyStyle::kLoose;
+  const std::string loose = test::TemporaryFile("loose.step");
+  std::ofstream(loose) << test::StepText(flat, style);
+  const auto halves = Nominal(loose);
+  test::ExpectRows(halves, flat.program);
+  EXPECT_THAT(halves.out, HasSubstr("first end: square\nlast end: square\n"));
+  const auto shells = Nominal(test::WriteStepFile({{"tube", test::InShells(test::Pipe(flat))}}));
+  test::ExpectRows(shells, flat.program);
+  EXPECT_THAT(shells.out, HasSubstr("first end: square\nlast end: square\n"));
 }
 
 TEST(Foreign, RingsHaveNoEnds) {
