@@ -204,6 +204,17 @@ InstalledPlaces SystemPlaces() {
   return places;
 }
 
+std::vector<Finding> ExamineAll(InstalledPlaces places, const config::CellConfig* cell) {
+  if (cell != nullptr) places.machine.state_dir = cell->state_dir;
+  std::vector<Finding> findings = Examine(places.machine);
+  const auto add = [&findings](std::vector<Finding> more) {
+    for (Finding& finding : more) findings.push_back(std::move(finding));
+  };
+  add(ExamineInstalled(places));
+  if (cell != nullptr) add(ExamineCell(places, *cell));
+  return findings;
+}
+
 std::vector<Finding> ExamineInstalled(const InstalledPlaces& places) {
   return {LookAtService(places), LookForCopies(places), LookForUser(places)};
 }

@@ -25,6 +25,9 @@ struct InstalledPlaces {
 };
 InstalledPlaces SystemPlaces();
 
+// All that follows, and the machine; of no cell where there is none. Its state directory's disk is
+// the one that is looked at.
+std::vector<Finding> ExamineAll(InstalledPlaces places, const config::CellConfig* cell);
 // Is bendloop installed here as it should be: service, unit, user, udev rule?
 std::vector<Finding> ExamineInstalled(const InstalledPlaces& places);
 // May this user open what the cell file names: scanner, bender, state directory?

@@ -36,19 +36,13 @@ Run it as the user that runs the daemon. Warnings do not change the exit code:
 which of them matter depends on the cell.)";
 
 int Doctor(const DoctorArguments& arguments) {
-  InstalledPlaces places = SystemPlaces();
   std::optional<config::CellConfig> cell;
   if (!arguments.config.empty()) {
     auto loaded = config::LoadCell(arguments.config);
     if (!loaded) return Report(loaded.error());
     cell = std::move(*loaded);
-    places.machine.state_dir = cell->state_dir;
   }
-  std::vector<Finding> findings = Examine(places.machine);
-  for (Finding& finding : ExamineInstalled(places)) findings.push_back(std::move(finding));
-  if (cell) {
-    for (Finding& finding : ExamineCell(places, *cell)) findings.push_back(std::move(finding));
-  }
+  const std::vector<Finding> findings = ExamineAll(SystemPlaces(), cell ? &*cell : nullptr);
   if (arguments.json) {
     std::cout << FindingsJson(findings);
     return 0;

@@ -6,12 +6,14 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "firmware-host/history/history.h"
 #include "live_cell.h"
+#include "firmware-host/support/tar_file.h"
 
 namespace bendloop::testing {
 namespace {
@@ -163,6 +165,14 @@ TEST(Appliance, ASupportBundleTellsAllAndReplays) {
             host::WriteResultJson(*live, {.timing = false}));
   EXPECT_EQ(cell.bender().commits_accepted(), 1u);
   EXPECT_EQ(cell.scratch().Bendloop("replay " + tar + " --recording part-0009").code, 3);
+  // The doctor was asked of the installed service and of this cell, too.
+  const fs::path unpacked = cell.scratch() / "unpacked";
+  ASSERT_TRUE(host::Unpack(tar, unpacked, 1u << 30));
+  const auto doctor = host::Json::parse(Slurp(unpacked / "doctor.json"));
+  std::set<std::string> asked;
+  for (const auto& finding : doctor.at("findings")) asked.insert(finding.at("name"));
+  EXPECT_THAT(asked, ::testing::IsSupersetOf({"kernel", "service", "unit and rules",
+                                              "user and group", "bender", "state directory"}));
   EXPECT_EQ(cell.scratch().Bendloop("replay " + tar + " --send").code, 2);
 }
 
