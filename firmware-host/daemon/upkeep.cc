@@ -46,9 +46,10 @@ void Upkeep::PartDone(const std::string& verdict, bool is_corrected) {
                   is_measured ? cell.last_end_ms : 0);
 }
 
-void Upkeep::TellShift() {
-  const std::string line = shift_.Take(clock_.Now(), board_.Get(), alarms_);
-  if (!line.empty()) spdlog::info("{}", line);
+void Upkeep::TellShift() { spdlog::info("{}", shift_.Take(clock_.Now(), board_.Get(), alarms_)); }
+
+void Upkeep::TellLastShift() {
+  if (!shift_.IsIdle(alarms_)) TellShift();
 }
 
 // At the start, and once a day.

@@ -27,11 +27,12 @@ class Upkeep {
   void Do(BenderDesk& desk);
   // A part was decided, or its scan failed.
   void PartDone(const std::string& verdict, bool is_corrected);
-  // What the shift that ends with the process has done.
-  void TellShift();
+  // What the shift that ends with the process has done, if anything.
+  void TellLastShift();
 
  private:
   void DropOld(BenderDesk& desk);
+  void TellShift();
   void WatchClock();
 
   const config::StorageConfig storage_;

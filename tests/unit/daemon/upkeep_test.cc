@@ -30,11 +30,20 @@ TEST(ShiftLog, SaysOnceWhatWasDone) {
             " active=1 sessions_mb=3900 free_mb=21000 removed_sessions=4 not_recorded=0");
   // The next one counts from there.
   EXPECT_FALSE(shift.IsDue(100s + 9h));
-  EXPECT_EQ(shift.Take(100s + 16h, cell, alarms), "");  // nothing to say
+  // Without a part, too: the bender is still away, which began in the shift before.
+  EXPECT_FALSE(shift.IsIdle(alarms));
+  EXPECT_EQ(shift.Take(100s + 16h, cell, alarms),
+            "shift hours=8.0 parts=0 pass=0 fail=0 undecided=0 not_judged=0 corrected=0"
+            " alarms=none active=1 sessions_mb=3900 free_mb=21000 removed_sessions=0"
+            " not_recorded=0");
   alarms.End(AlarmCode::kBenderAway);
   alarms.Begin(AlarmCode::kBenderAway);
-  EXPECT_THAT(shift.Take(100s + 24h, cell, alarms), HasSubstr("parts=0 pass=0"));
+  alarms.End(AlarmCode::kBenderAway);
+  EXPECT_FALSE(shift.IsIdle(alarms));
+  EXPECT_THAT(shift.Take(100s + 24h, cell, alarms), HasSubstr("alarms=BL4001:1 active=0"));
+  EXPECT_TRUE(shift.IsIdle(alarms));
   EXPECT_FALSE(ShiftLog(0h, 0s).IsDue(1000h));
+  EXPECT_TRUE(shift.IsIdle(alarms));
 }
 
 TEST(ClockWatch, TellsASetClockFromOneThatRuns) {
