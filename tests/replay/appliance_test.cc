@@ -238,9 +238,9 @@ TEST(Appliance, AFullDiskIsToldAndSurvived) {
 
 TEST(Appliance, ADiskWithoutInodesIsToldAndSurvived) {
   LiveCell cell("[storage]\nreport_every_parts = 0\n");
-  const SmallDisk disk(cell.scratch() / "state", "size=400m,nr_inodes=64");
+  const SmallDisk disk(cell.scratch() / "state", "size=400m,nr_inodes=400");
   if (!disk.is_mounted()) GTEST_SKIP() << "mounting a file system needs root";
-  ExpectSurvived(cell, disk, &SmallDisk::FillNames, {"BL5001", "BL5005"});
+  ExpectSurvived(cell, disk, &SmallDisk::FillNames, {"BL5001", "BL5005", "BL5006"});
 }
 
 TEST(Appliance, ADeadScannerIsToldAndFoundAgain) {
