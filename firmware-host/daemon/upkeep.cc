@@ -35,6 +35,7 @@ Upkeep::Upkeep(const config::StorageConfig& storage, const hal::Clock& clock, Al
 
 void Upkeep::Do(BenderDesk& desk) {
   WatchClock();
+  WatchNeighbours();
   DropOld(desk);
   if (shift_.IsDue(clock_.Now())) TellShift();
 }
@@ -75,6 +76,16 @@ void Upkeep::WatchClock() {
   char text[64];
   std::snprintf(text, sizeof text, "by %+.2f hours", *hours);
   alarms_.Begin(AlarmCode::kClockStepped, text);
+}
+
+void Upkeep::WatchNeighbours() {
+  const auto now = clock_.Now();
+  if (!neighbours_.IsDue(now)) return;
+  neighbours_.Look(now, LookAtMachine());
+  const auto& crowded = neighbours_.crowded();
+  alarms_.Set(AlarmCode::kProcessorsTaken, crowded.has_value(), crowded.value_or(""));
+  const auto& swaps = neighbours_.swaps();
+  alarms_.Set(AlarmCode::kMachineSwaps, swaps.has_value(), swaps.value_or(""));
 }
 
 }  // namespace bendloop::host
