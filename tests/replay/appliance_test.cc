@@ -11,9 +11,10 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/session/session_reader.h"
 #include "firmware-host/history/history.h"
-#include "live_cell.h"
 #include "firmware-host/support/tar_file.h"
+#include "live_cell.h"
 
 namespace bendloop::testing {
 namespace {
@@ -164,7 +165,6 @@ TEST(Appliance, ASupportBundleTellsAllAndReplays) {
   EXPECT_EQ(host::WriteResultJson(*result, {.timing = false}),
             host::WriteResultJson(*live, {.timing = false}));
   EXPECT_EQ(cell.bender().commits_accepted(), 1u);
-  EXPECT_EQ(cell.scratch().Bendloop("replay " + tar + " --recording part-0009").code, 3);
   // The doctor was asked of the installed service and of this cell, too.
   const fs::path unpacked = cell.scratch() / "unpacked";
   ASSERT_TRUE(host::Unpack(tar, unpacked, 1u << 30));
@@ -173,6 +173,7 @@ TEST(Appliance, ASupportBundleTellsAllAndReplays) {
   for (const auto& finding : doctor.at("findings")) asked.insert(finding.at("name"));
   EXPECT_THAT(asked, ::testing::IsSupersetOf({"kernel", "service", "unit and rules",
                                               "user and group", "bender", "state directory"}));
+  EXPECT_EQ(cell.scratch().Bendloop("replay " + tar + " --recording part-0009").code, 3);
   EXPECT_EQ(cell.scratch().Bendloop("replay " + tar + " --send").code, 2);
 }
 
@@ -249,6 +250,34 @@ TEST(Appliance, ADeadScannerIsToldAndFoundAgain) {
   cell.RestartScanner();
   ASSERT_TRUE(cell.HasAlarm("BL1001", "alarms_ended")) << cell.log();
   cell.Scan(cell.Bend(), 1, "committed");
+  cell.StopDaemon();
+}
+
+// One that somebody forgot to switch off: it says neither where a scan begins nor where it ends.
+TEST(Appliance, AScannerThatStreamsOnIsToldAndBringsOneScanAtMost) {
+  LiveCell cell("[scan]\nend = \"coverage\"\nmax_seconds = 3\nsilence_seconds = 1\n");
+  cell.StartDaemon();
+  // A third of a tube again and again, which never covers the part; 3000 profiles are 3 s of it.
+  const std::size_t profiles = cell.Sweep(cell.Bend(), 20, 6);
+  ASSERT_GT(profiles, 10'000u);
+  ASSERT_TRUE(cell.HasAlarm("BL1003")) << cell.log();
+  ASSERT_TRUE(cell.Becomes("/parts/failed_scans", 1)) << cell.log();
+  ASSERT_TRUE(cell.Until([&] { return cell.ScansFinished() == 1; })) << cell.log();
+  EXPECT_TRUE(cell.HasAlarm("BL1003"));
+  EXPECT_THAT(Slurp(cell.scratch() / "state/results/part-0001.json"),
+              HasSubstr("the scan runs for more than 3 s"));
+  EXPECT_EQ(cell.results(), 1u);
+  auto session = drivers::SessionReader::Open(cell.scratch() / "state/sessions/part-0001.session");
+  ASSERT_TRUE(session) << session.error().message;
+  hal::LaserProfile profile;
+  while (session->NextProfile(profile).value_or(false)) {
+  }
+  EXPECT_LE(session->profiles_read(), 3002u);
+  // Switched off at last: nobody has to do anything, the next tube is measured and corrected.
+  cell.AwaitSilence(std::chrono::seconds(2));
+  cell.Sweep(cell.Bend(), 1);
+  EXPECT_TRUE(cell.Result(2, "committed"));
+  ASSERT_TRUE(cell.HasAlarm("BL1003", "alarms_ended")) << cell.log();
   cell.StopDaemon();
 }
 
