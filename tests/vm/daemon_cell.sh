@@ -13,10 +13,11 @@ if [ "$kind" != killed ] && { [ "$(id -u)" != 0 ] || ! [ -w /dev/fuse ] || ! [ -
 fi
 
 daemon='' storage='' loop=''
+filler='' # what fills its disk (bad_times.sh)
 daemon_with='' # what the daemon is started by
 # shellcheck disable=SC2317  # called by the trap
 cleanup() {
-  for child in $daemon $storage; do kill -9 "$child" 2>/dev/null || true; done
+  for child in $filler $daemon $storage; do kill -9 "$child" 2>/dev/null || true; done
   machines_off
   disk_off
   rm -rf --one-file-system "$work"
