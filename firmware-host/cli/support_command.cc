@@ -4,7 +4,6 @@
 #include <memory>
 #include <string>
 
-#include "config/load.h"
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cli/doctor.h"
 #include "firmware-host/cli/doctor_cell.h"
@@ -35,8 +34,7 @@ tar cannot be written.)";
 int MakeBundle(SupportArguments arguments) {
   arguments.bundle.config = arguments.config;
   arguments.bundle.log = arguments.log;
-  const auto cell = config::LoadCell(arguments.config);
-  arguments.bundle.findings = FindingsJson(ExamineAll(SystemPlaces(), cell ? &*cell : nullptr));
+  arguments.bundle.findings = FindingsJson(ExamineAll(SystemPlaces(), arguments.config));
   const auto notes = WriteSupportBundle(arguments.out, arguments.bundle);
   if (!notes) return Report(notes.error());
   for (const std::string& note : *notes) Note("not in it: " + note);
