@@ -88,6 +88,44 @@ TEST(Appliance, AReloadWaitsForTheScanThatRuns) {
   cell.StopDaemon();
 }
 
+TEST(Appliance, AStopInTheMiddleOfAScanIsClean) {
+  LiveCell cell("[scan]\nend = \"coverage\"\nsilence_seconds = 1\n");
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  cell.Sweep(tube, 0.5);
+  ASSERT_TRUE(cell.Becomes("/state", "scanning")) << cell.log();
+  cell.StopDaemon();
+  const auto session = cell.scratch() / "state/sessions/part-0001.session";
+  EXPECT_TRUE(fs::exists(session));
+  EXPECT_FALSE(fs::exists(session.string() + "-wal"));  // closed as it should be
+  EXPECT_THAT(Slurp(cell.scratch() / "state/results/part-0001.json"),
+              HasSubstr("the daemon stops"));
+  cell.StartDaemon();
+  EXPECT_THAT(cell.log(), Not(HasSubstr("alarm=BL5009")));
+  cell.Sweep(tube, 1);
+  EXPECT_TRUE(cell.Result(2, "committed"));
+  cell.StopDaemon();
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+}
+
+// It is waited for, and told as what it was; the next start has nothing to settle.
+TEST(Appliance, AStopInTheMiddleOfACommitIsClean) {
+  LiveCell cell("", "commit_timeout_ms = 60000\n");
+  cell.StartDaemon();
+  cell.Misbehave("ack-late 2000");
+  cell.Trigger(cell.Bend());
+  ASSERT_TRUE(cell.Becomes("/state", "committing")) << cell.log();
+  ASSERT_TRUE(cell.Until([&] { return cell.bender().Staged().sequence != 0; }));
+  cell.StopDaemon();
+  EXPECT_TRUE(cell.Result(1, "committed"));
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  cell.StartDaemon();
+  EXPECT_THAT(cell.log(), Not(HasSubstr("alarm=BL5009")));
+  cell.Scan(cell.Bend(), 2, "committed");
+  cell.StopDaemon();
+  EXPECT_EQ(cell.bender().commits_accepted(), 2u);
+}
+
 TEST(Appliance, ADamagedHistoryIsMovedAsideAndTold) {
   LiveCell cell;
   cell.StartDaemon();

@@ -34,7 +34,7 @@ disk_on() { # the state's folder is there
     --blockdev file,node-name=log,filename="$work/writes" --blockdev blklogwrites,node-name=disk,file=image,log=log \
     --export fuse,id=export,node-name=disk,mountpoint="$work/disk.export",writable=on >>storage.log 2>&1 &
   storage=$!
-  await 20 "the disk" test -s disk.export
+  await 60 "the disk" test -s disk.export
   loop=$(losetup -f --show disk.export)
   mkdir -p state
   mount -t ext4 "$loop" state || fail "the disk cannot be mounted: $(dmesg | tail -n 5)"
@@ -61,7 +61,7 @@ parts_seen() { status | sed -n 's/^bender parts bent *//p'; }
 part_seen() { [ "$(parts_seen)" = "$part" ]; }
 bend_and_scan() {
   bend
-  await 20 "part $part, seen by the daemon" part_seen
+  await 60 "part $part, seen by the daemon" part_seen
   scan
 }
 results() { find state/results -name '*.json' | wc -l; }
