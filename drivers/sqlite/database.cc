@@ -13,6 +13,18 @@ using hal::ErrorKind;
 using hal::Fail;
 using hal::Result;
 
+namespace {
+
+// Enough to find it in the sources: an alarm has it, and a script that makes a database is longer
+// than a screen.
+std::string CannotRun(std::string_view sql) {
+  constexpr std::size_t kMostShown = 60;
+  return "cannot run \"" + std::string(sql.substr(0, kMostShown)) +
+         (sql.size() > kMostShown ? "..." : "") + "\"";
+}
+
+}  // namespace
+
 void Statement::Finalize::operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
 void Database::Close::operator()(sqlite3* database) const { sqlite3_close_v2(database); }
 
@@ -116,14 +128,14 @@ Result<Statement> Database::Prepare(const char* sql) const {
   sqlite3_stmt* prepared = nullptr;
   if (sqlite3_prepare_v3(database_.get(), sql, -1, SQLITE_PREPARE_PERSISTENT, &prepared, nullptr) !=
       SQLITE_OK) {
-    return Fail(Failed(std::string("cannot run \"") + sql + "\""));
+    return Fail(Failed(CannotRun(sql)));
   }
   return Statement(prepared);
 }
 
 Result<void> Database::Execute(const std::string& sql) const {
   if (sqlite3_exec(database_.get(), sql.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK) {
-    return Fail(Failed("cannot run \"" + sql + "\""));
+    return Fail(Failed(CannotRun(sql)));
   }
   return {};
 }
@@ -132,7 +144,7 @@ Result<std::int64_t> Database::Integer(const char* sql) const {
   auto statement = Prepare(sql);
   if (!statement) return Fail(statement.error());
   if (statement->Step() != Statement::Outcome::kRow) {
-    return Fail(Failed(std::string("cannot run \"") + sql + "\""));
+    return Fail(Failed(CannotRun(sql)));
   }
   return statement->Integer(0);
 }

@@ -155,6 +155,11 @@ constexpr AlarmKind kTable[] = {
      "nothing, if somebody set it; check its battery and its time server if it comes again"},
     {kOutOfMemory, kWarning, kNext, "something was left off for want of memory",
      "see what else runs on this machine and takes its memory; scan again what was not measured"},
+    {kProcessorsTaken, kNotice, kCause, "other work takes this machine's processors",
+     "nothing, while no profiles are lost (BL1004); see what else runs here ('top')"},
+    {kMachineSwaps, kWarning, kCause, "this machine swaps: its memory is short",
+     "see what else runs here and takes it ('ps aux --sort=-rss'); where some of it is this "
+     "daemon's, 'bendloop doctor' says how to lock it"},
 };
 
 const char* Name(AlarmEnd end) {

@@ -82,6 +82,8 @@ enum class AlarmCode : std::uint16_t {
   kReloadRefused = 5013,
   kClockStepped = 5014,
   kOutOfMemory = 5015,
+  kProcessorsTaken = 5016,
+  kMachineSwaps = 5017,
 };
 
 enum class AlarmSeverity : std::uint8_t {

@@ -72,7 +72,8 @@ void ShowRecorder(const RecorderCounters& counters, CellSnapshot& s) {
   s.recorder_waiting_points = counters.queued_points;
   s.removed_sessions = counters.removed_sessions;
   s.disk_used_mb = counters.sessions_bytes >> 20;
-  s.disk_free_mb = counters.free_bytes >> 20;
+  s.disk_free_mb = counters.free.bytes >> 20;
+  s.disk_free_names = counters.free.names;
   s.knows_disk = counters.knows_disk;
 }
 

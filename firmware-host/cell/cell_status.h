@@ -100,7 +100,8 @@ struct CellSnapshot {
   std::uint64_t removed_sessions = 0;
   std::uint64_t disk_used_mb = 0;  // by sessions
   std::uint64_t disk_free_mb = 0;
-  bool knows_disk = false;  // it was looked at
+  std::uint64_t disk_free_names = UINT64_MAX;  // retention/free_space.h
+  bool knows_disk = false;                     // it was looked at
 
   std::uint64_t memory_wants = 0;  // times that something was left off for want of memory
   const char* memory_want = "";    // what, the last time

@@ -10,10 +10,12 @@
 
 #include <cerrno>
 #include <fstream>
+#include <optional>
 #include <system_error>
 #include <thread>
 
 #include "firmware-host/acquisition/realtime.h"
+#include "firmware-host/retention/free_space.h"
 
 namespace bendloop::host {
 namespace {
@@ -160,12 +162,18 @@ Finding Disk(const DoctorPlaces& places) {
   while (!fs::exists(directory, error) && directory.has_relative_path()) {
     directory = directory.parent_path();
   }
-  const fs::space_info space = fs::space(directory, error);
-  const std::string found =
-      error ? directory.string() + ": " + error.message()
-            : directory.string() + ": " + std::to_string(space.available >> 20) + " MB free";
-  if (!error && space.available >= kWantedDisk) return Good("disk", found);
-  return Bad("disk", found,
+  const std::optional<FreeSpace> free = FreeSpaceAt(directory);
+  if (!free) {
+    return Bad("disk", directory.string() + ": cannot be looked at",
+               "check that it is mounted, and its rights");
+  }
+  const std::string found = directory.string() + ": " + std::to_string(free->bytes >> 20) + " MB";
+  if (free->names < kLeastFreeNames) {
+    return Bad("disk", found + " and " + std::to_string(free->names) + " files (inodes) free",
+               "no file can be made for long: 'df -i' and 'du --inodes' show who has them");
+  }
+  if (free->bytes >= kWantedDisk) return Good("disk", found + " free");
+  return Bad("disk", found + " free",
              "recordings need room: free at least 2 GB, or lower [record] disk_budget_mb");
 }
 

@@ -13,6 +13,7 @@
 #include <system_error>
 #include <utility>
 
+#include "config/load.h"
 #include "firmware-host/cell/service_unit.h"
 
 namespace bendloop::host {
@@ -22,6 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kRule = "udev/rules.d/70-bendloop-scanner.rules";
 constexpr const char* kUser = "bendloop";
+constexpr const char* kCellFile = "bendloop/cell.toml";
 
 // "bendloop:x:998:" in /etc/passwd or /etc/group.
 std::optional<std::string> AccountEntry(const fs::path& path, const std::string& name) {
@@ -202,6 +204,31 @@ InstalledPlaces SystemPlaces() {
   };
   places.may_use = [](const fs::path& path) { return access(path.c_str(), R_OK | W_OK) == 0; };
   return places;
+}
+
+std::vector<Finding> ExamineAll(InstalledPlaces places, fs::path cell_file) {
+  std::error_code error;
+  if (cell_file.empty() && fs::exists(places.etc / kCellFile, error)) {
+    cell_file = places.etc / kCellFile;
+  }
+  std::optional<hal::Result<config::CellConfig>> cell;
+  if (!cell_file.empty()) cell = config::LoadCell(cell_file);
+  if (cell && *cell) places.machine.state_dir = (*cell)->state_dir;
+  std::vector<Finding> findings = Examine(places.machine);
+  const auto add = [&findings](std::vector<Finding> more) {
+    for (Finding& finding : more) findings.push_back(std::move(finding));
+  };
+  add(ExamineInstalled(places));
+  if (!cell) return findings;
+  if (!*cell) {
+    findings.push_back(Bad("cell file", cell->error().message,
+                           "the daemon does not start with it: mend it, then 'bendloop check " +
+                               cell_file.string() + "'"));
+    return findings;
+  }
+  findings.push_back(Good("cell file", cell_file.string()));
+  add(ExamineCell(places, **cell));
+  return findings;
 }
 
 std::vector<Finding> ExamineInstalled(const InstalledPlaces& places) {

@@ -25,6 +25,9 @@ struct InstalledPlaces {
 };
 InstalledPlaces SystemPlaces();
 
+// All that follows, and the machine, whose disk is that of the cell's state directory. `cell_file`
+// "": the installed one, if there is one. A file that is wrong is a finding.
+std::vector<Finding> ExamineAll(InstalledPlaces places, std::filesystem::path cell_file = {});
 // Is bendloop installed here as it should be: service, unit, user, udev rule?
 std::vector<Finding> ExamineInstalled(const InstalledPlaces& places);
 // May this user open what the cell file names: scanner, bender, state directory?

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <iostream>
 #include <memory>
-#include <optional>
 #include <utility>
 
 #include "config/load.h"
@@ -29,26 +28,19 @@ struct DoctorArguments {
 constexpr const char* kDoctorFooter = R"(
 Examples:
   bendloop doctor
-  bendloop doctor --config /etc/bendloop/cell.toml
+  bendloop doctor --config cell.toml
   sudo -u bendloop bendloop doctor --json
 
 Run it as the user that runs the daemon. Warnings do not change the exit code:
-which of them matter depends on the cell.)";
+which of them matter depends on the cell: that of /etc/bendloop/cell.toml, where
+no other is named.)";
 
 int Doctor(const DoctorArguments& arguments) {
-  InstalledPlaces places = SystemPlaces();
-  std::optional<config::CellConfig> cell;
   if (!arguments.config.empty()) {
-    auto loaded = config::LoadCell(arguments.config);
-    if (!loaded) return Report(loaded.error());
-    cell = std::move(*loaded);
-    places.machine.state_dir = cell->state_dir;
+    const auto cell = config::LoadCell(arguments.config);
+    if (!cell) return Report(cell.error());
   }
-  std::vector<Finding> findings = Examine(places.machine);
-  for (Finding& finding : ExamineInstalled(places)) findings.push_back(std::move(finding));
-  if (cell) {
-    for (Finding& finding : ExamineCell(places, *cell)) findings.push_back(std::move(finding));
-  }
+  const std::vector<Finding> findings = ExamineAll(SystemPlaces(), arguments.config);
   if (arguments.json) {
     std::cout << FindingsJson(findings);
     return 0;
@@ -95,7 +87,9 @@ CLI::App* AddDoctorCommand(CLI::App& app, Run& run) {
   auto arguments = std::make_shared<DoctorArguments>();
   CLI::App* command = app.add_subcommand("doctor", "Is this machine fit, and all in its place?");
   command->footer(kDoctorFooter);
-  command->add_option("--config", arguments->config, "Looks at what this cell needs as well")
+  command
+      ->add_option("--config", arguments->config,
+                   "Looks at what this cell needs, not the installed one")
       ->type_name("CELL.toml");
   command->add_flag("--json", arguments->json, "JSON, schema bendloop.doctor/1");
   command->callback([arguments, &run] { run = [arguments] { return Doctor(*arguments); }; });

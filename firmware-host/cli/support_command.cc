@@ -6,6 +6,7 @@
 
 #include "firmware-host/cli/command.h"
 #include "firmware-host/cli/doctor.h"
+#include "firmware-host/cli/doctor_cell.h"
 #include "firmware-host/support/support_bundle.h"
 
 namespace bendloop::host {
@@ -26,14 +27,14 @@ Examples:
 
 Settings, the service's log, journal, history, status, doctor, the newest
 results and recordings: one tar for whoever shall find out what is the matter.
-It only reads. No secrets are in it, but names of parts, tubes and users are, and
-addresses. Exit codes: 3 a bad cell file; 4 the tar cannot be written.)";
+It only reads; of a cell file that is wrong, too. No secrets are in it, but names
+of parts, tubes and users are, and addresses. Exit codes: 3 no cell file; 4 the
+tar cannot be written.)";
 
 int MakeBundle(SupportArguments arguments) {
   arguments.bundle.config = arguments.config;
   arguments.bundle.log = arguments.log;
-  DoctorPlaces places;
-  arguments.bundle.findings = FindingsJson(Examine(places));
+  arguments.bundle.findings = FindingsJson(ExamineAll(SystemPlaces(), arguments.config));
   const auto notes = WriteSupportBundle(arguments.out, arguments.bundle);
   if (!notes) return Report(notes.error());
   for (const std::string& note : *notes) Note("not in it: " + note);

@@ -7,6 +7,7 @@
 
 #include "firmware-host/alarms/alarm_text.h"
 #include "firmware-host/ledger/moment.h"
+#include "firmware-host/retention/free_space.h"
 
 namespace bendloop::host {
 namespace {
@@ -103,8 +104,12 @@ void CellAlarms::Look(const CellSnapshot& cell) {
 void CellAlarms::LookAtDisk(const CellSnapshot& cell) {
   // The disk is looked at when the first profiles of a recording are safe, when it ends, and when
   // it could not begin.
-  board_.Set(AlarmCode::kDiskFull, cell.knows_disk && cell.disk_free_mb < kLeastFreeMb,
-             std::to_string(cell.disk_free_mb) + " MB are free");
+  const bool lacks_names = cell.disk_free_names < kLeastFreeNames;
+  std::string left = std::to_string(cell.disk_free_mb) + " MB";
+  if (lacks_names) left += " and " + std::to_string(cell.disk_free_names) + " files (inodes)";
+  board_.Set(AlarmCode::kDiskFull,
+             cell.knows_disk && (lacks_names || cell.disk_free_mb < kLeastFreeMb),
+             left + " are free");
 }
 
 void CellAlarms::PartDone(RaisedAlarms complaints, const CellSnapshot& cell) {

@@ -283,7 +283,7 @@ int Daemon::Impl::Run() {
   next_ ? notify_.Reloading() : notify_.Stopping();
   spdlog::info("{} after {} scans", next_ ? "taking up the new settings" : "stopping",
                loop->parts());
-  HasMemoryFor([this] { upkeep_.TellShift(); });
+  HasMemoryFor([this] { upkeep_.TellLastShift(); });
   loop.reset();
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
   HasMemoryFor([this] { keeper_.KeepAlarms(alarms_.TakeNews()); });

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <span>
 
 namespace bendloop::host {
 namespace {
@@ -43,6 +44,15 @@ void ShiftLog::PartDone(const std::string& verdict, bool is_corrected, double lr
   if (end_ms > 0) end_.ms.push_back(static_cast<float>(end_ms));
 }
 
+bool ShiftLog::IsIdle(const AlarmBoard& alarms) const {
+  if (parts_ > 0 || !alarms.Active().empty()) return false;
+  const std::span<const AlarmKind> kinds = AlarmTable();
+  return std::none_of(kinds.begin(), kinds.end(), [&](const AlarmKind& kind) {
+    const auto before = alarms_before_.find(kind.code);
+    return alarms.Count(kind.code) > (before == alarms_before_.end() ? 0 : before->second);
+  });
+}
+
 std::string ShiftLog::Take(std::chrono::nanoseconds now, const CellSnapshot& cell,
                            const AlarmBoard& alarms) {
   const double hours = std::chrono::duration<double, std::ratio<3600>>(now - began_).count();
@@ -72,12 +82,11 @@ std::string ShiftLog::Take(std::chrono::nanoseconds now, const CellSnapshot& cel
   Field(line, "removed_sessions",
         cell.removed_sessions - std::min(removed_before_, cell.removed_sessions));
   Field(line, "not_recorded", lost - std::min(lost_before_, lost));
-  const bool is_idle = parts_ == 0 && raised.empty();
   *this = ShiftLog(length_, now);
   for (const AlarmKind& kind : AlarmTable()) alarms_before_[kind.code] = alarms.Count(kind.code);
   removed_before_ = cell.removed_sessions;
   lost_before_ = lost;
-  return is_idle ? "" : line;
+  return line;
 }
 
 }  // namespace bendloop::host

@@ -27,8 +27,10 @@ class ShiftLog {
   bool IsDue(std::chrono::nanoseconds now) const {
     return length_.count() > 0 && now - began_ >= length_;
   }
-  // "shift hours=8.0 parts=412 pass=400 ...", and begins a new one. "" where nothing was done and
-  // nothing was wrong.
+  // Nothing was done, and nothing was or is wrong.
+  bool IsIdle(const AlarmBoard& alarms) const;
+  // "shift hours=8.0 parts=412 pass=400 ...", and begins a new one. Of a shift without a part, too:
+  // a month of silence would not tell a cell at rest from one whose scanner is dead.
   std::string Take(std::chrono::nanoseconds now, const CellSnapshot& cell,
                    const AlarmBoard& alarms);
 

@@ -35,6 +35,7 @@ Upkeep::Upkeep(const config::StorageConfig& storage, const hal::Clock& clock, Al
 
 void Upkeep::Do(BenderDesk& desk) {
   WatchClock();
+  WatchNeighbours();
   DropOld(desk);
   if (shift_.IsDue(clock_.Now())) TellShift();
 }
@@ -46,9 +47,10 @@ void Upkeep::PartDone(const std::string& verdict, bool is_corrected) {
                   is_measured ? cell.last_end_ms : 0);
 }
 
-void Upkeep::TellShift() {
-  const std::string line = shift_.Take(clock_.Now(), board_.Get(), alarms_);
-  if (!line.empty()) spdlog::info("{}", line);
+void Upkeep::TellShift() { spdlog::info("{}", shift_.Take(clock_.Now(), board_.Get(), alarms_)); }
+
+void Upkeep::TellLastShift() {
+  if (!shift_.IsIdle(alarms_)) TellShift();
 }
 
 // At the start, and once a day.
@@ -74,6 +76,16 @@ void Upkeep::WatchClock() {
   char text[64];
   std::snprintf(text, sizeof text, "by %+.2f hours", *hours);
   alarms_.Begin(AlarmCode::kClockStepped, text);
+}
+
+void Upkeep::WatchNeighbours() {
+  const auto now = clock_.Now();
+  if (!neighbours_.IsDue(now)) return;
+  neighbours_.Look(now, LookAtMachine());
+  const auto& crowded = neighbours_.crowded();
+  alarms_.Set(AlarmCode::kProcessorsTaken, crowded.has_value(), crowded.value_or(""));
+  const auto& swaps = neighbours_.swaps();
+  alarms_.Set(AlarmCode::kMachineSwaps, swaps.has_value(), swaps.value_or(""));
 }
 
 }  // namespace bendloop::host

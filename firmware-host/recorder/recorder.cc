@@ -381,12 +381,11 @@ void Recorder::MakeRoom(const std::string& name) {
 
 void Recorder::LookAtDisk() {
   const std::uint64_t bytes = BytesOfSessions(options_.directory);
-  std::error_code error;
-  const fs::space_info space = fs::space(options_.directory, error);
+  const std::optional<FreeSpace> free = FreeSpaceAt(options_.directory);
   const std::lock_guard lock(mutex_);
   counters_.sessions_bytes = bytes;
-  if (error) return;
-  counters_.free_bytes = space.available;
+  if (!free) return;
+  counters_.free = *free;
   counters_.knows_disk = true;
 }
 

@@ -15,6 +15,7 @@
 #include <thread>
 #include <vector>
 
+#include "firmware-host/retention/free_space.h"
 #include "firmware-host/retention/retention.h"
 #include "hal/clock.h"
 #include "hal/laser_profile.h"
@@ -49,7 +50,7 @@ struct RecorderCounters {
   std::uint64_t queued_points = 0;
   std::uint64_t queued_items = 0;
   std::uint64_t sessions_bytes = 0;  // on the disk, when a session last began or ended
-  std::uint64_t free_bytes = 0;      // if knows_disk
+  FreeSpace free;                    // if knows_disk
   bool knows_disk = false;           // it was looked at
   std::string last_error;            // "" while all is well
 };

@@ -9,18 +9,18 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
-#include <regex>
 #include <system_error>
 #include <utility>
 
-#include "config/load.h"
 #include "drivers/sqlite/database.h"
+#include "firmware-host/console/temporary_folder.h"
 #include "firmware-host/console/version.h"
 #include "firmware-host/console/whole_file.h"
 #include "firmware-host/daemon/state_store.h"
 #include "firmware-host/daemon/status_client.h"
 #include "firmware-host/ledger/moment.h"
 #include "firmware-host/result/json.h"
+#include "firmware-host/support/cell_places.h"
 #include "firmware-host/support/tar_file.h"
 
 namespace bendloop::host {
@@ -34,16 +34,6 @@ constexpr const char* kLogCommand =
 constexpr std::size_t kMostLogBytes = 32u << 20;
 // More recordings than anybody asks for.
 constexpr std::uint64_t kMostUnpackedBytes = 64ull << 30;
-
-// The keys of a cell file that name files, and what they say in the bundle.
-constexpr std::array<std::pair<const char*, const char*>, 6> kPathKeys = {{
-    {"part", "part.toml"},
-    {"parts_dir", "parts"},
-    {"register_map", "register-map.toml"},
-    {"object_dictionary", "object-dictionary.eds"},
-    {"state_dir", "../state"},
-    {"directory", "sessions"},
-}};
 
 // What `bendloop` and the daemon keep of each name, newest last.
 std::vector<fs::path> ByNumber(const fs::path& directory, const char* extension) {
@@ -66,7 +56,8 @@ void KeepNewest(std::vector<fs::path>& paths, std::size_t count) {
 
 class Bundle {
  public:
-  Bundle(TarWriter tar, const config::CellConfig& cell) : tar_(std::move(tar)), cell_(cell) {}
+  Bundle(TarWriter tar, const config::CellConfig& cell, std::vector<std::string> notes)
+      : tar_(std::move(tar)), cell_(cell), notes_(std::move(notes)) {}
 
   // The first trouble with the tar itself ends it; trouble with what goes into it is a note.
   hal::Result<void> Fill(const SupportBundleOptions& options);
@@ -103,8 +94,13 @@ void Bundle::File(const std::string& name, const fs::path& path) {
 void Bundle::Database(const std::string& name, const fs::path& path) {
   std::error_code error;
   if (!done_ || !fs::exists(path, error)) return;
-  const fs::path copy = fs::temp_directory_path() / ("bendloop-copy-" + std::to_string(getpid()));
-  fs::remove(copy, error);
+  // A folder that nobody else may look into, as the copy's own mode is anybody's.
+  const auto folder = TemporaryFolder::Make();
+  if (!folder) {
+    notes_.push_back(folder.error().message + "; the file as it lies there is in the bundle");
+    return File(name, path);
+  }
+  const fs::path copy = folder->path() / "copy";
   auto database = drivers::Database::Open(
       path.string(), path.string(),
       {.access = drivers::DatabaseOptions::Access::kRead, .busy_timeout = std::chrono::seconds(5)});
@@ -123,7 +119,6 @@ void Bundle::Database(const std::string& name, const fs::path& path) {
     notes_.push_back(copied.error().message + "; the file as it lies there is in the bundle");
     File(name, path);
   }
-  fs::remove(copy, error);
 }
 
 void Bundle::Settings() {
@@ -210,23 +205,14 @@ hal::Result<void> Bundle::Fill(const SupportBundleOptions& options) {
 
 }  // namespace
 
-std::string WithBundledPaths(const std::string& cell_text) {
-  std::string text = cell_text;
-  for (const auto& [key, value] : kPathKeys) {
-    const std::regex line("(^|\n)([ \t]*" + std::string(key) +
-                          "[ \t]*=[ \t]*)(\"[^\"\n]*\"|'[^'\n]*')");
-    text = std::regex_replace(text, line, "$1$2\"" + std::string(value) + "\"");
-  }
-  return text;
-}
-
 hal::Result<std::vector<std::string>> WriteSupportBundle(const fs::path& out,
                                                          const SupportBundleOptions& options) {
-  const auto cell = config::LoadCell(options.config);
+  std::vector<std::string> notes;
+  const auto cell = PlacesOfCell(options.config, notes);
   if (!cell) return hal::Fail(cell.error());
   auto tar = TarWriter::Create(out);
   if (!tar) return hal::Fail(tar.error());
-  Bundle bundle(std::move(*tar), *cell);
+  Bundle bundle(std::move(*tar), *cell, std::move(notes));
   if (auto filled = bundle.Fill(options); !filled) return hal::Fail(filled.error());
   return bundle.notes();
 }

@@ -20,9 +20,9 @@ struct SupportBundleOptions {
 };
 
 // Writes a bundle for who shall find out what is the matter with a cell, README.md says what is in
-// it. Returns what could not be put into it, a sentence each: a bundle of half a machine is better
-// than none. kBadInput where the cell file itself cannot be read; kDevice where `out` cannot be
-// written.
+// it. Returns what could not be put into it, a sentence each: a bundle of half a machine, or of a
+// cell file that is wrong, is better than none. kBadInput where the cell file cannot be read at
+// all; kDevice where `out` cannot be written.
 hal::Result<std::vector<std::string>> WriteSupportBundle(const std::filesystem::path& out,
                                                          const SupportBundleOptions& options);
 
@@ -35,9 +35,5 @@ struct UnpackedBundle {
 hal::Result<UnpackedBundle> UnpackSupportBundle(const std::filesystem::path& tar,
                                                 const std::filesystem::path& into,
                                                 const std::string& session);
-
-// The cell file's text with the files that it names by where they are in the bundle. Exposed for
-// tests.
-std::string WithBundledPaths(const std::string& cell_text);
 
 }  // namespace bendloop::host

@@ -6,11 +6,14 @@
 
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "drivers/session/session_reader.h"
 #include "firmware-host/history/history.h"
+#include "firmware-host/support/tar_file.h"
 #include "live_cell.h"
 
 namespace bendloop::testing {
@@ -83,6 +86,44 @@ TEST(Appliance, AReloadWaitsForTheScanThatRuns) {
   cell.Result(1);
   ASSERT_TRUE(cell.Becomes("/cell", "other")) << cell.log();
   cell.StopDaemon();
+}
+
+TEST(Appliance, AStopInTheMiddleOfAScanIsClean) {
+  LiveCell cell("[scan]\nend = \"coverage\"\nsilence_seconds = 1\n");
+  cell.StartDaemon();
+  const auto tube = cell.Bend();
+  cell.Sweep(tube, 0.5);
+  ASSERT_TRUE(cell.Becomes("/state", "scanning")) << cell.log();
+  cell.StopDaemon();
+  const auto session = cell.scratch() / "state/sessions/part-0001.session";
+  EXPECT_TRUE(fs::exists(session));
+  EXPECT_FALSE(fs::exists(session.string() + "-wal"));  // closed as it should be
+  EXPECT_THAT(Slurp(cell.scratch() / "state/results/part-0001.json"),
+              HasSubstr("the daemon stops"));
+  cell.StartDaemon();
+  EXPECT_THAT(cell.log(), Not(HasSubstr("alarm=BL5009")));
+  cell.Sweep(tube, 1);
+  EXPECT_TRUE(cell.Result(2, "committed"));
+  cell.StopDaemon();
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+}
+
+// It is waited for, and told as what it was; the next start has nothing to settle.
+TEST(Appliance, AStopInTheMiddleOfACommitIsClean) {
+  LiveCell cell("", "commit_timeout_ms = 60000\n");
+  cell.StartDaemon();
+  cell.Misbehave("ack-late 2000");
+  cell.Trigger(cell.Bend());
+  ASSERT_TRUE(cell.Becomes("/state", "committing")) << cell.log();
+  ASSERT_TRUE(cell.Until([&] { return cell.bender().Staged().sequence != 0; }));
+  cell.StopDaemon();
+  EXPECT_TRUE(cell.Result(1, "committed"));
+  EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  cell.StartDaemon();
+  EXPECT_THAT(cell.log(), Not(HasSubstr("alarm=BL5009")));
+  cell.Scan(cell.Bend(), 2, "committed");
+  cell.StopDaemon();
+  EXPECT_EQ(cell.bender().commits_accepted(), 2u);
 }
 
 TEST(Appliance, ADamagedHistoryIsMovedAsideAndTold) {
@@ -162,6 +203,14 @@ TEST(Appliance, ASupportBundleTellsAllAndReplays) {
   EXPECT_EQ(host::WriteResultJson(*result, {.timing = false}),
             host::WriteResultJson(*live, {.timing = false}));
   EXPECT_EQ(cell.bender().commits_accepted(), 1u);
+  // The doctor was asked of the installed service and of this cell, too.
+  const fs::path unpacked = cell.scratch() / "unpacked";
+  ASSERT_TRUE(host::Unpack(tar, unpacked, 1u << 30));
+  const auto doctor = host::Json::parse(Slurp(unpacked / "doctor.json"));
+  std::set<std::string> asked;
+  for (const auto& finding : doctor.at("findings")) asked.insert(finding.at("name"));
+  EXPECT_THAT(asked, ::testing::IsSupersetOf({"kernel", "service", "unit and rules",
+                                              "user and group", "bender", "state directory"}));
   EXPECT_EQ(cell.scratch().Bendloop("replay " + tar + " --recording part-0009").code, 3);
   EXPECT_EQ(cell.scratch().Bendloop("replay " + tar + " --send").code, 2);
 }
@@ -228,9 +277,9 @@ TEST(Appliance, AFullDiskIsToldAndSurvived) {
 
 TEST(Appliance, ADiskWithoutInodesIsToldAndSurvived) {
   LiveCell cell("[storage]\nreport_every_parts = 0\n");
-  const SmallDisk disk(cell.scratch() / "state", "size=400m,nr_inodes=64");
+  const SmallDisk disk(cell.scratch() / "state", "size=400m,nr_inodes=400");
   if (!disk.is_mounted()) GTEST_SKIP() << "mounting a file system needs root";
-  ExpectSurvived(cell, disk, &SmallDisk::FillNames, {"BL5001", "BL5005"});
+  ExpectSurvived(cell, disk, &SmallDisk::FillNames, {"BL5001", "BL5005", "BL5006"});
 }
 
 TEST(Appliance, ADeadScannerIsToldAndFoundAgain) {
@@ -239,6 +288,34 @@ TEST(Appliance, ADeadScannerIsToldAndFoundAgain) {
   cell.RestartScanner();
   ASSERT_TRUE(cell.HasAlarm("BL1001", "alarms_ended")) << cell.log();
   cell.Scan(cell.Bend(), 1, "committed");
+  cell.StopDaemon();
+}
+
+// One that somebody forgot to switch off: it says neither where a scan begins nor where it ends.
+TEST(Appliance, AScannerThatStreamsOnIsToldAndBringsOneScanAtMost) {
+  LiveCell cell("[scan]\nend = \"coverage\"\nmax_seconds = 3\nsilence_seconds = 1\n");
+  cell.StartDaemon();
+  // A third of a tube again and again, which never covers the part; 3000 profiles are 3 s of it.
+  const std::size_t profiles = cell.Sweep(cell.Bend(), 20, 6);
+  ASSERT_GT(profiles, 10'000u);
+  ASSERT_TRUE(cell.HasAlarm("BL1003")) << cell.log();
+  ASSERT_TRUE(cell.Becomes("/parts/failed_scans", 1)) << cell.log();
+  ASSERT_TRUE(cell.Until([&] { return cell.ScansFinished() == 1; })) << cell.log();
+  EXPECT_TRUE(cell.HasAlarm("BL1003"));
+  EXPECT_THAT(Slurp(cell.scratch() / "state/results/part-0001.json"),
+              HasSubstr("the scan runs for more than 3 s"));
+  EXPECT_EQ(cell.results(), 1u);
+  auto session = drivers::SessionReader::Open(cell.scratch() / "state/sessions/part-0001.session");
+  ASSERT_TRUE(session) << session.error().message;
+  hal::LaserProfile profile;
+  while (session->NextProfile(profile).value_or(false)) {
+  }
+  EXPECT_LE(session->profiles_read(), 3002u);
+  // Switched off at last: nobody has to do anything, the next tube is measured and corrected.
+  cell.AwaitSilence(std::chrono::seconds(2));
+  cell.Sweep(cell.Bend(), 1);
+  EXPECT_TRUE(cell.Result(2, "committed"));
+  ASSERT_TRUE(cell.HasAlarm("BL1003", "alarms_ended")) << cell.log();
   cell.StopDaemon();
 }
 

@@ -132,13 +132,6 @@ TEST(LiveCell, ASweepThroughARestartOfTheScannerIsOneDecision) {
   ExpectOneDecisionThrough(cell, [&] { cell.RestartScanner(); });
 }
 
-// A sweep is over when no points have come for so long.
-void AwaitSilence(LiveCell& cell, std::chrono::milliseconds silence) {
-  ASSERT_TRUE(cell.Becomes("/health/queue_now", 0)) << cell.log();
-  const auto over = std::chrono::steady_clock::now() + silence;
-  LiveCell::Until([&] { return std::chrono::steady_clock::now() > over; });
-}
-
 TEST(LiveCell, ASecondPassAfterTheSilenceIsARepeatOfItsTube) {
   LiveCell cell("[scan]\nend = \"coverage\"\nsilence_seconds = 0.5\n");
   cell.StartDaemon();
@@ -146,7 +139,7 @@ TEST(LiveCell, ASecondPassAfterTheSilenceIsARepeatOfItsTube) {
   cell.Sweep(tube, 1);
   ASSERT_TRUE(cell.Result(1, "committed"));
   const auto lot = Slurp(cell.scratch() / "state/lot.json");
-  AwaitSilence(cell, std::chrono::seconds(1));
+  cell.AwaitSilence(std::chrono::seconds(1));
   cell.Sweep(tube, 1);
   const auto again = cell.Result(2, "refused");
   EXPECT_TRUE(again && again->repeat_of == "part-0001");
@@ -155,7 +148,7 @@ TEST(LiveCell, ASecondPassAfterTheSilenceIsARepeatOfItsTube) {
   EXPECT_TRUE(cell.Becomes("/parts/refused", 0));
   EXPECT_EQ(cell.bender().commits_accepted(), 1u);
   EXPECT_EQ(lot, Slurp(cell.scratch() / "state/lot.json"));
-  AwaitSilence(cell, std::chrono::seconds(1));
+  cell.AwaitSilence(std::chrono::seconds(1));
   cell.Sweep(cell.Bend(), 1);
   const auto next = cell.Result(3);
   EXPECT_TRUE(next && next->repeat_of.empty());

@@ -33,10 +33,10 @@ namespace bendloop::testing {
 // A scan again and again, without a word of where it begins and ends: a scanner without events.
 class WordlessSource final : public hal::ProfileSource {
  public:
-  // Of so many profiles, the first with this number.
-  WordlessSource(std::shared_ptr<const drivers::VirtualScan> scan, std::size_t profiles,
-                 std::uint64_t first)
-      : scan_(std::move(scan)), profiles_(profiles), first_(first) {}
+  // Of so many profiles, the first with this number; of the scan its first `part` profiles.
+  WordlessSource(std::shared_ptr<const drivers::VirtualScan> scan, std::size_t part,
+                 std::size_t profiles, std::uint64_t first)
+      : scan_(std::move(scan)), part_(part), profiles_(profiles), first_(first) {}
   hal::Result<hal::SourceInfo> Open() override {
     next_ = 0;
     return hal::SourceInfo{"virtual scan", "", "", false, scan_->max_points()};
@@ -45,8 +45,7 @@ class WordlessSource final : public hal::ProfileSource {
   hal::Result<hal::ReadStatus> Read(hal::LaserProfile& profile, hal::ScanEvent&,
                                     std::chrono::nanoseconds) override {
     if (next_ == profiles_) return hal::ReadStatus::kEnd;
-    const std::size_t count = scan_->profile_count();
-    scan_->Make(next_ % count, profile);
+    scan_->Make(next_ % part_, profile);
     profile.sequence = first_ + next_;
     profile.t_ns = scan_->TimeOf(0) + static_cast<std::int64_t>(next_) * 1'000'000;
     ++next_;
@@ -56,6 +55,7 @@ class WordlessSource final : public hal::ProfileSource {
 
  private:
   std::shared_ptr<const drivers::VirtualScan> scan_;
+  std::size_t part_;
   std::size_t profiles_;
   std::uint64_t first_;
   std::size_t next_ = 0;
@@ -204,12 +204,14 @@ class LiveCell {
     const std::lock_guard lock(mutex_);
     scanner_->device().Trigger(std::move(source), drivers::ScanPace::kMax);
   }
-  // Sweeps without a beginning and an end, e.g. half of one; of how many profiles.
-  std::size_t Sweep(const hal::BendProgram& tube, double times) {
+  // Sweeps without a beginning and an end, e.g. half of one, over the first of so many pieces of
+  // the scan; of how many profiles.
+  std::size_t Sweep(const hal::BendProgram& tube, double times, std::size_t pieces = 1) {
     const auto scan = ScanOf(tube);
     const auto profiles =
         static_cast<std::size_t>(times * static_cast<double>(scan->profile_count()));
-    auto source = std::make_unique<WordlessSource>(scan, profiles, swept_);
+    auto source =
+        std::make_unique<WordlessSource>(scan, scan->profile_count() / pieces, profiles, swept_);
     swept_ += profiles;
     EXPECT_TRUE(source->Open());
     const std::lock_guard lock(mutex_);
@@ -276,6 +278,17 @@ class LiveCell {
       }
       return false;
     });
+  }
+  // That the scanner has sent to their end.
+  std::size_t ScansFinished() {
+    const std::lock_guard lock(mutex_);
+    return scanner_->scans_finished();
+  }
+  // A sweep is over when no points have come for so long.
+  void AwaitSilence(std::chrono::milliseconds silence) {
+    ASSERT_TRUE(Becomes("/health/queue_now", 0)) << log();
+    const auto over = std::chrono::steady_clock::now() + silence;
+    Until([&] { return std::chrono::steady_clock::now() > over; });
   }
   std::size_t results() const {
     std::size_t count = 0;

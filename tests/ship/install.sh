@@ -28,6 +28,8 @@ there "$root" /usr/local/bin/bendloopd /usr/local/bin/bendloop /usr/local/bin/be
   /usr/local/lib/tmpfiles.d/bendloop.conf /usr/local/lib/udev/rules.d/70-bendloop-scanner.rules \
   /usr/local/share/doc/bendloop/README.md /usr/local/share/doc/bendloop/LICENSE \
   /usr/local/share/doc/bendloop/NOTICE.md /usr/local/share/doc/bendloop/bendloop.spdx.json \
+  /usr/local/share/doc/bendloop/SECURITY.md /usr/local/share/doc/bendloop/systemd/MAINTAINER.md \
+  /usr/local/share/doc/bendloop/drivers/INTEGRATOR.md /usr/local/share/doc/bendloop/firmware-host/cli/SETTER.md \
   /usr/local/share/man/man1/bendloop.1.gz /usr/local/share/man/man1/bendloop-demo.1.gz \
   /usr/local/share/man/man8/bendloopd.8.gz /usr/local/share/bash-completion/completions/bendloop \
   /usr/local/share/zsh/vendor-completions/_bendloop /etc/bendloop/register-maps/default.toml

@@ -67,9 +67,11 @@ for script in postinst prerm postrm; do
   dpkg-deb -I "$host" "$script" >"$work/$script"
   sh -n "$work/$script"
 done
-# Nothing is enabled or started, and what dpkg runs asks nobody.
-! grep -E '^[^#]*(systemctl|deb-systemd-(invoke|helper)) .*(enable|start) ' "$work/postinst" |
-  grep -vE 'systemctl enable --now bendloopd$|try-restart' || fail "the package starts something"
+# Nothing is enabled or started, and what dpkg runs asks nobody. What it only says stands in here-documents.
+sed '/<<.*[A-Z]$\|<<.*[A-Z].$/,/^[A-Z]*$/d' "$work/postinst" >"$work/done"
+grep -q try-restart "$work/done" || fail "what the package does was not found: $(cat "$work/done")"
+! grep -E '^[^#]*(systemctl|deb-systemd-(invoke|helper)) .*(enable|start)' "$work/done" | grep -v try-restart ||
+  fail "the package starts something"
 
 echo "== lintian"
 lintian --allow-root --fail-on error,warning "$@" || exit 1

@@ -110,6 +110,7 @@ neighbour=$!
 swapped_mb() { awk '/^SwapTotal/ { all = $2 } /^SwapFree/ { free = $2 } END { print int((all - free) / 1024) }' /proc/meminfo; }
 swaps() { [ "$(swapped_mb)" -gt 100 ]; }
 await 300 "a machine that swaps" swaps
+await 300 "alarm of the swapping" alarmed BL5017
 whole_part
 daemon_kb() { sed -n "s/^$1:[^0-9]*\([0-9]*\) kB/\1/p" "/proc/$pid/status"; }
 [ "$(daemon_kb VmSwap)" = 0 ] || fail "$(daemon_kb VmSwap) kB of the daemon are swapped out"
@@ -117,6 +118,7 @@ echo "$(swapped_mb) MB swapped out, none of the daemon, which has $(daemon_kb Vm
 kill "$neighbour"
 swapoff /swap
 rm /swap
+await 300 "end of BL5017" alarm_ended BL5017
 
 step "Two neighbours that eat the processor"
 sh -c 'while :; do :; done' &
@@ -124,10 +126,12 @@ neighbours=$!
 sh -c 'while :; do :; done' &
 neighbours="$neighbours $!"
 whole_part
+await 600 "alarm of the neighbours" alarmed BL5016
 # shellcheck disable=SC2086  # process numbers
 kill $neighbours
+await 600 "end of BL5016" alarm_ended BL5016
 [ "$(systemctl show -p MainPID --value bendloopd)" = "$pid" ] || fail "a neighbour ended the process"
-echo "the part committed, by the same process"
+echo "told, the part committed, by the same process; over by itself"
 
 step "Killed $kills times, each at another time of a scan and its commit"
 unfinished=0

@@ -15,6 +15,6 @@ image=$("$here/appliance_image.sh" "$build" "$cache" "$work")
 echo "$kills" >"$work/kills.txt"
 # On a busy host the proof takes up to a quarter of an hour, and a kill up to a minute.
 export GUEST_DISK="$image" GUEST_MEMORY_MB=1024 GUEST_CPUS=1 \
-  GUEST_SECONDS="${GUEST_SECONDS:-$((900 + 60 * kills))}"
+  GUEST_SECONDS="${GUEST_SECONDS:-$((1200 + 60 * kills))}"
 "$here/run_guest.sh" "$cache" "" "$here/appliance.sh" "$work"/packages/bendloop_*.deb \
   "$work"/packages/bendloop-demo_*.deb "$here/guest_service.sh" "$here/one_bend.toml" "$work/kills.txt"

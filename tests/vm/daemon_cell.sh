@@ -13,10 +13,11 @@ if [ "$kind" != killed ] && { [ "$(id -u)" != 0 ] || ! [ -w /dev/fuse ] || ! [ -
 fi
 
 daemon='' storage='' loop=''
+filler='' # what fills its disk (bad_times.sh)
 daemon_with='' # what the daemon is started by
 # shellcheck disable=SC2317  # called by the trap
 cleanup() {
-  for child in $daemon $storage; do kill -9 "$child" 2>/dev/null || true; done
+  for child in $filler $daemon $storage; do kill -9 "$child" 2>/dev/null || true; done
   machines_off
   disk_off
   rm -rf --one-file-system "$work"
@@ -33,7 +34,7 @@ disk_on() { # the state's folder is there
     --blockdev file,node-name=log,filename="$work/writes" --blockdev blklogwrites,node-name=disk,file=image,log=log \
     --export fuse,id=export,node-name=disk,mountpoint="$work/disk.export",writable=on >>storage.log 2>&1 &
   storage=$!
-  await 20 "the disk" test -s disk.export
+  await 60 "the disk" test -s disk.export
   loop=$(losetup -f --show disk.export)
   mkdir -p state
   mount -t ext4 "$loop" state || fail "the disk cannot be mounted: $(dmesg | tail -n 5)"
@@ -60,7 +61,7 @@ parts_seen() { status | sed -n 's/^bender parts bent *//p'; }
 part_seen() { [ "$(parts_seen)" = "$part" ]; }
 bend_and_scan() {
   bend
-  await 20 "part $part, seen by the daemon" part_seen
+  await 60 "part $part, seen by the daemon" part_seen
   scan
 }
 results() { find state/results -name '*.json' | wc -l; }

@@ -46,7 +46,7 @@ bender_on() {
     --elongation 1.5 --scatter-angle 0.3 <bender.in >>bender.out 2>&1 &
   bender_program=$!
   exec 3>bender.in
-  await 20 "bender" said listening bender.out
+  await 60 "bender" said listening bender.out
 }
 scanner_on() { # scanner_on PORT (0: any)
   rm -f scanner.in
@@ -56,7 +56,7 @@ scanner_on() { # scanner_on PORT (0: any)
     >>scanner.out 2>&1 &
   scanner_program=$!
   exec 4>scanner.in
-  await 20 "scanner" said listening scanner.out
+  await 60 "scanner" said listening scanner.out
 }
 machines_off() { # for whoever cleans up
   for child in $bender_program $scanner_program; do kill -9 "$child" 2>/dev/null || true; done
@@ -65,7 +65,7 @@ machines_off() { # for whoever cleans up
 ask() {
   : >bender.out
   echo status >&3
-  await 20 "the bender's answer" said 'accepted [0-9]' bender.out
+  await 60 "the bender's answer" said 'accepted [0-9]' bender.out
   sequence=$(sed -n 's/.*sequence \([0-9]*\).*/\1/p' bender.out | head -n 1)
   rows=$(sed -n 's/.*rows \([0-9]*\).*/\1/p' bender.out | head -n 1)
   accepted=$(sed -n 's/.*accepted \([0-9]*\).*/\1/p' bender.out | head -n 1)
@@ -75,7 +75,7 @@ bend() {
   part=$((part + 1))
   tube=tray/part-$(printf %04d "$part").json
   echo bend >&3
-  await 20 "part $part on the tray" test -e "$tube"
+  await 60 "part $part on the tray" test -e "$tube"
 }
 scan() { # returns when the first profiles are on their way
   : >scanner.out

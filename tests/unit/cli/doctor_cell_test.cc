@@ -6,6 +6,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <set>
 
 namespace bendloop::host {
@@ -54,6 +55,32 @@ class DoctorCell : public ::testing::Test {
   std::string service_;
   std::set<fs::path> usable_;
 };
+
+TEST_F(DoctorCell, LooksAtTheInstalledCellWhereNoneIsNamed) {
+  std::map<std::string, Finding> all;
+  const auto look = [&](const fs::path& file) {
+    all.clear();
+    for (Finding& finding : ExamineAll(places_, file)) all[finding.name] = finding;
+  };
+  look("");
+  EXPECT_EQ(all.count("cell file") + all.count("state directory"), 0u);
+  Put("etc/bendloop/cell.toml", "schema = \"bendloop.cell/1\"\nnam = \"x\"");
+  look("");
+  EXPECT_FALSE(all.at("cell file").ok);
+  EXPECT_THAT(all.at("cell file").found, HasSubstr("'nam'"));
+  EXPECT_THAT(all.at("cell file").mend, HasSubstr("bendloop check " + root_.string()));
+  const fs::path config = BENDLOOP_SOURCE_DIR "/config";
+  Put("etc/bendloop/cell.toml", "schema = \"bendloop.cell/1\"\nname = \"x\"\npart = \"" +
+                                    (config / "parts/demo.toml").string() +
+                                    "\"\nstate_dir = \"../gone\"\n[scanner]\nkind = \"stream\"\n" +
+                                    "port = 7420\n[bender]\nlink = \"none\"");
+  look("");
+  EXPECT_EQ(all.at("cell file").found, (root_ / "etc/bendloop/cell.toml").string());
+  EXPECT_THAT(all.at("state directory").found, HasSubstr("etc/gone"));
+  EXPECT_THAT(all.at("scanner").found, HasSubstr(":7420"));
+  look(root_ / "nowhere.toml");
+  EXPECT_FALSE(all.at("cell file").ok);
+}
 
 TEST_F(DoctorCell, AsksTheServiceManagerWhereThereIsOne) {
   EXPECT_TRUE(Find("service").ok);

@@ -123,6 +123,9 @@ TEST_F(DatabaseTest, SaysWhichFileAndWhat) {
   EXPECT_EQ(wrong.error().kind, ErrorKind::kBadInput);
   EXPECT_EQ(wrong.error().message,
             path_ + ": cannot run \"SELECT a FROM absent\": no such table: absent");
+  const std::string beginning = "SELECT 1; SELECT 2; SELECT 3; SELECT 4; SELECT 5; SELECT 67; ";
+  EXPECT_EQ(database.Execute(beginning + "SELECT a FROM absent").error().message,
+            path_ + ": cannot run \"" + beginning.substr(0, 60) + "...\": no such table: absent");
   EXPECT_EQ(Opened().Integer("SELECT a").error().kind, ErrorKind::kInternal);
 }
 

@@ -9,6 +9,7 @@
 #include <functional>
 #include <iterator>
 
+#include "firmware-host/support/cell_places.h"
 #include "firmware-host/support/support_bundle.h"
 #include "firmware-host/support/tar_file.h"
 
@@ -94,6 +95,42 @@ TEST_F(TarFile, AStrangersTarReachesNothingElse) {
   EXPECT_NE(refused([](archive_entry* e) { archive_entry_set_hardlink(e, "/etc/passwd"); }), "");
   EXPECT_NE(refused([](archive_entry* e) { archive_entry_set_filetype(e, AE_IFIFO); }), "");
   EXPECT_FALSE(fs::exists(folder_ / "outside"));
+}
+
+// What a bundle is asked for most is a cell that does not start.
+TEST_F(TarFile, ABundleOfACellFileThatIsWrongHasWhatItNames) {
+  fs::create_directories(folder_ / "etc");
+  fs::create_directories(folder_ / "state/results");
+  fs::create_directories(folder_ / "recordings");
+  std::ofstream(folder_ / "etc/cell.toml")
+      << "schema = \"bendloop.cell/1\"\nnam = 7\npart = \"elbow.toml\"\n"
+      << "state_dir = '../state'\n[record]\ndirectory = \"" << (folder_ / "recordings").string()
+      << "\"\n[bender]\nregister_map = \"nowhere.toml\"\n";
+  std::ofstream(folder_ / "etc/elbow.toml") << "the part\n";
+  std::ofstream(folder_ / "state/results/part-0003.json") << "{}\n";
+  std::ofstream(folder_ / "recordings/part-0003.session") << "a scan\n";
+  std::ofstream(folder_ / "log") << "it does not start\n";
+  SupportBundleOptions options;
+  options.config = folder_ / "etc/cell.toml";
+  options.log = folder_ / "log";
+  options.findings = "{}\n";
+  const auto notes = WriteSupportBundle(folder_ / "bundle.tar.gz", options);
+  ASSERT_TRUE(notes) << notes.error().message;
+  ASSERT_TRUE(Unpack(folder_ / "bundle.tar.gz", folder_ / "out", 1'000'000));
+  EXPECT_EQ(Text(folder_ / "out/config/cell.toml.original"), Text(options.config));
+  EXPECT_EQ(Text(folder_ / "out/config/part.toml"), "the part\n");
+  EXPECT_EQ(Text(folder_ / "out/state/results/part-0003.json"), "{}\n");
+  EXPECT_EQ(Text(folder_ / "out/state/sessions/part-0003.session"), "a scan\n");
+  EXPECT_EQ(Text(folder_ / "out/bendloopd.log"), "it does not start\n");
+  const std::string missing = Text(folder_ / "out/bundle.json");
+  EXPECT_THAT(missing, HasSubstr("settings that hold: "));
+  EXPECT_THAT(missing, HasSubstr("'nam'"));
+  EXPECT_THAT(missing, HasSubstr("nowhere.toml"));
+  // A name that leads to nothing is a slip of the hand, and no bundle.
+  options.config = folder_ / "etc/cel.toml";
+  EXPECT_EQ(WriteSupportBundle(folder_ / "none.tar.gz", options).error().kind,
+            hal::ErrorKind::kBadInput);
+  EXPECT_FALSE(fs::exists(folder_ / "none.tar.gz"));
 }
 
 TEST(SupportBundle, TheCellFileNamesWhatIsBesideIt) {
