@@ -34,6 +34,8 @@ struct LineSettings {
   double one_sided = 0.3;
   // [of r_P] From the middle of a pass: further aside, rays come in along the wall.
   double limb = 0.97;
+  // Of how far the wall comes in: so near to the least radius is the tip.
+  double tip = 0.25;
 };
 constexpr LineSettings kLines;
 
@@ -81,11 +83,14 @@ class Strips {
     std::vector<Eigen::Vector2d> directions;
     directions.reserve(samples.size());
     Eigen::Vector2d view = Eigen::Vector2d::Zero();
+    double narrowest = 1.0;
     for (const EndSample& sample : samples) {
       view += directions.emplace_back(std::cos(sample.around_rad), std::sin(sample.around_rad));
+      narrowest = std::min(narrowest, sample.of_radius);
     }
     from_one_side_ = view.norm() > kLines.one_sided * static_cast<double>(samples.size());
     view.normalize();
+    if (narrowest < 1.0) LookAtTip(samples, view, directions, narrowest);
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const double place = PlaceOf(samples[i], view, directions[i]);
       if (place < 0) continue;
@@ -114,6 +119,23 @@ class Strips {
     is_sorted_[k] = true;
     return strips_[k];
   }
+  // [of r_P] Rays lie evenly across the view, also where the wall has come in.
+  static double Aside(const EndSample& sample, const Eigen::Vector2d& view,
+                      const Eigen::Vector2d& direction) {
+    return (view.x() * direction.y() - view.y() * direction.x()) * sample.of_radius;
+  }
+  // Where the wall has come in, lines end further inward than before: beside that no strip tells
+  // where the last one is.
+  void LookAtTip(std::span<const EndSample> samples, const Eigen::Vector2d& view,
+                 std::span<const Eigen::Vector2d> directions, double narrowest) {
+    const double tip = narrowest + kLines.tip * (1.0 - narrowest);
+    double reach = 0;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      if (samples[i].of_radius > tip) continue;
+      reach = std::max(reach, std::abs(Aside(samples[i], view, directions[i])));
+    }
+    limb_ = std::min(limb_, kLines.limb * reach);
+  }
   // [0, 1): rays lie evenly there. Less than 0: at the limb.
   double PlaceOf(const EndSample& sample, const Eigen::Vector2d& view,
                  const Eigen::Vector2d& direction) const {
@@ -121,11 +143,12 @@ class Strips {
       const double turn = sample.around_rad * 0.5 / std::numbers::pi;
       return turn - std::floor(turn);
     }
-    const double aside = (view.x() * direction.y() - view.y() * direction.x()) / kLines.limb;
+    const double aside = Aside(sample, view, direction) / limb_;
     return view.dot(direction) > 0 && std::abs(aside) < 1 ? 0.5 + 0.5 * aside : -1.0;
   }
 
   bool from_one_side_ = true;
+  double limb_ = kLines.limb;
   std::array<std::vector<EndSample>, kNarrowest> strips_;
   std::array<bool, kNarrowest> is_sorted_{};
 };

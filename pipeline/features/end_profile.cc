@@ -38,13 +38,18 @@ struct EndPoint {
   unsigned side = 0;
 };
 
+// Those of the end that are no further from its axis than what sits on it, nor nearer.
 std::vector<EndPoint> PointsOf(const PlainEnd& end, double r_mm, double length_mm,
                                std::span<const PointBlock> near) {
   const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
   const double out_mm = (1.0 + kProfile.least_height) * r_mm;
+  const double in_mm = (1.0 - kProfile.least_height) * r_mm;
   const double widest_mm = kProfile.widest * r_mm, narrowest_mm = kProfile.narrowest * r_mm;
-  std::vector<EndPoint> points;
-  std::size_t wider = 0;
+  struct Beside {
+    double from_end_mm, x, y;
+  };
+  std::vector<Beside> beside;
+  std::size_t wider = 0, narrower = 0;
   for (const PointBlock& block : near) {
     for (const Eigen::Vector3d& point : block.points) {
       const Eigen::Vector3d from = point - end.position_mm;
@@ -53,10 +58,18 @@ std::vector<EndPoint> PointsOf(const PlainEnd& end, double r_mm, double length_m
       const double x = from.dot(u), y = from.dot(v), square = x * x + y * y;
       if (square > widest_mm * widest_mm || square < narrowest_mm * narrowest_mm) continue;
       wider += square > out_mm * out_mm ? 1 : 0;
-      points.push_back({from_end_mm, std::sqrt(square), AzimuthSector<kProfileSides>(x, y)});
+      narrower += square < in_mm * in_mm ? 1 : 0;
+      beside.push_back({from_end_mm, x, y});
     }
   }
-  if (wider < kProfile.least_points) points.clear();
+  std::vector<EndPoint> points;
+  // Noise goes both ways.
+  if (wider < narrower + kProfile.least_points) return points;
+  points.reserve(beside.size());
+  for (const Beside& of : beside) {
+    points.push_back({of.from_end_mm, std::sqrt(of.x * of.x + of.y * of.y),
+                      AzimuthSector<kProfileSides>(of.x, of.y)});
+  }
   return points;
 }
 
