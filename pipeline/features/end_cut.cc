@@ -173,15 +173,13 @@ EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, doubl
   const double first_mm = kCut.first_step * evidence.gap_mm;
   Posterior posterior{RoughEndPlane(evidence, r_mm),
                       first_mm * first_mm * Eigen::Matrix3d::Identity()};
-  if (!evidence.sides.empty()) {
-    // A few samples look like lines by chance; those leave no needle.
-    const bool are_lines = evidence.sides.size() > evidence.columns.size();
+  // A few samples look like lines by chance; those leave no needle.
+  if (evidence.sides.size() > evidence.columns.size()) {
     for (const double blur : kCut.blurs) {
       const Posterior blurred = sample(posterior, kCut.blurred_walk, blur * evidence.gap_mm);
       if (!HasMoved(blurred, posterior)) continue;
       posterior = blurred;
       Forget(posterior, blur * evidence.gap_mm, evidence);
-      if (!are_lines) break;
     }
   }
   EndPlane plane;

@@ -41,8 +41,8 @@ constexpr LineSettings kLines;
 
 // A line in a strip: mean place of its samples.
 struct LineCrossing {
-  double at_mm = 0, around_rad = 0;
-  std::size_t samples = 0;
+  double at_mm = 0;
+  std::size_t first = 0, samples = 0;  // of the strip
 };
 
 double OneLineMm(std::span<const double> at) {
@@ -162,22 +162,27 @@ std::vector<LineCrossing> CrossingsOf(std::span<const EndSample> strip) {
   std::vector<LineCrossing> crossings;
   for (std::size_t i = strip.size(); i > 0 && crossings.size() < kLines.most_lines;) {
     LineCrossing crossing;
-    // Around from its first sample, so that no turn ends within.
-    const double zero_rad = strip[i - 1].around_rad;
     std::size_t k = i;
-    for (; k > 0 && (k == i || at[k] - at[k - 1] < one_line_mm); --k) {
-      crossing.at_mm += at[k - 1];
-      crossing.around_rad +=
-          std::remainder(strip[k - 1].around_rad - zero_rad, 2.0 * std::numbers::pi);
-    }
+    for (; k > 0 && (k == i || at[k] - at[k - 1] < one_line_mm); --k) crossing.at_mm += at[k - 1];
+    crossing.first = k;
     crossing.samples = i - k;
     crossing.at_mm /= static_cast<double>(crossing.samples);
-    crossing.around_rad = zero_rad + crossing.around_rad / static_cast<double>(crossing.samples);
     crossings.push_back(crossing);
     i = k;
   }
   std::reverse(crossings.begin(), crossings.end());
   return crossings;
+}
+
+// Around: the mean of its samples, from the last of them, so that no turn ends within.
+double AroundRad(const LineCrossing& crossing, std::span<const EndSample> strip) {
+  const std::size_t end = crossing.first + crossing.samples;
+  const double zero_rad = strip[end - 1].around_rad;
+  double sum = 0;
+  for (std::size_t k = end; k > crossing.first; --k) {
+    sum += std::remainder(strip[k - 1].around_rad - zero_rad, 2.0 * std::numbers::pi);
+  }
+  return zero_rad + sum / static_cast<double>(crossing.samples);
 }
 
 // Lines of one sweep: a gap after the other, but for one longer gap at most (a hole, a lost ray).
@@ -211,14 +216,14 @@ std::optional<LineBracket> BracketOf(std::span<const EndSample> strip, double sm
   if (!sweep) return std::nullopt;
   const LineCrossing& last = crossings.back();
   LineBracket bracket;
-  bracket.last_rad = last.around_rad;
+  bracket.last_rad = AroundRad(last, strip);
   bracket.last_mm = last.at_mm;
   // Even lines say that noise does not move them as far as it might.
   bracket.last_sigma_mm = std::min(smear_mm / std::sqrt(static_cast<double>(last.samples)),
                                    sweep->scatter_mm / std::numbers::sqrt2);
   double around = 0;
   for (const LineCrossing& crossing : crossings) {
-    around += std::remainder(crossing.around_rad - bracket.last_rad, 2.0 * std::numbers::pi);
+    around += std::remainder(AroundRad(crossing, strip) - bracket.last_rad, 2.0 * std::numbers::pi);
   }
   bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());
   bracket.next_mm = last.at_mm + sweep->gap_mm;

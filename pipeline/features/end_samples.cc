@@ -98,7 +98,11 @@ std::vector<EndSample> SamplesNearEnd::Every(std::size_t stride) const {
 std::vector<EndSample> SamplesNearEnd::Band(const Eigen::Vector3d& plane_mm, double below_mm,
                                             double above_mm) const {
   std::vector<EndSample> samples;
+  // However the plane rises, most are further off.
+  const double rise_mm = plane_mm.tail<2>().norm();
   for (const NearEnd& near : wall_) {
+    const double level_mm = near.at_mm - plane_mm[0];
+    if (level_mm < -below_mm - rise_mm || level_mm > above_mm + rise_mm) continue;
     const double off_mm = near.BeyondMm(plane_mm);
     if (off_mm > -below_mm && off_mm < above_mm) samples.push_back(near.Sample());
   }
