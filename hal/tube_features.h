@@ -39,6 +39,21 @@ struct EndCut {
   bool operator==(const EndCut&) const = default;
 };
 
+// What an end has beside its plane.
+struct EndEdge {
+  // Of a bevel of the outside: along the tube, and how far the wall has come in at the end.
+  double bevel_mm = 0, bevel_depth_mm = 0;
+  // Of a burr that stands out of the wall all round: how far at the end, and along the tube.
+  double burr_mm = 0, burr_length_mm = 0;
+  // Of a border that leaves the plane: beyond it by `wave_mm` at `wave_around_deg` and `waves` - 1
+  // more places of the turn, as far before it between them.
+  double wave_mm = 0;
+  int waves = 0;
+  double wave_around_deg = 0;
+
+  bool operator==(const EndEdge&) const = default;
+};
+
 // A place that was pressed in; its depth falls off like a gaussian on the unrolled surface.
 struct PressedDent {
   double along_mm = 0;
@@ -53,6 +68,7 @@ struct TubeFeatures {
   std::vector<WallOpening> openings;
   EndCut first_end, last_end;
   std::vector<PressedDent> dents;
+  EndEdge first_edge, last_edge;
 
   bool operator==(const TubeFeatures&) const = default;
 };

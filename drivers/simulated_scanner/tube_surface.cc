@@ -122,29 +122,53 @@ TubeSurface::TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& feature
   }
 }
 
-// Lengthens the end straights by what an oblique cut leaves beyond their ends, and cuts them.
+// Lengthens the end straights by what a cut leaves beyond their ends, and cuts them.
 void TubeSurface::CutEnds(const hal::TubeFeatures& features) {
   for (const bool at_start : {true, false}) {
     const hal::EndCut& cut = at_start ? features.first_end : features.last_end;
+    const hal::EndEdge& edge = at_start ? features.first_edge : features.last_edge;
     const double slope = std::tan(cut.obliquity_deg * hal::kRadiansPerDegree);
-    if (slope == 0 || parts_.empty()) continue;
+    if ((slope == 0 && edge == hal::EndEdge()) || parts_.empty()) continue;
     Part& part = at_start ? parts_.front() : parts_.back();
     if (part.segment.is_arc()) continue;
     const double at_mm =
         at_start ? 0.0 : segments_.back().from_start_mm + segments_.back().length_mm;
     const hal::SurfaceFrame frame = hal::FrameAt(segments_, at_mm, cut.around_deg);
+    const hal::SurfaceFrame wave = hal::FrameAt(segments_, at_mm, edge.wave_around_deg);
     const Vector3d outward = at_start ? Vector3d(-frame.tangent) : frame.tangent;
-    part.cuts.push_back({frame.spine_mm, (outward - slope * frame.outward).normalized()});
-    const double beyond_mm = pipe_radius_mm_ * slope;
+    part.cuts.push_back({frame.spine_mm, outward, slope * frame.outward, wave.outward,
+                         wave.tangent.cross(wave.outward), edge});
+    has_edges_ |= edge.bevel_mm > 0 || edge.burr_length_mm > 0;
+    const double beyond_mm = pipe_radius_mm_ * slope + std::abs(edge.wave_mm);
     if (at_start) part.segment.start_mm += beyond_mm * outward;
     part.segment.length_mm += beyond_mm;
-    part.bounds.radius_mm += beyond_mm;
+    part.bounds.radius_mm += beyond_mm + edge.burr_mm;
   }
 }
 
+double TubeSurface::Cut::BeyondMm(const Vector3d& at_mm) const {
+  const Vector3d from_mm = at_mm - point_mm;
+  double beyond_mm = from_mm.dot(outward) - from_mm.dot(slope);
+  if (edge.waves > 0) {
+    const double turn = std::atan2(from_mm.dot(quarter), from_mm.dot(zero));
+    beyond_mm -= edge.wave_mm * std::cos(edge.waves * turn);
+  }
+  return beyond_mm;
+}
+
+double TubeSurface::Cut::InMm(const Vector3d& at_mm) const {
+  const double before_mm = -BeyondMm(at_mm);
+  double in_mm = 0;
+  if (before_mm < edge.bevel_mm) in_mm += edge.bevel_depth_mm * (1 - before_mm / edge.bevel_mm);
+  if (before_mm < edge.burr_length_mm) {
+    in_mm -= edge.burr_mm * (1 - before_mm / edge.burr_length_mm);
+  }
+  return in_mm;
+}
+
 bool TubeSurface::IsAway(const Part& part, const Vector3d& point_mm) const {
-  for (const Plane& cut : part.cuts) {
-    if ((point_mm - cut.point_mm).dot(cut.outward) > 0) return true;
+  for (const Cut& cut : part.cuts) {
+    if (cut.BeyondMm(point_mm) > 0) return true;
   }
   for (const Opening& opening : openings_) {
     const Vector3d from_mm = point_mm - opening.frame.spine_mm;
@@ -159,8 +183,11 @@ bool TubeSurface::IsAway(const Part& part, const Vector3d& point_mm) const {
   return false;
 }
 
-double TubeSurface::PressedMm(const Vector3d& point_mm) const {
+double TubeSurface::PressedMm(const Part& part, const Vector3d& point_mm) const {
   double depth_mm = 0;
+  if (has_edges_) {
+    for (const Cut& cut : part.cuts) depth_mm += cut.InMm(point_mm);
+  }
   for (const Dent& dent : dents_) {
     // On the unrolled surface, so that a place knows nothing of how deep it is pressed in.
     const Vector3d from_mm = point_mm - dent.frame.spine_mm;
@@ -188,20 +215,21 @@ double TubeSurface::FromSpineMm(const Part& part, const Vector3d& point_mm) cons
 
 // Where the ray that met the round skin meets the pressed one.
 std::optional<Hit> TubeSurface::Pressed(const Part& part, const Ray& ray, const Hit& round) const {
-  if (dents_.empty()) return round;
+  if (dents_.empty() && !has_edges_) return round;
   constexpr double kGrazing = 0.05;  // cosine; beyond it nothing returns
   constexpr int kSteps = 30;         // each leaves a fraction of what the step before left
   const double cosine = -ray.direction.dot(round.normal);
   // The way out of a dent bends with the skin by less than this part of its depth.
   constexpr double kBends = 1.05;
-  if (cosine < 0 && -cosine * round.along_mm <= kBends * PressedMm(ray.origin_mm) + kSeamMm) {
+  if (cosine < 0 && -cosine * round.along_mm <= kBends * PressedMm(part, ray.origin_mm) + kSeamMm) {
     return std::nullopt;  // the ray began above the pressed skin
   }
   if (cosine < kGrazing) return round;
   Hit hit = round;
   for (int i = 0; i < kSteps; ++i) {
     const Vector3d point_mm = ray.At(hit.along_mm);
-    const double above_mm = PressedMm(point_mm) - (pipe_radius_mm_ - FromSpineMm(part, point_mm));
+    const double above_mm =
+        PressedMm(part, point_mm) - (pipe_radius_mm_ - FromSpineMm(part, point_mm));
     hit.along_mm += above_mm / cosine;
     if (std::abs(above_mm) < kPressedMm) return hit;
   }

@@ -32,7 +32,7 @@ struct Sphere {
 
 // The skin of a bent tube: cylinders and pieces of tori around the spine's lines and arcs, open at
 // both ends. Rays meet it exactly (torus: roots of the quartic), and pass through what is cut off
-// or drilled; dents are met to a nanometre. An oblique cut stays on its straight.
+// or drilled; dents, bevels and burrs are met to a nanometre. A cut stays on its straight.
 class TubeSurface {
  public:
   explicit TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features = {});
@@ -48,8 +48,17 @@ class TubeSurface {
   double pipe_radius_mm() const { return pipe_radius_mm_; }
 
  private:
-  struct Plane {
-    Eigen::Vector3d point_mm, outward;
+  // Where an end's border is: its plane and what the border has beside it.
+  struct Cut {
+    Eigen::Vector3d point_mm, outward;  // on the spine; along it, out of the tube
+    Eigen::Vector3d slope;              // how fast the plane goes outward across the spine
+    Eigen::Vector3d zero, quarter;      // across the spine: places around count from there
+    hal::EndEdge edge;
+
+    // How far beyond the border the point lies, along the spine.
+    double BeyondMm(const Eigen::Vector3d& at_mm) const;
+    // How far the skin has come in there; less than 0: stands out.
+    double InMm(const Eigen::Vector3d& at_mm) const;
   };
   struct Part {
     hal::SpineSegment segment;
@@ -57,8 +66,8 @@ class TubeSurface {
     // Arcs: center, and axes from it to the start and along the start's tangent.
     Eigen::Vector3d center_mm = Eigen::Vector3d::Zero();
     Eigen::Vector3d to_start = Eigen::Vector3d::UnitX();
-    // Planes of the ends that lie on it: what is outside of them is cut off.
-    std::vector<Plane> cuts;
+    // Of the ends that lie on it: what is beyond them is cut off.
+    std::vector<Cut> cuts;
   };
   struct Opening {
     hal::SurfaceFrame frame;
@@ -75,8 +84,8 @@ class TubeSurface {
   void CutEnds(const hal::TubeFeatures& features);
   // Whether material is missing where the skin of the round tube would be.
   bool IsAway(const Part& part, const Eigen::Vector3d& point_mm) const;
-  // How far the skin is pressed in at this point of the round tube.
-  double PressedMm(const Eigen::Vector3d& point_mm) const;
+  // How far the skin is pressed in, or bevelled, at this point of the round tube.
+  double PressedMm(const Part& part, const Eigen::Vector3d& point_mm) const;
   double FromSpineMm(const Part& part, const Eigen::Vector3d& point_mm) const;
   std::optional<Hit> Pressed(const Part& part, const Ray& ray, const Hit& round) const;
   std::optional<Hit> HitLine(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
@@ -87,6 +96,7 @@ class TubeSurface {
   std::vector<Part> parts_;  // of the segments that have a length
   std::vector<Opening> openings_;
   std::vector<Dent> dents_;
+  bool has_edges_ = false;  // bevels or burrs
 };
 
 }  // namespace bendloop::drivers

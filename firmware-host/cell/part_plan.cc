@@ -95,7 +95,9 @@ pipeline::NominalFeatures FeaturesOf(const config::PartConfig& part) {
 }
 
 hal::TubeFeatures CutsOf(const config::PartConfig& part, double length_mm) {
-  hal::TubeFeatures cuts{{}, part.ends.first, part.ends.last, {}};
+  hal::TubeFeatures cuts;
+  cuts.first_end = part.ends.first;
+  cuts.last_end = part.ends.last;
   for (const pipeline::NominalOpening& nominal : FeaturesOf(part).openings) {
     cuts.openings.push_back(nominal.opening);
     if (nominal.from_end) cuts.openings.back().along_mm = length_mm - nominal.opening.along_mm;

@@ -4,6 +4,9 @@
 #include <iostream>
 #include <memory>
 #include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include "config/load.h"
 #include "drivers/session/session_database.h"
@@ -35,6 +38,9 @@ struct SimulateArguments {
   double scatter_length_mm = 0;
   std::uint32_t serial = 1;
   std::vector<std::array<double, 4>> dents;
+  // Of an end, "first" or "last".
+  std::vector<std::tuple<std::string, double, double>> bevels, burrs;
+  std::vector<std::tuple<std::string, double, int, double>> waves;
   bool force = false;
 };
 
@@ -46,6 +52,8 @@ Examples:
   bendloop simulate --part part.toml --out bad.session --springback-120 6 \
     --clutter table,clamps
   bendloop simulate --part part.toml --out dented.session --dent 120,90,0.5,4
+  bendloop simulate --part part.toml --out coped.session --wave last,1.5,2,30 \
+    --bevel first,1,0.5
 
 The tube is bent from the part's first program: the nominal with its [material]
 made up for. So it comes out at the nominal unless springback, elongation or
@@ -65,6 +73,53 @@ hal::Result<std::filesystem::path> SessionToWrite(const std::string& out, bool f
                          "' is no session and is not written over; name another file, or --force");
   }
   return file;
+}
+
+void SetEdges(const SimulateArguments& arguments, hal::TubeFeatures& features) {
+  const auto edge_of = [&](const std::string& end) -> hal::EndEdge& {
+    return end == "first" ? features.first_edge : features.last_edge;
+  };
+  for (const auto& [end, length_mm, depth_mm] : arguments.bevels) {
+    edge_of(end).bevel_mm = length_mm;
+    edge_of(end).bevel_depth_mm = depth_mm;
+  }
+  for (const auto& [end, height_mm, length_mm] : arguments.burrs) {
+    edge_of(end).burr_mm = height_mm;
+    edge_of(end).burr_length_mm = length_mm;
+  }
+  for (const auto& [end, height_mm, waves, around_deg] : arguments.waves) {
+    edge_of(end).wave_mm = height_mm;
+    edge_of(end).waves = waves;
+    edge_of(end).wave_around_deg = around_deg;
+  }
+}
+
+void AddEdgeOptions(CLI::App& command, SimulateArguments& a) {
+  const CLI::Validator is_end(
+      [](std::string& text) {
+        const std::string end = text.substr(0, text.find(','));
+        return end == "first" || end == "last" ? "" : "'" + end + "' is neither first nor last";
+      },
+      "");
+  command
+      .add_option("--bevel", a.bevels,
+                  "Of an end: along the tube, and how far the wall comes in [mm]")
+      ->delimiter(',')
+      ->type_name("END,LENGTH,DEPTH");
+  command
+      .add_option("--burr", a.burrs,
+                  "Of an end, all round: how far it stands out, and its length [mm]")
+      ->delimiter(',')
+      ->type_name("END,HEIGHT,LENGTH");
+  command
+      .add_option("--wave", a.waves,
+                  "Of an end that no plane is: how far its border goes beyond the plane [mm], how "
+                  "often in a turn, and where [degrees]")
+      ->delimiter(',')
+      ->type_name("END,HEIGHT,WAVES,AROUND");
+  for (const char* name : {"--bevel", "--burr", "--wave"}) {
+    command.get_option(name)->check(is_end.application_index(0));
+  }
 }
 
 int Simulate(SimulateArguments& arguments) {
@@ -104,6 +159,7 @@ int Simulate(SimulateArguments& arguments) {
   for (const auto& [along_mm, around_deg, depth_mm, width_mm] : arguments.dents) {
     options.scan.features.dents.push_back({along_mm, around_deg, depth_mm, width_mm});
   }
+  SetEdges(arguments, options.scan.features);
   options.part = part->name;
   options.software = kSoftware;
   options.more_meta["true_rows"] = Dump(RowsJson(tube.program));
@@ -156,6 +212,7 @@ CLI::App* AddSimulateCommand(CLI::App& app, Run& run) {
                    "may be given again")
       ->delimiter(',')
       ->type_name("ALONG,AROUND,DEPTH,WIDTH");
+  AddEdgeOptions(*command, *a);
   command->callback([a, &run] { run = [a] { return Simulate(*a); }; });
   return command;
 }

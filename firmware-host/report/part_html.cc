@@ -270,6 +270,41 @@ std::string DentTable(std::span<const pipeline::DentFound> dents) {
   return html + "</tbody></table>";
 }
 
+// Bevels, burrs and borders that no plane is.
+std::string EdgeTable(const pipeline::TubeFeaturesFound& features) {
+  std::string rows;
+  const auto row = [&](const std::string& what, double value, double sigma, double around_deg) {
+    rows += "<tr><td>" + what + "</td>" + Number(value, 2) + Number(sigma, 2) +
+            (std::isnan(around_deg) ? "<td></td>" : Number(around_deg, 0)) + "</tr>";
+  };
+  for (const auto* end : {&features.first_end, &features.last_end}) {
+    if (!*end) continue;
+    const std::string which = end == &features.first_end ? "first, " : "last, ";
+    if ((*end)->bevel) {
+      const pipeline::BevelFound& bevel = *(*end)->bevel;
+      row(which + "bevel, along the tube", bevel.length_mm, bevel.length_sigma_mm, NAN);
+      row(which + "bevel, depth", bevel.depth_mm, bevel.depth_sigma_mm, NAN);
+    }
+    if ((*end)->burr) {
+      row(which + "burr, where highest", (*end)->burr->height_mm, (*end)->burr->sigma_mm,
+          (*end)->burr->around_deg);
+    }
+    if ((*end)->border.empty()) continue;
+    const auto [least, most] =
+        std::minmax_element((*end)->border.begin(), (*end)->border.end(),
+                            [](const pipeline::BorderPlace& a, const pipeline::BorderPlace& b) {
+                              return a.beyond_mm < b.beyond_mm;
+                            });
+    row(which + "border, farthest beyond its plane", most->beyond_mm, most->sigma_mm,
+        most->around_deg);
+    row(which + "border, farthest before it", least->beyond_mm, least->sigma_mm, least->around_deg);
+  }
+  if (rows.empty()) return "";
+  return "<p>Edges of the ends</p>" +
+         HeadOf({"end", "<small>mm</small>", "&#177;", "at <small>deg</small>"}) + rows +
+         "</tbody></table>";
+}
+
 std::string EndTable(const pipeline::TubeFeaturesFound& features) {
   std::string rows;
   for (const auto* end : {&features.first_end, &features.last_end}) {
@@ -281,7 +316,7 @@ std::string EndTable(const pipeline::TubeFeaturesFound& features) {
   if (rows.empty()) return "";
   return "<p>How the ends are cut</p>" +
          HeadOf({"end", "oblique <small>deg</small>", "&#177;", "longest at <small>deg</small>"}) +
-         rows + "</tbody></table>";
+         rows + "</tbody></table>" + EdgeTable(features);
 }
 
 // Beads, flares and what else is wider than the pipe.

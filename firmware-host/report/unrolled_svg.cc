@@ -44,6 +44,28 @@ bool IsOblique(const std::optional<pipeline::EndCutFound>& end) {
   return end && end->cut.obliquity_deg > kOblique * end->obliquity_sigma_deg;
 }
 
+// Beyond the plane, where the border is none.
+double BeyondPlaneMm(const std::optional<pipeline::EndCutFound>& end, double around_deg) {
+  if (!end || end->border.empty()) return 0.0;
+  const auto nearest =
+      std::min_element(end->border.begin(), end->border.end(),
+                       [&](const pipeline::BorderPlace& a, const pipeline::BorderPlace& b) {
+                         return std::abs(std::remainder(a.around_deg - around_deg, 360.0)) <
+                                std::abs(std::remainder(b.around_deg - around_deg, 360.0));
+                       });
+  return nearest->beyond_mm;
+}
+
+// Where the bevel of an end begins, dashed.
+std::string BevelLine(const Paper& paper, const std::optional<pipeline::EndCutFound>& end,
+                      bool at_start) {
+  if (!end || !end->bevel) return "";
+  const double along_mm =
+      at_start ? end->bevel->length_mm : paper.length_mm - end->bevel->length_mm;
+  return "<polyline fill=\"none\" stroke=\"currentColor\" stroke-dasharray=\"3 2\" points=\"" +
+         paper.At(along_mm, -179) + paper.At(along_mm, 179) + "\"/>";
+}
+
 std::string EndLine(const Paper& paper, const std::optional<pipeline::EndCutFound>& end,
                     bool at_start) {
   const bool is_oblique = IsOblique(end);
@@ -51,7 +73,9 @@ std::string EndLine(const Paper& paper, const std::optional<pipeline::EndCutFoun
   std::string svg = "<polyline fill=\"none\" stroke=\"currentColor\" points=\"";
   for (int around_deg = -179; around_deg <= 179; around_deg += 2) {
     const double turn = (around_deg - (is_oblique ? end->cut.around_deg : 0.0));
-    const double beyond_mm = paper.pipe_radius_mm * slope * std::cos(turn * hal::kRadiansPerDegree);
+    const double beyond_mm =
+        paper.pipe_radius_mm * slope * std::cos(turn * hal::kRadiansPerDegree) +
+        BeyondPlaneMm(end, around_deg);
     svg += paper.At(at_start ? -beyond_mm : paper.length_mm + beyond_mm, around_deg);
   }
   return svg + "\"/>";
@@ -96,6 +120,10 @@ std::string DentLine(const Paper& paper, const pipeline::DentFound& dent) {
                     std::clamp(around_deg, -179.9, 179.9));
   }
   return svg + "\"/>";
+}
+
+bool HasEdge(const std::optional<pipeline::EndCutFound>& end) {
+  return end && (end->bevel || end->burr || !end->border.empty());
 }
 
 std::string PaperAxes(const Paper& paper, const std::vector<hal::SpineSegment>& segments) {
@@ -143,13 +171,15 @@ std::string EndProfileSvg(const pipeline::EndForm& end, double pipe_radius_mm) {
 std::string UnrolledSvg(const pipeline::Measurement& m) {
   const Paper paper{hal::SpineLength(m.tube.program), m.tube.pipe_radius_mm};
   const bool has_any = !m.features.openings.empty() || !m.dents.empty() ||
-                       IsOblique(m.features.first_end) || IsOblique(m.features.last_end);
+                       IsOblique(m.features.first_end) || IsOblique(m.features.last_end) ||
+                       HasEdge(m.features.first_end) || HasEdge(m.features.last_end);
   if (!has_any || !(paper.length_mm > 0) || !(paper.pipe_radius_mm > 0)) return "";
   std::string svg =
       "<svg role=\"img\" aria-label=\"the surface unrolled: length by angle\" viewBox=\"0 0 " +
       Fixed(kPaperWidth, 0) + " " + Fixed(kPaperHeight, 0) + "\">" +
       PaperAxes(paper, hal::SpineSegments(m.tube.program, m.tube.X_WT)) +
-      EndLine(paper, m.features.first_end, true) + EndLine(paper, m.features.last_end, false);
+      EndLine(paper, m.features.first_end, true) + EndLine(paper, m.features.last_end, false) +
+      BevelLine(paper, m.features.first_end, true) + BevelLine(paper, m.features.last_end, false);
   for (const pipeline::OpeningFound& found : m.features.openings) {
     svg += OpeningLine(paper, found.opening);
   }

@@ -6,18 +6,63 @@ namespace bendloop::host {
 namespace {
 
 constexpr std::size_t kMostOpenings = 1000;
+constexpr std::size_t kMostBorderPlaces = 1000;
 
 Json CutJson(const pipeline::EndCutFound& end) {
-  return {{"obliquity_deg", Number(end.cut.obliquity_deg)},
-          {"obliquity_sigma_deg", Number(end.obliquity_sigma_deg)},
-          {"around_deg", Number(end.cut.around_deg)},
-          {"around_sigma_deg", Number(end.around_sigma_deg)}};
+  Json json = {{"obliquity_deg", Number(end.cut.obliquity_deg)},
+               {"obliquity_sigma_deg", Number(end.obliquity_sigma_deg)},
+               {"around_deg", Number(end.cut.around_deg)},
+               {"around_sigma_deg", Number(end.around_sigma_deg)}};
+  if (end.bevel) {
+    json["bevel"] = {{"length_mm", Number(end.bevel->length_mm)},
+                     {"length_sigma_mm", Number(end.bevel->length_sigma_mm)},
+                     {"depth_mm", Number(end.bevel->depth_mm)},
+                     {"depth_sigma_mm", Number(end.bevel->depth_sigma_mm)},
+                     {"angle_deg", Number(end.bevel->angle_deg)},
+                     {"angle_sigma_deg", Number(end.bevel->angle_sigma_deg)}};
+  }
+  if (end.burr) {
+    json["burr"] = {{"height_mm", Number(end.burr->height_mm)},
+                    {"height_sigma_mm", Number(end.burr->sigma_mm)},
+                    {"around_deg", Number(end.burr->around_deg)},
+                    {"part_of_turn", Number(end.burr->part)}};
+  }
+  if (!end.border.empty()) {
+    Json border = Json::array();
+    for (const pipeline::BorderPlace& place : end.border) {
+      border.push_back({{"around_deg", Number(place.around_deg)},
+                        {"beyond_plane_mm", Number(place.beyond_mm)},
+                        {"sigma_mm", Number(place.sigma_mm)}});
+    }
+    json["border"] = std::move(border);
+  }
+  return json;
 }
 
 pipeline::EndCutFound ReadCut(const JsonReader& json) {
-  return {{json.NumberOr("obliquity_deg", 0), json.NumberOr("around_deg", 0)},
-          json.NumberOr("obliquity_sigma_deg", 0),
-          json.NumberOr("around_sigma_deg", 0)};
+  pipeline::EndCutFound end;
+  end.cut = {json.NumberOr("obliquity_deg", 0), json.NumberOr("around_deg", 0)};
+  end.obliquity_sigma_deg = json.NumberOr("obliquity_sigma_deg", 0);
+  end.around_sigma_deg = json.NumberOr("around_sigma_deg", 0);
+  if (json.Has("bevel")) {
+    const JsonReader bevel = json.At("bevel");
+    end.bevel = {bevel.NumberOr("length_mm", 0), bevel.NumberOr("length_sigma_mm", 0),
+                 bevel.NumberOr("depth_mm", 0),  bevel.NumberOr("depth_sigma_mm", 0),
+                 bevel.NumberOr("angle_deg", 0), bevel.NumberOr("angle_sigma_deg", 0)};
+  }
+  if (json.Has("burr")) {
+    const JsonReader burr = json.At("burr");
+    end.burr = {burr.NumberOr("height_mm", 0), burr.NumberOr("height_sigma_mm", 0),
+                burr.NumberOr("around_deg", 0), burr.NumberOr("part_of_turn", 0)};
+  }
+  if (!json.Has("border")) return end;
+  const JsonReader border = json.At("border");
+  for (std::size_t i = 0, n = border.Size(kMostBorderPlaces); i < n; ++i) {
+    const JsonReader place = border.Item(i);
+    end.border.push_back({place.NumberOr("around_deg", 0), place.NumberOr("beyond_plane_mm", 0),
+                          place.NumberOr("sigma_mm", 0)});
+  }
+  return end;
 }
 
 // `length_mm`: of the spine.

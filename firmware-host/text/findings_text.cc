@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/text/findings_text.h"
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -81,6 +82,35 @@ std::string FormText(const pipeline::Measurement& m) {
   return out;
 }
 
+// What an end has beside its plane.
+std::string EdgeText(const std::string& which, const pipeline::EndCutFound& end) {
+  std::string out;
+  if (end.bevel) {
+    out += Below(which + "bevelled over " + Fixed(end.bevel->length_mm, 2) + " +- " +
+                 Fixed(end.bevel->length_sigma_mm, 2) + " mm, " + Fixed(end.bevel->depth_mm, 2) +
+                 " +- " + Fixed(end.bevel->depth_sigma_mm, 2) + " mm deep, at " +
+                 Fixed(end.bevel->angle_deg, 1) + " +- " + Fixed(end.bevel->angle_sigma_deg, 1) +
+                 " degrees to the axis");
+  }
+  if (end.burr) {
+    out += Below(which + "burr of " + Fixed(end.burr->height_mm, 2) + " +- " +
+                 Fixed(end.burr->sigma_mm, 2) + " mm at " + Fixed(end.burr->around_deg, 0) +
+                 " degrees around, on " + Fixed(100 * end.burr->part, 0) + " % of the turn");
+  }
+  if (!end.border.empty()) {
+    const auto [least, most] =
+        std::minmax_element(end.border.begin(), end.border.end(),
+                            [](const pipeline::BorderPlace& a, const pipeline::BorderPlace& b) {
+                              return a.beyond_mm < b.beyond_mm;
+                            });
+    out += Below(which + "no plane; its border lies from " + Fixed(least->beyond_mm, 2) + " +- " +
+                 Fixed(least->sigma_mm, 2) + " mm (at " + Fixed(least->around_deg, 0) +
+                 " degrees) to " + Fixed(most->beyond_mm, 2) + " +- " + Fixed(most->sigma_mm, 2) +
+                 " mm (at " + Fixed(most->around_deg, 0) + ") beyond the nearest one");
+  }
+  return out;
+}
+
 // Ends that are certainly not square (5 sigma), holes and slots.
 std::string FeaturesText(const pipeline::Measurement& m) {
   std::string out;
@@ -96,6 +126,10 @@ std::string FeaturesText(const pipeline::Measurement& m) {
                  degrees((*end)->cut.obliquity_deg, (*end)->obliquity_sigma_deg) +
                  " oblique, longest at " +
                  degrees((*end)->cut.around_deg, (*end)->around_sigma_deg) + " around");
+  }
+  for (const auto* end : {&m.features.first_end, &m.features.last_end}) {
+    if (!*end) continue;
+    out += EdgeText(end == &m.features.first_end ? "first end: " : "last end: ", **end);
   }
   for (const auto* end : {&m.first_end, &m.last_end}) {
     if (end->profile.empty()) continue;

@@ -28,15 +28,18 @@ struct ColumnSettings {
   // not know of the other, in next to nothing if laser lines cross both.
   double one_line = 0.25;
   std::size_t most_steps = 20'000;  // of a table
+  double all_of_it = 9.0;           // [sigma]
 };
 constexpr ColumnSettings kColumns;
 
-// Mean distance between a point of one column and the nearest of the next, in mean gaps.
+// Mean distance between a point of one column and the nearest of the next, in mean gaps. Both are
+// sorted.
 double ApartInGaps(const std::vector<double>& here, const std::vector<double>& next,
                    double mean_gap_mm) {
   double sum = 0;
+  auto above = next.begin();
   for (const double at : here) {
-    const auto above = std::lower_bound(next.begin(), next.end(), at);
+    while (above != next.end() && *above < at) ++above;
     double nearest = 1e300;
     if (above != next.end()) nearest = *above - at;
     if (above != next.begin()) nearest = std::min(nearest, at - *(above - 1));
@@ -51,23 +54,32 @@ EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_lin
   std::sort(gaps.begin(), gaps.end());
   const double longest = gaps.back();
   const auto n = static_cast<double>(gaps.size());
-  step_ = 0.25 * smear;
-  from_ = -8.0 * smear;
+  const double step = 0.25 * smear;
+  table_.per_step = 1.0 / step;
+  table_.from = -8.0 * smear;
   std::size_t shorter = 0;
-  for (double at = from_; table_.size() < kColumns.most_steps; at += step_) {
+  double of_gaps = std::log((n + 0.5) / (n + 0.5));
+  for (double at = table_.from; table_.at.size() < kColumns.most_steps; at += step) {
     const double z = at / smear;
-    const double passes = 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
+    // So far beyond it the normal distribution is 1 to the last digit.
+    const bool is_beyond = z > kColumns.all_of_it;
+    const double passes = is_beyond ? 1.0 : 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
     // Samples are missing up to the plane, where noise moves some of them beyond it.
-    const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+    const double density =
+        is_beyond ? 0.0 : std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
     const double missing = smear * (z * passes + density);
+    const std::size_t before = shorter;
     while (shorter < gaps.size() && gaps[shorter] < missing) ++shorter;
-    const double within =
-        std::log((n - static_cast<double>(shorter) + 0.5) / (n + 0.5)) / columns_of_line;
+    if (shorter > before) {
+      of_gaps = std::log((n - static_cast<double>(shorter) + 0.5) / (n + 0.5));
+    }
     const double beyond = std::max(0.0, missing - longest) / kColumns.beyond_longest;
-    const double log = std::log(std::max(passes, 1e-30)) + within - beyond;
-    table_.push_back(std::max(log, -kColumns.saturated));
+    const double of_noise = is_beyond ? 0.0 : std::log(std::max(passes, 1e-30));
+    const double log = of_noise + of_gaps / columns_of_line - beyond;
+    table_.at.push_back(std::max(log, -kColumns.saturated));
     if (z > 0 && log < -kColumns.saturated) break;
   }
+  table_.at.push_back(table_.at.back());
 }
 
 EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, double smear_mm) {
@@ -78,6 +90,7 @@ EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, dou
     return;
   }
   std::vector<std::vector<double>> at(count_);
+  for (auto& column : at) column.reserve(samples.size() / count_ * 2);
   for (const EndSample& sample : samples) {
     const double turn = sample.around_rad / (2.0 * std::numbers::pi);
     const double part = (turn - std::floor(turn)) * static_cast<double>(count_);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pipeline/features/end_lines.h"
+#include "pipeline/features/even_table.h"
 
 namespace bendloop::pipeline {
 
@@ -26,18 +27,11 @@ class EndStops {
   // Columns that the same laser lines cross have the same gaps and tell of their length once,
   // together; of the longest each.
   EndStops(std::vector<double> gaps, double smear, double columns_of_line);
-  double operator()(double beyond) const {
-    const double place = (beyond - from_) / step_;
-    if (!(place > 0)) return table_.front();
-    const auto at = static_cast<std::size_t>(place);
-    if (at + 1 >= table_.size()) return table_.back();
-    const double part = place - static_cast<double>(at);
-    return table_[at] + part * (table_[at + 1] - table_[at]);
-  }
+  // The sum over several columns.
+  double Sum(std::span<const double> beyond) const { return table_.Sum(beyond); }
 
  private:
-  double from_ = 0, step_ = 1;
-  std::vector<double> table_;
+  EvenTable table_;
 };
 
 // All samples about an end in columns, whatever pass they came in.

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "pipeline/features/end_lines.h"
 #include "pipeline/fit/surface_points.h"
@@ -16,10 +17,12 @@ struct EndCuts {
   std::optional<EndCutFound> first, last;
 };
 
-// The planes that the ends are cut by. Where one is certainly oblique (5 sigma), or laser lines
-// tell its place better than the borders' outermost point does, `ends` is set to where it meets the
-// spine. Other square ends stay as they were found: of an oblique one that point lies up to a pipe
-// radius times the slope further out.
+// The planes that the ends are cut by, with what they have beside them: a bevel, a burr, and a
+// border that no plane is (end_edge.h, end_curve.h). Where there is a bevel the tube ends at its
+// tip. Where one is certainly oblique (5 sigma), or laser lines tell its place better than the
+// borders' outermost point does, `ends` is set to where it meets the spine. Other square ends stay
+// as they were found: of an oblique one that point lies up to a pipe radius times the slope further
+// out.
 //
 // Of laser lines whose pass is known each narrow strip along the tube says that the plane lies
 // beyond its last line and before the next. Lines that an oblique cut ends halfway say so to the
@@ -36,6 +39,9 @@ struct EndPlane {
   double slope_sigma = 0;       // of either
   double slope_sigmas = 0;      // how many sigma it is from a square cut
   bool of_lines = false;        // told by the laser lines of passes that are known
+  // Where no plane explains the samples: how far the border lies beyond this one, which is nearest
+  // to it all round.
+  std::vector<BorderPlace> border;
 };
 // `samples`: from `window_mm` before the end on. None: too few.
 std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,

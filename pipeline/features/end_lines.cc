@@ -34,13 +34,15 @@ struct LineSettings {
   double one_sided = 0.3;
   // [of r_P] From the middle of a pass: further aside, rays come in along the wall.
   double limb = 0.97;
+  // Of how far the wall comes in: so near to the least radius is the tip.
+  double tip = 0.25;
 };
 constexpr LineSettings kLines;
 
 // A line in a strip: mean place of its samples.
 struct LineCrossing {
-  double at_mm = 0, around_rad = 0;
-  std::size_t samples = 0;
+  double at_mm = 0;
+  std::size_t first = 0, samples = 0;  // of the strip
 };
 
 double OneLineMm(std::span<const double> at) {
@@ -81,11 +83,14 @@ class Strips {
     std::vector<Eigen::Vector2d> directions;
     directions.reserve(samples.size());
     Eigen::Vector2d view = Eigen::Vector2d::Zero();
+    double narrowest = 1.0;
     for (const EndSample& sample : samples) {
       view += directions.emplace_back(std::cos(sample.around_rad), std::sin(sample.around_rad));
+      narrowest = std::min(narrowest, sample.of_radius);
     }
     from_one_side_ = view.norm() > kLines.one_sided * static_cast<double>(samples.size());
     view.normalize();
+    if (narrowest < 1.0) LookAtTip(samples, view, directions, narrowest);
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const double place = PlaceOf(samples[i], view, directions[i]);
       if (place < 0) continue;
@@ -114,6 +119,23 @@ class Strips {
     is_sorted_[k] = true;
     return strips_[k];
   }
+  // [of r_P] Rays lie evenly across the view, also where the wall has come in.
+  static double Aside(const EndSample& sample, const Eigen::Vector2d& view,
+                      const Eigen::Vector2d& direction) {
+    return (view.x() * direction.y() - view.y() * direction.x()) * sample.of_radius;
+  }
+  // Where the wall has come in, lines end further inward than before: beside that no strip tells
+  // where the last one is.
+  void LookAtTip(std::span<const EndSample> samples, const Eigen::Vector2d& view,
+                 std::span<const Eigen::Vector2d> directions, double narrowest) {
+    const double tip = narrowest + kLines.tip * (1.0 - narrowest);
+    double reach = 0;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      if (samples[i].of_radius > tip) continue;
+      reach = std::max(reach, std::abs(Aside(samples[i], view, directions[i])));
+    }
+    limb_ = std::min(limb_, kLines.limb * reach);
+  }
   // [0, 1): rays lie evenly there. Less than 0: at the limb.
   double PlaceOf(const EndSample& sample, const Eigen::Vector2d& view,
                  const Eigen::Vector2d& direction) const {
@@ -121,11 +143,12 @@ class Strips {
       const double turn = sample.around_rad * 0.5 / std::numbers::pi;
       return turn - std::floor(turn);
     }
-    const double aside = (view.x() * direction.y() - view.y() * direction.x()) / kLines.limb;
+    const double aside = Aside(sample, view, direction) / limb_;
     return view.dot(direction) > 0 && std::abs(aside) < 1 ? 0.5 + 0.5 * aside : -1.0;
   }
 
   bool from_one_side_ = true;
+  double limb_ = kLines.limb;
   std::array<std::vector<EndSample>, kNarrowest> strips_;
   std::array<bool, kNarrowest> is_sorted_{};
 };
@@ -139,22 +162,27 @@ std::vector<LineCrossing> CrossingsOf(std::span<const EndSample> strip) {
   std::vector<LineCrossing> crossings;
   for (std::size_t i = strip.size(); i > 0 && crossings.size() < kLines.most_lines;) {
     LineCrossing crossing;
-    // Around from its first sample, so that no turn ends within.
-    const double zero_rad = strip[i - 1].around_rad;
     std::size_t k = i;
-    for (; k > 0 && (k == i || at[k] - at[k - 1] < one_line_mm); --k) {
-      crossing.at_mm += at[k - 1];
-      crossing.around_rad +=
-          std::remainder(strip[k - 1].around_rad - zero_rad, 2.0 * std::numbers::pi);
-    }
+    for (; k > 0 && (k == i || at[k] - at[k - 1] < one_line_mm); --k) crossing.at_mm += at[k - 1];
+    crossing.first = k;
     crossing.samples = i - k;
     crossing.at_mm /= static_cast<double>(crossing.samples);
-    crossing.around_rad = zero_rad + crossing.around_rad / static_cast<double>(crossing.samples);
     crossings.push_back(crossing);
     i = k;
   }
   std::reverse(crossings.begin(), crossings.end());
   return crossings;
+}
+
+// Around: the mean of its samples, from the last of them, so that no turn ends within.
+double AroundRad(const LineCrossing& crossing, std::span<const EndSample> strip) {
+  const std::size_t end = crossing.first + crossing.samples;
+  const double zero_rad = strip[end - 1].around_rad;
+  double sum = 0;
+  for (std::size_t k = end; k > crossing.first; --k) {
+    sum += std::remainder(strip[k - 1].around_rad - zero_rad, 2.0 * std::numbers::pi);
+  }
+  return zero_rad + sum / static_cast<double>(crossing.samples);
 }
 
 // Lines of one sweep: a gap after the other, but for one longer gap at most (a hole, a lost ray).
@@ -188,14 +216,14 @@ std::optional<LineBracket> BracketOf(std::span<const EndSample> strip, double sm
   if (!sweep) return std::nullopt;
   const LineCrossing& last = crossings.back();
   LineBracket bracket;
-  bracket.last_rad = last.around_rad;
+  bracket.last_rad = AroundRad(last, strip);
   bracket.last_mm = last.at_mm;
   // Even lines say that noise does not move them as far as it might.
   bracket.last_sigma_mm = std::min(smear_mm / std::sqrt(static_cast<double>(last.samples)),
                                    sweep->scatter_mm / std::numbers::sqrt2);
   double around = 0;
   for (const LineCrossing& crossing : crossings) {
-    around += std::remainder(crossing.around_rad - bracket.last_rad, 2.0 * std::numbers::pi);
+    around += std::remainder(AroundRad(crossing, strip) - bracket.last_rad, 2.0 * std::numbers::pi);
   }
   bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());
   bracket.next_mm = last.at_mm + sweep->gap_mm;

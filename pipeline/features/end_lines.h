@@ -10,11 +10,13 @@ namespace bendloop::pipeline {
 
 // A sample near an end: around the feed direction from AroundZero() [radians], and beyond the end
 // along it [mm], negative on the tube. `pass`: of the scan; samples of scans that do not know their
-// passes have all the same.
+// passes have all the same. `of_radius`: how far from the axis, of the pipe's radius; where the
+// wall comes in or stands out at the end.
 struct EndSample {
   double around_rad = 0;
   double beyond_mm = 0;
   unsigned pass = 0;
+  double of_radius = 1;
 };
 
 // Laser lines at one place around the end: the last that met the wall, and where the next would

@@ -24,8 +24,11 @@ struct ProfileSettings {
   int least_sides = 6;
   // [of r_P] and [sigma] A place is wider than the pipe, and something is there at all.
   double wider = 0.015, wider_sigmas = 4.0, least_height = 0.03;
-  // Points further out than that: with fewer nobody need look closer.
+  // Points further out than that, and [sigma] than noise takes them: with fewer nobody need look
+  // closer.
+  double by_noise = 3.5;
   std::size_t least_points = 20;
+  std::size_t asked = 40'000;  // of all points, whether there are any
   // [of its height] The flank, whose line says where it begins.
   double flank_from = 0.15, flank_to = 0.7;
 };
@@ -38,25 +41,46 @@ struct EndPoint {
   unsigned side = 0;
 };
 
-std::vector<EndPoint> PointsOf(const PlainEnd& end, double r_mm, double length_mm,
-                               std::span<const PointBlock> near) {
+// A point beside the end's axis.
+struct Beside {
+  double from_end_mm, x, y, square;
+};
+
+// Calls `take` with every `stride`-th that is no further from the axis than what sits on an end,
+// nor nearer.
+template <class Take>
+void ForBeside(const PlainEnd& end, double r_mm, double length_mm, std::span<const PointBlock> near,
+               std::size_t stride, Take take) {
   const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
-  const double out_mm = (1.0 + kProfile.least_height) * r_mm;
   const double widest_mm = kProfile.widest * r_mm, narrowest_mm = kProfile.narrowest * r_mm;
-  std::vector<EndPoint> points;
-  std::size_t wider = 0;
+  std::size_t next = 0;
   for (const PointBlock& block : near) {
-    for (const Eigen::Vector3d& point : block.points) {
-      const Eigen::Vector3d from = point - end.position_mm;
+    for (; next < block.points.size(); next += stride) {
+      const Eigen::Vector3d from = block.points[next] - end.position_mm;
       const double from_end_mm = length_mm - from.dot(end.outward);
       if (from_end_mm < 0 || from_end_mm > kProfile.look * r_mm) continue;
       const double x = from.dot(u), y = from.dot(v), square = x * x + y * y;
       if (square > widest_mm * widest_mm || square < narrowest_mm * narrowest_mm) continue;
-      wider += square > out_mm * out_mm ? 1 : 0;
-      points.push_back({from_end_mm, std::sqrt(square), AzimuthSector<kProfileSides>(x, y)});
+      take(Beside{from_end_mm, x, y, square});
     }
+    next -= block.points.size();
   }
-  if (wider < kProfile.least_points) points.clear();
+}
+
+std::vector<EndPoint> PointsOf(const PlainEnd& end, double r_mm, double noise_mm, double length_mm,
+                               std::span<const PointBlock> near) {
+  const double out_mm = r_mm + std::max(kProfile.least_height * r_mm, kProfile.by_noise * noise_mm);
+  // Of most ends some say that nothing is wider than the pipe.
+  std::size_t wider = 0;
+  const std::size_t stride = StrideTo(CountPoints(near), kProfile.asked);
+  ForBeside(end, r_mm, length_mm, near, stride,
+            [&](const Beside& of) { wider += of.square > out_mm * out_mm ? 1 : 0; });
+  std::vector<EndPoint> points;
+  if (wider < kProfile.least_points) return points;
+  ForBeside(end, r_mm, length_mm, near, 1, [&](const Beside& of) {
+    points.push_back(
+        {of.from_end_mm, std::sqrt(of.square), AzimuthSector<kProfileSides>(of.x, of.y)});
+  });
   return points;
 }
 
@@ -144,7 +168,8 @@ Crossing FlankFoot(std::span<const RadiusAt> radii, std::size_t foot, std::size_
 
 void MeasureEndProfile(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
                        double end_sigma_mm, std::span<const PointBlock> near, EndForm& form) {
-  const std::vector<EndPoint> points = PointsOf(end, pipe_radius_mm, form.length_mm, near);
+  const std::vector<EndPoint> points =
+      PointsOf(end, pipe_radius_mm, noise_mm, form.length_mm, near);
   if (points.empty()) return;
   const std::vector<RadiusAt> radii = Radii(points, pipe_radius_mm, noise_mm);
   const auto is_wider = [&](const RadiusAt& at) {

@@ -203,7 +203,9 @@ class Candidate {
       const SampleDensity density = DensityBeside(*rough, around.wall);
       if (density.per_mm2 * rough->AreaMm2() < kOpening.least_missing) return std::nullopt;
       OpeningBorder about = *rough;
-      about.pipe_radius_mm = r_mm_;
+      // What a lean leaves of a wall is known of a round one: in a bend drills are taken for
+      // radial.
+      about.pipe_radius_mm = IsInBend(frame, *rough) ? 0.0 : r_mm_;
       return Fit(frame, about, around, {reach_mm, gap_mm}, kOpening.moves);
     }
     return std::nullopt;
@@ -235,6 +237,15 @@ class Candidate {
     return Found(frame, fitted, lines.has_lines ? 1.0 : Clumping(border, around.wall));
   }
 
+  // Whether any of its border is on a bend.
+  bool IsInBend(const hal::SurfaceFrame& frame, const OpeningBorder& border) const {
+    const double half_mm = 0.5 * border.length_mm;
+    return std::any_of(segments_.begin(), segments_.end(), [&](const hal::SpineSegment& segment) {
+      if (!segment.is_arc()) return false;
+      const double along_mm = PlaceOf(frame, border.middle_mm).first - segment.from_start_mm;
+      return along_mm > -half_mm && along_mm < segment.length_mm + half_mm;
+    });
+  }
   // The frame of a place in the plane of another.
   hal::SurfaceFrame FrameOf(const hal::SurfaceFrame& frame, const Eigen::Vector2d& place_mm) const {
     const auto [along_mm, around_deg] = PlaceOf(frame, place_mm);

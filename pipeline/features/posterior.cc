@@ -18,24 +18,25 @@ constexpr double kLearningPart = 0.2;
 constexpr double kBestStep = 2.38;
 constexpr double kKeptShape = 0.05;  // of the shape before, so that none degenerates
 
+// `N`: numbers, where they are known when this is compiled.
+template <int N>
 struct Sums {
   explicit Sums(Eigen::Index n)
       : first(Eigen::VectorXd::Zero(n)), second(Eigen::MatrixXd::Zero(n, n)) {}
   // `off`: from where the sums count. Through pointers: a walk has few numbers and many steps.
-  void Add(const Eigen::VectorXd& off) {
-    const Eigen::Index n = first.size();
-    const double* x = off.data();
+  void Add(const double* off) {
+    const Eigen::Index n = N > 0 ? N : first.size();
     double* sum = first.data();
     double* square = second.data();
     for (Eigen::Index k = 0; k < n; ++k, square += n) {
-      sum[k] += x[k];
-      for (Eigen::Index i = k; i < n; ++i) square[i] += x[i] * x[k];
+      sum[k] += off[k];
+      for (Eigen::Index i = k; i < n; ++i) square[i] += off[i] * off[k];
     }
     count += 1;
   }
   Eigen::VectorXd Mean() const { return first / count; }
   Eigen::MatrixXd Covariance() const {
-    const Eigen::MatrixXd both = second.selfadjointView<Eigen::Lower>();
+    const Eigen::MatrixXd both = second.template selfadjointView<Eigen::Lower>();
     return both / count - Mean() * Mean().transpose();
   }
 
@@ -44,6 +45,52 @@ struct Sums {
   double count = 0;
   double log_density = 0;  // of all that were added
 };
+
+template <int N>
+Posterior Walk(const Posterior& rough, int walk, WalkDice& dice,
+               const std::function<double(const Eigen::VectorXd&)>& log_density) {
+  const Eigen::VectorXd& start = rough.mean;
+  const Eigen::Index n = N > 0 ? N : start.size();
+  std::size_t thrown = 0;
+  Eigen::VectorXd at = start, to = start, off = Eigen::VectorXd::Zero(n);
+  double here = log_density(at);
+  Eigen::MatrixXd shape = rough.covariance;
+  double length = kBestStep / std::sqrt(static_cast<double>(n));
+  const auto round = [&](int steps) {
+    const Eigen::MatrixXd factor = length * DefiniteSolver(shape).Lower();
+    Sums<N> sums(n);  // about the start, so that no digits are lost
+    int taken = 0;
+    for (int taking = 0; taking < steps; ++taking) {
+      const double* step = dice.Of(thrown++);
+      const double* from = at.data();
+      double* sum = to.data();
+      const double* column = factor.data();
+      for (Eigen::Index k = 0; k < n; ++k) sum[k] = from[k];
+      for (Eigen::Index k = 0; k < n; ++k, column += n) {
+        for (Eigen::Index i = k; i < n; ++i) sum[i] += column[i] * step[k];
+      }
+      const double there = log_density(to);
+      if (step[n] < there - here) {
+        at.swap(to);
+        for (Eigen::Index k = 0; k < n; ++k) off.data()[k] = at.data()[k] - start.data()[k];
+        here = there;
+        ++taken;
+      }
+      sums.Add(off.data());
+      sums.log_density += here;
+    }
+    // About a quarter of the steps should be taken.
+    const double part = static_cast<double>(taken) / steps;
+    length *= std::clamp(part / 0.25, 0.3, 2.0);
+    return sums;
+  };
+  for (int i = 0; i < kLearningRounds; ++i) {
+    const Sums<N> sums = round(std::max(1, static_cast<int>(kLearningPart * walk)));
+    shape = sums.Covariance() + kKeptShape * shape;
+  }
+  const Sums<N> sums = round(walk);
+  return {start + sums.Mean(), sums.Covariance(), sums.log_density / sums.count};
+}
 
 }  // namespace
 
@@ -85,46 +132,9 @@ Posterior SamplePosterior(const Posterior& rough, int walk,
 
 Posterior SamplePosterior(const Posterior& rough, int walk, WalkDice& dice,
                           const std::function<double(const Eigen::VectorXd&)>& log_density) {
-  const Eigen::VectorXd& start = rough.mean;
-  const Eigen::Index n = start.size();
-  std::size_t thrown = 0;
-  Eigen::VectorXd at = start, to = start, off = Eigen::VectorXd::Zero(n);
-  double here = log_density(at);
-  Eigen::MatrixXd shape = rough.covariance;
-  double length = kBestStep / std::sqrt(static_cast<double>(n));
-  const auto round = [&](int steps) {
-    const Eigen::MatrixXd factor = length * DefiniteSolver(shape).Lower();
-    Sums sums(n);  // about the start, so that no digits are lost
-    int taken = 0;
-    for (int taking = 0; taking < steps; ++taking) {
-      const double* step = dice.Of(thrown++);
-      to = at;
-      double* sum = to.data();
-      const double* column = factor.data();
-      for (Eigen::Index k = 0; k < n; ++k, column += n) {
-        for (Eigen::Index i = k; i < n; ++i) sum[i] += column[i] * step[k];
-      }
-      const double there = log_density(to);
-      if (step[n] < there - here) {
-        at.swap(to);
-        off = at - start;
-        here = there;
-        ++taken;
-      }
-      sums.Add(off);
-      sums.log_density += here;
-    }
-    // About a quarter of the steps should be taken.
-    const double part = static_cast<double>(taken) / steps;
-    length *= std::clamp(part / 0.25, 0.3, 2.0);
-    return sums;
-  };
-  for (int i = 0; i < kLearningRounds; ++i) {
-    const Sums sums = round(std::max(1, static_cast<int>(kLearningPart * walk)));
-    shape = sums.Covariance() + kKeptShape * shape;
-  }
-  const Sums sums = round(walk);
-  return {start + sums.Mean(), sums.Covariance(), sums.log_density / sums.count};
+  // Ends and holes have three numbers; that many the compiler takes one by one.
+  return rough.mean.size() == 3 ? Walk<3>(rough, walk, dice, log_density)
+                                : Walk<Eigen::Dynamic>(rough, walk, dice, log_density);
 }
 
 }  // namespace bendloop::pipeline

@@ -163,7 +163,7 @@ class Counter {
       }
     }
   }
-  const Grid& grid() const { return grid_; }
+  Grid TakeGrid() { return std::move(grid_); }
 
  private:
   std::size_t stride_, next_ = 0;  // in the next block
@@ -313,13 +313,14 @@ class VoidSearch {
 
 Grid Count(const hal::Tube& tube, std::span<const PointBlock> blocks, std::size_t stride,
            const Grid& empty, Workers* workers) {
+  // Numbers of points add up to the same however the blocks are parted.
   const std::vector<BlockRange> rounds =
-      EvenRounds(blocks, kCells.points_of_round, kCells.most_rounds);
+      EvenRounds(blocks, kCells.points_of_round, workers ? kCells.most_rounds : 1);
   std::vector<Grid> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
     Counter counter(tube, empty, stride);
     for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) counter.Add(blocks[i]);
-    parts[round] = counter.grid();
+    parts[round] = counter.TakeGrid();
   });
   for (std::size_t round = 1; round < parts.size(); ++round) {
     for (std::size_t cell = 0; cell < empty.count.size(); ++cell) {

@@ -18,11 +18,34 @@ struct OpeningFound {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitX();   // of its length, in W
 };
 
-// The plane of an end that is not cut square.
+// A bevel of an end's outside: a cone from the pipe's wall to where the tube ends.
+struct BevelFound {
+  double length_mm = 0, length_sigma_mm = 0;  // along the tube
+  double depth_mm = 0, depth_sigma_mm = 0;    // how far the wall has come in at the end
+  double angle_deg = 0, angle_sigma_deg = 0;  // of the cone, to the axis
+};
+
+// A burr: what stands out of the wall right before the end.
+struct BurrFound {
+  double height_mm = 0, sigma_mm = 0;  // where it is highest
+  double around_deg = 0;               // and where that is
+  double part = 0;                     // of the turn, that has one
+};
+
+// A place of a border that no plane is.
+struct BorderPlace {
+  double around_deg = 0;
+  double beyond_mm = 0, sigma_mm = 0;  // the plane there, out of the tube
+};
+
+// The plane of an end that is not cut square, and what the end has beside it.
 struct EndCutFound {
   hal::EndCut cut;
   double obliquity_sigma_deg = 0;
   double around_sigma_deg = 0;
+  std::optional<BevelFound> bevel;
+  std::optional<BurrFound> burr;
+  std::vector<BorderPlace> border;  // all round; none: nothing says that it is no plane
 };
 
 // What is cut into the tube and drilled through its wall.

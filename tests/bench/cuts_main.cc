@@ -14,6 +14,7 @@
 #include "tests/bench/bench_table.h"
 #include "tests/bench/cut_scan.h"
 #include "tests/bench/live_cuts.h"
+#include "tests/bench/ray_bound.h"
 #include "tests/support/cut_walls.h"
 #include "tests/support/reversed_features.h"
 
@@ -27,6 +28,7 @@ constexpr double kPipeRadiusMm = kCutPipeRadiusMm;
 // Mean squares of a number's errors over its bound and over its own sigma.
 struct Score {
   double over_bound = 0, over_sigma = 0, bound = 0, count = 0;
+  double bounded = 0, errors = 0, bounds = 0;  // of scans: those with a bound, and squares of both
 
   void Add(double error, double least, double sigma) {
     over_bound += std::pow(error / least, 2);
@@ -34,6 +36,16 @@ struct Score {
     bound += least;
     count += 1;
   }
+  // Of a scan, whose bound is its own; none: nan.
+  void AddScanned(double error, double sigma, double least = NAN) {
+    Add(error, 1, sigma);
+    if (!std::isfinite(least)) return;
+    bounded += 1;
+    errors += error * error;
+    bounds += least * least;
+  }
+  std::string OverBounds() const { return bounded > 0 ? Number(std::sqrt(errors / bounds)) : "-"; }
+  std::string Bounds() const { return bounded > 0 ? Number(std::sqrt(bounds / bounded)) : "-"; }
   std::string OverBound() const { return Number(std::sqrt(over_bound / count)); }
   std::string OverSigma() const { return Number(std::sqrt(over_sigma / count)); }
   std::string Bound() const { return Number(bound / count); }
@@ -142,85 +154,113 @@ void PrintScattered(std::uint64_t seed, int count) {
 
 double Turn(double a_deg, double b_deg) { return std::remainder(a_deg - b_deg, 360.0); }
 
-void ScoreCuts(const pipeline::Measurement& m, hal::TubeFeatures truth, const hal::Tube& tube,
-               Scores& scores) {
+// Ends in the order of the measurement, each with what the scan's rays let of it.
+void ScoreScannedEnds(const CutScan& scanned, const pipeline::Measurement& m,
+                      const hal::TubeFeatures& truth, bool is_reversed, Scores& scores) {
+  const double true_mm[2] = {is_reversed ? 80.0 : 90.0, is_reversed ? 90.0 : 80.0};
   const auto& rows = m.tube.program.rows;
-  // Whichever end came first.
-  const bool is_reversed = std::abs(rows.front().angle_deg - 45) < 5;
-  if (is_reversed) truth = tests::ReversedFeatures(truth, tube);
   for (const bool at_start : {true, false}) {
+    const Eigen::Vector3d bound = RayBound(scanned, at_start != is_reversed);
     const auto& end = at_start ? m.features.first_end : m.features.last_end;
     const hal::EndCut& cut = at_start ? truth.first_end : truth.last_end;
+    const double length_mm = at_start ? rows.front().length_mm : rows.back().length_mm;
+    const double sigma_mm =
+        at_start ? m.sigma.rows.front().length_mm : m.sigma.rows.back().length_mm;
+    Of(scores, "end: length mm")
+        .AddScanned(length_mm - true_mm[at_start ? 0 : 1], sigma_mm, bound[0]);
     if (!end) continue;
+    const double around = bound[2] / std::tan(cut.obliquity_deg * hal::kRadiansPerDegree);
     Of(scores, "end: obliquity deg")
-        .Add(end->cut.obliquity_deg - cut.obliquity_deg, 1, end->obliquity_sigma_deg);
+        .AddScanned(end->cut.obliquity_deg - cut.obliquity_deg, end->obliquity_sigma_deg,
+                    bound[1] * hal::kDegreesPerRadian);
     Of(scores, "end: longest at deg")
-        .Add(Turn(end->cut.around_deg, cut.around_deg), 1, end->around_sigma_deg);
+        .AddScanned(Turn(end->cut.around_deg, cut.around_deg), end->around_sigma_deg,
+                    around * hal::kDegreesPerRadian);
   }
-  Of(scores, "end: length mm")
-      .Add(rows.front().length_mm - (is_reversed ? 80 : 90), 1, m.sigma.rows.front().length_mm);
-  Of(scores, "end: length mm")
-      .Add(rows.back().length_mm - (is_reversed ? 90 : 80), 1, m.sigma.rows.back().length_mm);
-  const double length_mm = hal::SpineLength(m.tube.program);
-  const double true_mm = 90 + 70 + 80 + 25 * 105 * hal::kRadiansPerDegree;
-  for (const hal::WallOpening& opening : truth.openings) {
-    const auto found = std::min_element(m.features.openings.begin(), m.features.openings.end(),
-                                        [&](const auto& a, const auto& b) {
-                                          return std::abs(a.opening.along_mm - opening.along_mm) <
-                                                 std::abs(b.opening.along_mm - opening.along_mm);
-                                        });
-    const bool is_found = found != m.features.openings.end() &&
-                          std::abs(found->opening.along_mm - opening.along_mm) < 3 &&
-                          found->opening.is_hole() == opening.is_hole();
-    Of(scores, opening.is_hole() ? "hole: not found" : "slot: not found")
-        .Add(is_found ? 0 : 1, 1, 1);
-    if (!is_found) continue;
-    const hal::WallOpening &is = found->opening, &sigma = found->sigma;
-    const bool from_end = opening.along_mm > 0.5 * true_mm;
-    const std::string kind = opening.is_hole() ? "hole" : "slot";
-    Of(scores, kind + ": along mm")
-        .Add(is.along_mm - opening.along_mm - (from_end ? length_mm - true_mm : 0), 1,
-             sigma.along_mm);
-    Of(scores, kind + ": around deg")
-        .Add(Turn(is.around_deg, opening.around_deg), 1, sigma.around_deg);
-    Of(scores, kind + ": width mm").Add(is.width_mm - opening.width_mm, 1, sigma.width_mm);
-    if (opening.is_hole()) continue;
-    Of(scores, "slot: length mm").Add(is.length_mm - opening.length_mm, 1, sigma.length_mm);
-    Of(scores, "slot: axis deg")
-        .Add(std::remainder(is.axis_deg - opening.axis_deg, 180.0), 1, sigma.axis_deg);
-  }
-  Of(scores, "dent: not found").Add(m.dents.size() == 1 ? 0 : 1, 1, 1);
+}
+
+void ScoreScannedOpening(const pipeline::OpeningFound& found, const hal::WallOpening& truth,
+                         double longer_mm, const Eigen::VectorXd& bound, Scores& scores) {
+  const hal::WallOpening &is = found.opening, &sigma = found.sigma;
+  const std::string kind = truth.is_hole() ? "hole" : "slot";
+  const auto least = [&](Eigen::Index i) { return i < bound.size() ? bound[i] : NAN; };
+  Of(scores, kind + ": along mm")
+      .AddScanned(is.along_mm - truth.along_mm - longer_mm, sigma.along_mm, least(0));
+  Of(scores, kind + ": around deg")
+      .AddScanned(Turn(is.around_deg, truth.around_deg), sigma.around_deg,
+                  least(1) / kPipeRadiusMm * hal::kDegreesPerRadian);
+  Of(scores, kind + ": width mm")
+      .AddScanned(is.width_mm - truth.width_mm, sigma.width_mm, least(2));
+  if (truth.is_hole()) return;
+  Of(scores, "slot: length mm")
+      .AddScanned(is.length_mm - truth.length_mm, sigma.length_mm, least(3));
+  Of(scores, "slot: axis deg")
+      .AddScanned(std::remainder(is.axis_deg - truth.axis_deg, 180.0), sigma.axis_deg,
+                  least(4) * hal::kDegreesPerRadian);
+}
+
+void ScoreScannedDents(const pipeline::Measurement& m, const hal::PressedDent& pressed,
+                       double longer_mm, Scores& scores) {
+  Of(scores, "dent: not found").AddScanned(m.dents.size() == 1 ? 0 : 1, 1);
   if (m.dents.size() != 1) return;
   const pipeline::DentFound& dent = m.dents.front();
-  const hal::PressedDent& pressed = truth.dents.front();
-  const double longer_mm = 2 * pressed.along_mm > true_mm ? length_mm - true_mm : 0;
   Of(scores, "dent: along mm")
-      .Add(dent.along_mm - pressed.along_mm - longer_mm, 1, dent.along_sigma_mm);
+      .AddScanned(dent.along_mm - pressed.along_mm - longer_mm, dent.along_sigma_mm);
   Of(scores, "dent: around deg")
-      .Add(Turn(dent.around_deg, pressed.around_deg), 1, dent.around_sigma_deg);
-  Of(scores, "dent: depth mm").Add(dent.depth_mm - pressed.depth_mm, 1, dent.sigma_mm);
+      .AddScanned(Turn(dent.around_deg, pressed.around_deg), dent.around_sigma_deg);
+  Of(scores, "dent: depth mm").AddScanned(dent.depth_mm - pressed.depth_mm, dent.sigma_mm);
   Of(scores, "dent: area mm2")
-      .Add(dent.area_mm2 -
-               2 * std::numbers::pi * std::numbers::ln2 * pressed.width_mm * pressed.width_mm,
-           1, dent.area_sigma_mm2);
+      .AddScanned(dent.area_mm2 - 2 * std::numbers::pi * std::numbers::ln2 * pressed.width_mm *
+                                      pressed.width_mm,
+                  dent.area_sigma_mm2);
+}
+
+void ScoreCuts(const CutScan& scanned, const pipeline::Measurement& m, Scores& scores) {
+  const auto& openings = scanned.options.features.openings;
+  // Whichever end came first.
+  const bool is_reversed = std::abs(m.tube.program.rows.front().angle_deg - 45) < 5;
+  const hal::TubeFeatures truth =
+      is_reversed ? tests::ReversedFeatures(scanned.options.features, scanned.tube)
+                  : scanned.options.features;
+  ScoreScannedEnds(scanned, m, truth, is_reversed, scores);
+  const double true_mm = hal::SpineLength(scanned.tube.program);
+  const double longer_mm = hal::SpineLength(m.tube.program) - true_mm;
+  for (std::size_t i = 0; i < truth.openings.size(); ++i) {
+    const hal::WallOpening& opening = truth.openings[i];
+    const double shift_mm = opening.along_mm > 0.5 * true_mm ? longer_mm : 0;
+    const auto found =
+        std::find_if(m.features.openings.begin(), m.features.openings.end(), [&](const auto& of) {
+          return std::abs(of.opening.along_mm - shift_mm - opening.along_mm) < 3 &&
+                 of.opening.is_hole() == opening.is_hole();
+        });
+    const bool is_found = found != m.features.openings.end();
+    Of(scores, opening.is_hole() ? "hole: not found" : "slot: not found")
+        .AddScanned(is_found ? 0 : 1, 1);
+    if (is_found) {
+      ScoreScannedOpening(*found, opening, shift_mm, RayBound(scanned, openings[i]), scores);
+    }
+  }
+  ScoreScannedDents(m, truth.dents.front(),
+                    2 * truth.dents.front().along_mm > true_mm ? longer_mm : 0, scores);
 }
 
 void PrintScans(std::uint64_t seed, int count) {
   std::vector<std::vector<std::string>> lines = {
-      {"lines mm apart", "what", "rms error", "error over sigma"}};
+      {"lines mm apart", "what", "rms error", "error over sigma", "bound", "error over bound"}};
   for (const double spacing_mm : {0.5, 1.0}) {
     Scores scores;
     for (int i = 0; i < count; ++i) {
       const CutScan scanned = ACutTube(seed + static_cast<std::uint64_t>(i), spacing_mm);
       const auto measurement = Measure(scanned);
       if (measurement && measurement->tube.program.rows.size() == 3)
-        ScoreCuts(*measurement, scanned.options.features, scanned.tube, scores);
+        ScoreCuts(scanned, *measurement, scores);
     }
     for (const auto& [name, score] : scores) {
-      lines.push_back({Number(spacing_mm), name, score.OverBound(), score.OverSigma()});
+      lines.push_back({Number(spacing_mm), name, score.OverBound(), score.OverSigma(),
+                       score.Bounds(), score.OverBounds()});
     }
   }
-  PrintMarkdown(std::cout, "Scans by laser lines", lines, {true, false, true, true});
+  PrintMarkdown(std::cout, "Scans by laser lines", lines, {true, false, true, true, true, true});
 }
 
 }  // namespace

@@ -45,6 +45,10 @@ inline hal::TubeFeatures ReversedFeatures(const hal::TubeFeatures& features,
   turn(at_start_mm, reversed.first_end.around_deg);
   turn(at_end_mm, reversed.last_end.around_deg);
   std::swap(reversed.first_end, reversed.last_end);
+  at_start_mm = 0, at_end_mm = length_mm;
+  turn(at_start_mm, reversed.first_edge.wave_around_deg);
+  turn(at_end_mm, reversed.last_edge.wave_around_deg);
+  std::swap(reversed.first_edge, reversed.last_edge);
   return reversed;
 }
 

@@ -144,7 +144,7 @@ TEST(Inspection, FailsWhereAHoleIsMissingAndIsUndecidedWhereNobodyLooked) {
 
 TEST(Inspection, JudgesHowEndsAreCut) {
   Measurement measured = Measured(kPart);
-  measured.features.last_end = EndCutFound{{2.0, 30}, 0.1, 3};
+  measured.features.last_end = EndCutFound{{2.0, 30}, 0.1, 3, {}, {}, {}};
   EXPECT_EQ(Inspect(measured, kPart, kPipeRadius, {}).verdict, Verdict::kPass);
   InspectionOptions options;
   options.features.obliquity_tolerance_deg = 1.0;

@@ -71,6 +71,23 @@ TEST(ReportHtml, TellsStraightnessEasingsAndDents) {
   EXPECT_EQ(Count(CardsHtml(SampleRun()), "<h3>Form</h3>"), 0u);
 }
 
+TEST(ReportHtml, TellsAndDrawsEdgesOfEnds) {
+  RunResult run = SampleRun();
+  pipeline::TubeFeaturesFound& features = run.measurement.features;
+  features.is_known = true;
+  features.first_end.emplace().bevel = {1.25, 0.03, 0.75, 0.02, 31.0, 0.2};
+  features.last_end.emplace().burr = {0.35, 0.01, -52.5, 0.5};
+  features.last_end->border = {{0, 0.5, 0.02}, {180, -0.625, 0.02}};
+  const std::string html = CardsHtml(run);
+  EXPECT_EQ(Count(html, "<p>Edges of the ends</p>"), 1u);
+  EXPECT_EQ(Count(html, "<td class=\"n\">1.25</td><td class=\"n\">0.03</td>"), 1u);
+  EXPECT_EQ(Count(html, "<td class=\"n\">0.35</td><td class=\"n\">0.01</td>"), 1u);
+  EXPECT_EQ(Count(html, "stroke-dasharray=\"3 2\""), 1u);  // where the bevel begins
+  RunResult square = run;
+  square.measurement.features.last_end->border.clear();
+  EXPECT_NE(CardsHtml(square), html);
+}
+
 TEST(ReportHtml, IsTheSameBytesEachTime) {
   const std::vector<RunResult> runs = {SampleRun(1), SampleRun(2)};
   EXPECT_EQ(ReportHtml(runs), ReportHtml(runs));

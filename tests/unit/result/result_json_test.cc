@@ -85,6 +85,27 @@ TEST(ResultJson, WhatNobodyLookedForIsNullAndNotNone) {
   EXPECT_EQ(WriteResultJson(*read), text);
 }
 
+TEST(ResultJson, EdgesOfEndsComeBack) {
+  RunResult run = Sample();
+  pipeline::TubeFeaturesFound& features = run.measurement.features;
+  features.is_known = true;
+  pipeline::EndCutFound& first = features.first_end.emplace();
+  first.cut = {3, 40};
+  first.bevel = {1.25, 0.03, 0.75, 0.02, 31.0, 0.2};
+  pipeline::EndCutFound& last = features.last_end.emplace();
+  last.burr = {0.3, 0.01, -52.5, 0.5};
+  last.border = {{0, 0.5, 0.02}, {180, -0.5, 0.02}};
+  const std::string text = WriteResultJson(run);
+  const Json json = Json::parse(text);
+  EXPECT_EQ(json["features"]["first_end"]["bevel"]["depth_mm"], 0.75);
+  EXPECT_FALSE(json["features"]["first_end"].contains("burr"));
+  EXPECT_EQ(json["features"]["last_end"]["burr"]["around_deg"], -52.5);
+  EXPECT_EQ(json["features"]["last_end"]["border"][1]["beyond_plane_mm"], -0.5);
+  const auto read = ReadResultJson(text, "edges");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(WriteResultJson(*read), text);
+}
+
 TEST(ResultJson, HasTheKeysOfTheSchemaInOrder) {
   const Json json = ResultJson(Sample(), {.spine = true});
   EXPECT_THAT(Keys(json), ElementsAre("schema", "part", "session", "time", "software", "tube",

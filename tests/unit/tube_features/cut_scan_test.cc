@@ -91,6 +91,29 @@ TEST(CutScan, FindsEndsHolesAndSlot) {
   }
 }
 
+// A wide hole across a tight bend, drilled radially: what is left of that wall is no lean's oval.
+TEST(CutScan, AHoleInABendIsRadial) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    const hal::Tube tube =
+        drivers::LayOnTable({20, {{{200, 0, 82, 44.0}, {180, 0, 0, std::nullopt}}}, {}}, seed);
+    drivers::VirtualScanOptions options = AllAround(seed);
+    options.rays = 200;
+    options.fan_half_angle_deg = 9.3;
+    options.path.profile_spacing_mm = 1.5;
+    options.path.views_deg = drivers::SpreadViewsDeg(6, true);
+    options.path.jitter_mm = options.path.jitter_deg = 0.1;
+    options.features.openings = {{232, -100, 19, 19, 0}};
+    const Measurement m = Measure(tube, options);
+    ASSERT_EQ(m.features.openings.size(), 1U);
+    const OpeningFound& found = m.features.openings.front();
+    ASSERT_TRUE(found.opening.is_hole());
+    EXPECT_EQ(found.opening.lean_along_deg, 0);
+    EXPECT_EQ(found.opening.lean_around_deg, 0);
+    EXPECT_NEAR(found.opening.width_mm, 19, 3 * found.sigma.width_mm);
+  }
+}
+
 TEST(CutScan, LeavesLengthsRotationsAndAnglesAlone) {
   const hal::Tube tube = drivers::LayOnTable(BentTube(), 4);
   drivers::VirtualScanOptions options = AllAround(4);
@@ -148,6 +171,8 @@ TEST_P(PlainScan, HasNoOpeningsAndSquareEnds) {
   for (const auto* end : {&m.features.first_end, &m.features.last_end}) {
     if (*end) {
       EXPECT_LT((*end)->cut.obliquity_deg, 5 * (*end)->obliquity_sigma_deg);
+      EXPECT_FALSE((*end)->bevel || (*end)->burr);
+      EXPECT_TRUE((*end)->border.empty());
     }
   }
 }

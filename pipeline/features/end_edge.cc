@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/end_edge.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "hal/angles.h"
+#include "pipeline/features/sampling.h"
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct EdgeSettings {
+  // Samples beyond the wall's border, and sectors that have some, of a bevel.
+  std::size_t least_inside = 24, least_sectors = 8;
+  // [of r_P] A bevel reaches no further beyond the wall's border, nor further in.
+  double longest = 0.8, deepest = 0.5;
+  // [of r_P] and [sigma] Its cone begins no further from the wall's border.
+  double begins = 0.1;
+  // Of the cone: what is steeper is the cut itself, what is flatter the wall.
+  double least_fall = 0.1, most_fall = 6.0;
+  // [sigma] Samples further off are none of the cone's; and how much of them all it explains.
+  double off = 4.0, least_part = 0.7;
+  int rounds = 6;
+  // [sigma] Deeper than the wall's samples are taken, so that noise has no say in which are.
+  double fair = 3.0;
+
+  // [sigma] and [of r_P] How far a burr stands out at least; and at most.
+  double out_sigmas = 5.0, out = 0.01, most_out = 0.2;
+  // [of r_P] How long one may be along the tube; lengths are tried from a part of it on.
+  double longest_burr = 0.3, lengths = 8;
+  // Samples that stand out, and how many times as many as in the next as long piece of the wall.
+  double least_out = 12.0, times = 4.0;
+  // [of r_P] and [of those that stand out] What goes on so far beyond the end is none of it.
+  double beyond = 0.06, least_beyond = 0.2;
+  // Samples of a sector that tell how far it stands out there, and by how many sigma.
+  double least_of_sector = 6.0, certain = 5.0;
+};
+constexpr EdgeSettings kEdge;
+
+// Sums of a straight line through samples: how far in they are, by how far beyond.
+struct LineSums {
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  void Add(double at, double in) { n += 1, x += at, y += in, xx += at * at, xy += at * in; }
+  double Spread() const { return xx - x * x / n; }
+  double Slope() const { return (xy - x * y / n) / Spread(); }
+};
+
+struct InsideSample {
+  std::size_t index;
+  double beyond_mm, in_mm;
+};
+
+// Samples inside, beyond the plane, that may be a bevel's. Empty: too few, or on too few sides.
+std::vector<InsideSample> InsideOf(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                   double r_mm) {
+  std::vector<InsideSample> inside;
+  EndSectors seen{};
+  for (std::size_t i = 0; i < near.inside().size(); ++i) {
+    const NearEnd& sample = near.inside()[i];
+    const double beyond_mm = sample.BeyondMm(plane_mm), in_mm = r_mm - sample.RadiusMm();
+    if (beyond_mm < 0 || beyond_mm > kEdge.longest * r_mm || in_mm > kEdge.deepest * r_mm) continue;
+    inside.push_back({i, beyond_mm, in_mm});
+    seen[EndSectorOf(sample.AroundRad())] = true;
+  }
+  const auto sectors = static_cast<std::size_t>(std::count(seen.begin(), seen.end(), true));
+  if (inside.size() < kEdge.least_inside || sectors < kEdge.least_sectors) inside.clear();
+  return inside;
+}
+
+struct BurrSample {
+  std::size_t sector;
+  double before_mm, off_mm;
+};
+
+// How far each sector stands out at the border, if the burr is `length_mm` long: least squares.
+struct BurrSums {
+  std::array<double, kEndSectors> n{}, square{}, product{};
+  double explained = 0;  // of the sum of squares
+
+  void Add(std::size_t sector, double part, double off_mm) {
+    n[sector] += part > 0 ? 1 : 0;
+    square[sector] += part * part;
+    product[sector] += part * off_mm;
+  }
+  void Sum() {
+    for (std::size_t i = 0; i < kEndSectors; ++i) {
+      if (product[i] > 0) explained += product[i] * product[i] / square[i];
+    }
+  }
+};
+
+}  // namespace
+
+BevelFound EndBevel::Found(double ends_mm, double sigma_mm) const {
+  BevelFound found;
+  const double begins_sigma_mm = std::sqrt(covariance(0, 0));
+  const double fall_sigma = std::sqrt(covariance(1, 1));
+  found.length_mm = ends_mm - begins_mm;
+  found.length_sigma_mm = std::hypot(sigma_mm, begins_sigma_mm);
+  found.depth_mm = fall * found.length_mm;
+  // By how far it begins, how fast it falls, and where the tube ends.
+  const Eigen::Vector2d row(-fall, found.length_mm);
+  found.depth_sigma_mm =
+      std::sqrt(std::max(0.0, row.dot(covariance * row)) + fall * fall * sigma_mm * sigma_mm);
+  found.angle_deg = std::atan(fall) * hal::kDegreesPerRadian;
+  found.angle_sigma_deg = fall_sigma / (1.0 + fall * fall) * hal::kDegreesPerRadian;
+  return found;
+}
+
+std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                  double r_mm, double noise_mm) {
+  const std::vector<InsideSample> inside = InsideOf(near, plane_mm, r_mm);
+  if (inside.empty()) return std::nullopt;
+  EndBevel bevel;
+  double reach_mm = kEdge.deepest * r_mm, scatter_mm = noise_mm;
+  const double fair_mm = (kSampling.on_surface + kEdge.fair) * noise_mm;
+  LineSums sums;
+  for (int round = 0; round < kEdge.rounds; ++round) {
+    sums = {};
+    std::vector<double> off;
+    for (const InsideSample& sample : inside) {
+      const double residual =
+          round == 0 ? 0.0 : sample.in_mm - bevel.fall * (sample.beyond_mm - bevel.begins_mm);
+      off.push_back(std::abs(residual));
+      // Where it begins noise decides which samples are still the wall's: those are no fair ones.
+      const bool is_fair =
+          round == 0 || bevel.fall * (sample.beyond_mm - bevel.begins_mm) > fair_mm;
+      if (is_fair && off.back() < reach_mm) sums.Add(sample.beyond_mm, sample.in_mm);
+    }
+    if (sums.n < static_cast<double>(kEdge.least_inside) || !(sums.Spread() > 0)) {
+      return std::nullopt;
+    }
+    if (round > 0) {
+      constexpr double kPerMedian = 1.4826;
+      scatter_mm = std::max(noise_mm, kPerMedian * Median(std::move(off)));
+      reach_mm = kEdge.off * scatter_mm;
+    }
+    bevel.fall = sums.Slope();
+    if (!(bevel.fall > kEdge.least_fall) || bevel.fall > kEdge.most_fall) return std::nullopt;
+    bevel.begins_mm = (sums.x - sums.y / bevel.fall) / sums.n;
+  }
+  // At their mean the line is surest; the wall's radius, which it begins at, is known better.
+  const double at_mm = sums.x / sums.n - bevel.begins_mm;
+  const double of_mean = scatter_mm * scatter_mm / sums.n;
+  const double of_fall = scatter_mm * scatter_mm / sums.Spread();
+  const double fall2 = bevel.fall * bevel.fall;
+  bevel.covariance << (of_mean + at_mm * at_mm * of_fall) / fall2, at_mm * of_fall / bevel.fall,
+      at_mm * of_fall / bevel.fall, of_fall;
+  if (std::abs(bevel.begins_mm) >
+      kEdge.begins * r_mm + kEdge.off * std::sqrt(bevel.covariance(0, 0))) {
+    return std::nullopt;
+  }
+  for (const InsideSample& sample : inside) {
+    const double residual = sample.in_mm - bevel.fall * (sample.beyond_mm - bevel.begins_mm);
+    if (std::abs(residual) < reach_mm) bevel.samples.push_back(near.inside()[sample.index]);
+  }
+  if (static_cast<double>(bevel.samples.size()) <
+      kEdge.least_part * static_cast<double>(inside.size())) {
+    return std::nullopt;
+  }
+  return bevel;
+}
+
+std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                 double r_mm, double noise_mm) {
+  const double least_mm = std::max(kEdge.out_sigmas * noise_mm, kEdge.out * r_mm);
+  const double longest_mm = kEdge.longest_burr * r_mm;
+  std::vector<NearEnd> out;
+  double before = 0;
+  for (const NearEnd& sample : near.outside()) {
+    const double before_mm = -sample.BeyondMm(plane_mm), off_mm = sample.RadiusMm() - r_mm;
+    if (before_mm < -longest_mm || before_mm > 2.0 * longest_mm) continue;
+    if (off_mm > kEdge.most_out * r_mm) continue;
+    if (before_mm < longest_mm) {
+      out.push_back(sample);
+    } else if (off_mm > least_mm) {
+      before += 1;
+    }
+  }
+  const auto count = static_cast<double>(out.size());
+  if (count < kEdge.least_out || count < kEdge.times * before) out.clear();
+  return out;
+}
+
+std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                  double r_mm, double noise_mm) {
+  const double least_mm = std::max(kEdge.out_sigmas * noise_mm, kEdge.out * r_mm);
+  const double longest_mm = kEdge.longest_burr * r_mm;
+  std::vector<BurrSample> samples;
+  double out = 0, beyond = 0;
+  for (const NearEnd& sample : near.wall()) {
+    const double before_mm = -sample.BeyondMm(plane_mm), off_mm = sample.RadiusMm() - r_mm;
+    if (std::abs(before_mm) > longest_mm || off_mm > kEdge.most_out * r_mm) continue;
+    if (off_mm > least_mm) (before_mm < -kEdge.beyond * r_mm ? beyond : out) += 1;
+    if (before_mm < 0) continue;
+    samples.push_back({EndSectorOf(sample.AroundRad()), before_mm, off_mm});
+  }
+  if (out < kEdge.least_out || beyond > kEdge.least_beyond * out) return std::nullopt;
+  BurrSums best;
+  for (double i = 1; i <= kEdge.lengths; ++i) {
+    BurrSums sums;
+    const double length_mm = longest_mm * i / kEdge.lengths;
+    for (const BurrSample& sample : samples) {
+      sums.Add(sample.sector, std::max(0.0, 1.0 - sample.before_mm / length_mm), sample.off_mm);
+    }
+    sums.Sum();
+    if (sums.explained > best.explained) best = sums;
+  }
+  BurrFound burr;
+  double sectors = 0;
+  for (std::size_t i = 0; i < kEndSectors; ++i) {
+    if (best.n[i] < kEdge.least_of_sector) continue;
+    const double height_mm = best.product[i] / best.square[i];
+    const double sigma_mm = noise_mm / std::sqrt(best.square[i]);
+    if (height_mm < kEdge.certain * sigma_mm || height_mm < kEdge.out * r_mm) continue;
+    sectors += 1;
+    if (height_mm < burr.height_mm) continue;
+    burr.height_mm = height_mm, burr.sigma_mm = sigma_mm;
+    burr.around_deg = std::remainder(
+        360.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(kEndSectors), 360.0);
+  }
+  if (sectors == 0) return std::nullopt;
+  burr.part = sectors / static_cast<double>(kEndSectors);
+  return burr;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "pipeline/features/end_samples.h"
+#include "pipeline/tube/tube_features.h"
+
+namespace bendloop::pipeline {
+
+// A cone that samples beyond the border of the wall lie on.
+struct EndBevel {
+  double begins_mm = 0;  // on the wall, beyond the plane that was asked about
+  double fall = 0;       // of the wall towards the axis, along it
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of both
+  std::vector<NearEnd> samples;                          // that lie on it
+
+  // `ends_mm`: where the tube ends beyond that plane, with 1 sigma.
+  BevelFound Found(double ends_mm, double sigma_mm) const;
+};
+
+// `plane_mm`: of the border of the wall (EndSide). Its samples inside that lie beyond are a bevel's
+// where they are seen on many sides and lie on one cone that begins there. None: no bevel.
+// `noise_mm`: 1 sigma of the samples.
+std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                  double pipe_radius_mm, double noise_mm);
+
+// Samples that stand out of the wall right before the plane and beyond it, and no farther in.
+// Empty: too few, or more than a burr is.
+std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                 double pipe_radius_mm, double noise_mm);
+
+// A burr, of the plane that its samples say the end has. None: they go on beyond it.
+std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                  double pipe_radius_mm, double noise_mm);
+
+}  // namespace bendloop::pipeline

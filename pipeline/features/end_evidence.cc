@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/end_evidence.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "pipeline/features/even_table.h"
+#include "pipeline/features/sampling.h"
+#include "pipeline/math/dense_solve.h"
+#include "pipeline/math/quantiles.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct EvidenceSettings {
+  // Of the turn: a border is not told by lines that cross less.
+  double least_seen = 0.3;
+  std::size_t sectors = 24, least_brackets = 6;
+  // Of the mean gap: a border that rises by less across a column is level in it.
+  double level = 0.25;
+  // Sides that stand against a border by more count no further [-log likelihood]: something lies
+  // on the tube there, or hides it.
+  double saturated = 12.0;
+  // Of the rays that meet the wall: so many return nothing.
+  double lost = 0.05;
+  // Of all columns: so many may a laser line cross, which sees one side of the tube.
+  double crossed = 0.5;
+};
+constexpr EvidenceSettings kEvidence;
+
+// The logarithm of the normal distribution and of a part that is always there.
+EvenTable LogNormalCdf(double floor) {
+  constexpr std::size_t kSize = 481;
+  constexpr double kFrom = -6.0, kStep = 0.025;
+  EvenTable table{kFrom, 1.0 / kStep, {}};
+  for (std::size_t i = 0; i < kSize; ++i) {
+    const double z = kFrom + kStep * static_cast<double>(i);
+    table.at.push_back(
+        std::log(floor + (1.0 - floor) * 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0)));
+  }
+  table.at.push_back(table.at.back());
+  return table;
+}
+
+// The samples of so many columns are of one laser line, whose place they tell with errors of their
+// own: a plane beyond the line lies beyond the greatest of them no more often than not only where
+// that is taken for as far beyond the line as the greatest of so many errors is [sigma]. Without it
+// each column would push the plane away from lines once more.
+double GreatestError(double columns) {
+  const double log_half = -std::numbers::ln2 / std::max(1.0, columns);
+  double low = 0, high = 5;
+  for (int i = 0; i < 40; ++i) {
+    const double z = 0.5 * (low + high);
+    (std::log(0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0)) < log_half ? low : high) = z;
+  }
+  return low;
+}
+
+// The samples without what a slope puts them further out.
+std::vector<EndSample> Levelled(std::span<const EndSample> samples,
+                                const Eigen::Vector2d& slope_mm) {
+  std::vector<EndSample> level(samples.begin(), samples.end());
+  if (slope_mm.isZero()) return level;
+  for (EndSample& sample : level) {
+    sample.beyond_mm -=
+        slope_mm[0] * std::cos(sample.around_rad) + slope_mm[1] * std::sin(sample.around_rad);
+  }
+  return level;
+}
+
+}  // namespace
+
+double LogOfHits(std::span<const double> clear) {
+  static const EvenTable table = LogNormalCdf(std::exp(-kEvidence.saturated));
+  return table.Sum(clear);
+}
+
+double LogOfMisses(std::span<const double> clear) {
+  static const EvenTable table = LogNormalCdf(kEvidence.lost);
+  return table.Sum(clear);
+}
+
+void EndEvidence::AddLines(const LineBracket& lines) {
+  for (const bool is_beyond : {true, false}) {
+    const double around = is_beyond ? lines.last_rad : lines.next_rad;
+    sides.push_back({std::cos(around), std::sin(around), is_beyond ? lines.last_mm : lines.next_mm,
+                     is_beyond ? lines.last_sigma_mm : lines.next_sigma_mm, is_beyond});
+  }
+}
+
+Eigen::Vector3d RoughEndPlane(const EndEvidence& evidence, double r_mm) {
+  struct Target {
+    Eigen::Vector3d row;
+    double at_mm;
+  };
+  std::vector<Target> targets;
+  std::vector<double> ends;
+  for (std::size_t i = 0; i + 1 < evidence.sides.size(); i += 2) {
+    const EndSide &last = evidence.sides[i], &next = evidence.sides[i + 1];
+    targets.push_back({{1.0, last.cosine, last.sine}, 0.5 * (last.at_mm + next.at_mm)});
+  }
+  for (const EndStop& stop : evidence.columns) {
+    targets.push_back({{1.0, stop.cosine, stop.sine}, stop.last_mm + 0.5 * stop.mean_gap_mm});
+  }
+  for (const Target& target : targets) ends.push_back(target.at_mm);
+  Eigen::Vector3d plane(Median(ends), 0.0, 0.0);
+  double reach_mm = 0.5 * r_mm;
+  for (int i = 0; i < 10; ++i) {
+    Eigen::Matrix3d matrix = 1e-3 * Eigen::Vector3d(1e-9, 1.0, 1.0).asDiagonal();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    std::vector<double> off;
+    for (const Target& target : targets) {
+      const double residual = target.at_mm - target.row.dot(plane);
+      off.push_back(std::abs(residual));
+      if (off.back() >= reach_mm) continue;
+      const double weight = std::pow(1.0 - std::pow(residual / reach_mm, 2), 2);
+      matrix += weight * target.row * target.row.transpose();
+      right += weight * target.at_mm * target.row;
+    }
+    plane = SolveSymmetric(matrix, right);
+    reach_mm = std::max(6.0 * Median(off), 0.02 * r_mm);
+  }
+  return plane;
+}
+
+std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, double r_mm,
+                                          double window_mm, double smear_mm, double sigma_mm) {
+  std::map<unsigned, std::vector<EndSample>> passes;
+  for (const EndSample& sample : samples) passes[sample.pass].push_back(sample);
+  EndEvidence evidence;
+  std::vector<bool> seen(kEvidence.sectors);
+  std::vector<double> gaps_mm;
+  std::size_t most = 0;
+  for (const auto& [pass, own] : passes) {
+    const auto brackets = FindLineBrackets(own, window_mm, smear_mm);
+    most = std::max(most, brackets.size());
+    for (const LineBracket& lines : brackets) {
+      evidence.AddLines(lines);
+      gaps_mm.push_back(lines.next_mm - lines.last_mm);
+      const double turn = lines.last_rad / (2.0 * std::numbers::pi);
+      const double sector = (turn - std::floor(turn)) * static_cast<double>(kEvidence.sectors);
+      seen[std::min(kEvidence.sectors - 1, static_cast<std::size_t>(sector))] = true;
+    }
+  }
+  const auto sectors = std::count(seen.begin(), seen.end(), true);
+  if (gaps_mm.size() < kEvidence.least_brackets ||
+      static_cast<double>(sectors) <
+          kEvidence.least_seen * static_cast<double>(kEvidence.sectors)) {
+    return std::nullopt;
+  }
+  evidence.gap_mm = Median(std::move(gaps_mm));
+  evidence.lines_greatest = GreatestError(static_cast<double>(most));
+  // Noise moves samples around the tube, too, where an oblique border goes along it.
+  const Eigen::Vector3d rough = RoughEndPlane(evidence, r_mm);
+  const double around_mm = sigma_mm * rough.tail<2>().norm() / r_mm;
+  for (EndSide& side : evidence.sides) {
+    side.sigma_mm = std::max(std::hypot(side.sigma_mm, around_mm), kSampling.least * r_mm);
+  }
+  return evidence;
+}
+
+std::optional<EndEvidence> LookAtEndColumns(std::span<const EndSample> samples, double r_mm,
+                                            double window_mm, double smear_mm,
+                                            Eigen::Vector2d& slope_mm) {
+  std::optional<EndEvidence> evidence;
+  for (int pass = 0; pass < 3; ++pass) {
+    const EndColumns columns(Levelled(samples, slope_mm), window_mm, smear_mm);
+    if (!columns.AreEnough()) return std::nullopt;
+    evidence.emplace();
+    for (const EndColumn& column : columns.seen()) {
+      if (column.lines) {
+        evidence->AddLines(*column.lines);
+        continue;
+      }
+      evidence->columns.push_back({std::cos(column.around_rad), std::sin(column.around_rad),
+                                   column.last_mm, column.mean_gap_mm});
+    }
+    evidence->gap_mm = columns.MeanGapMm();
+    evidence->stops = columns.MakeStops(smear_mm);
+    evidence->lines_greatest =
+        GreatestError(kEvidence.crossed * static_cast<double>(columns.seen().size()));
+    const Eigen::Vector2d rise_mm = RoughEndPlane(*evidence, r_mm).tail<2>();
+    if (pass == 2 || rise_mm.norm() * columns.width_rad() < kEvidence.level * evidence->gap_mm)
+      break;
+    slope_mm += rise_mm;
+  }
+  return evidence;
+}
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "pipeline/features/end_lines.h"
+#include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/tube_ends.h"
+
+namespace bendloop::pipeline {
+
+// Parts of the turn about an end.
+constexpr std::size_t kEndSectors = 24;
+using EndSectors = std::array<bool, kEndSectors>;
+std::size_t EndSectorOf(double around_rad);
+
+// A sample about an end: across its axis, and beyond the end along it.
+struct NearEnd {
+  double x, y, at_mm;
+  unsigned pass;
+  double of_radius = 1;  // EndSample
+
+  double RadiusMm() const { return std::hypot(x, y); }
+  double AroundRad() const { return std::atan2(y, x); }
+  // Beyond a plane at its axis, which rises so towards x and y (EndSide).
+  double BeyondMm(const Eigen::Vector3d& plane_mm) const {
+    const double out = 1.0 / std::sqrt(x * x + y * y);
+    return at_mm - plane_mm[0] - out * (plane_mm[1] * x + plane_mm[2] * y);
+  }
+  EndSample Sample() const { return {AroundRad(), at_mm, pass, of_radius}; }
+};
+
+// Samples of the tube near one of its ends, all of them; how far around the tube is asked only of
+// those that are taken.
+class SamplesNearEnd {
+ public:
+  // Of `window_mm` and more before the end. `sigma_mm`: noise, which tells those on the wall.
+  SamplesNearEnd(const hal::Tube& tube, bool at_start, const EndAxis& axis, double sigma_mm,
+                 double window_mm, std::span<const PointBlock> blocks);
+
+  std::size_t size() const { return wall_.size(); }
+  bool knows_passes() const { return knows_passes_; }  // any of them
+  double DepthMm() const;                              // how far along the tube they reach
+  // Every so many of those on the wall.
+  std::vector<EndSample> Every(std::size_t stride) const;
+  // Those on the wall, from `below_mm` before a plane to `above_mm` beyond it.
+  std::vector<EndSample> Band(const Eigen::Vector3d& plane_mm, double below_mm,
+                              double above_mm) const;
+  // Where something above the wall hides that it goes on.
+  EndSectors Hidden(const Eigen::Vector3d& plane_mm) const;
+
+  const std::vector<NearEnd>& wall() const { return wall_; }
+  // Right before and beyond the end, nearer to the axis than the wall, and farther from it.
+  const std::vector<NearEnd>& inside() const { return inside_; }
+  const std::vector<NearEnd>& outside() const { return outside_; }
+  // The same with some more on the wall, which has come in or stands out there.
+  SamplesNearEnd With(std::span<const NearEnd> more) const;
+
+ private:
+  double r_mm_;
+  bool knows_passes_ = false;
+  std::vector<NearEnd> wall_, inside_, outside_;
+};
+
+}  // namespace bendloop::pipeline

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/bench/ray_bound.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "drivers/simulated_scanner/tube_surface.h"
+#include "hal/angles.h"
+#include "hal/spine.h"
+#include "pipeline/features/opening_border.h"
+#include "pipeline/features/posterior.h"
+
+namespace bendloop::bench {
+namespace {
+
+using Eigen::Vector3d;
+
+// Where the rays of the scan meet the round tube first, whose ends go on by `longer_mm`; `take`
+// gets each such point that the scanner could see.
+void ForEachRay(const CutScan& scanned, const Vector3d& about_mm, double reach_mm, double longer_mm,
+                const std::function<void(const Vector3d&)>& take) {
+  const drivers::VirtualScanOptions& options = scanned.options;
+  const drivers::VirtualScan scan(scanned.tube, options);
+  hal::Tube round = scanned.tube;
+  round.program.rows.front().length_mm += longer_mm;
+  round.program.rows.back().length_mm += longer_mm;
+  round.X_WT.position_mm -= longer_mm * (round.X_WT.orientation * Vector3d::UnitX());
+  const drivers::TubeSurface skin(round);
+  const double least_cosine = std::cos(options.max_incidence_deg * hal::kRadiansPerDegree);
+  hal::LaserProfile profile(scan.max_points());
+  for (std::size_t k = 0; k < scan.profile_count(); ++k) {
+    scan.Make(k, profile);
+    const Eigen::Matrix3d axes = profile.X_WS.orientation.toRotationMatrix();
+    const Vector3d& from = profile.X_WS.position_mm;
+    if (std::abs((about_mm - from).dot(axes.col(1))) > reach_mm) continue;
+    for (int i = 0; i < options.rays; ++i) {
+      const double angle =
+          (2.0 * i / (options.rays - 1) - 1) * options.fan_half_angle_deg * hal::kRadiansPerDegree;
+      const drivers::Ray ray{from, std::sin(angle) * axes.col(0) + std::cos(angle) * axes.col(2)};
+      std::optional<drivers::Hit> first;
+      for (std::size_t part = 0; part < skin.part_count(); ++part) {
+        const auto hit = skin.FirstHit(part, ray, 0, first ? first->along_mm : options.far_mm);
+        if (hit) first = hit;
+      }
+      if (!first || -ray.direction.dot(first->normal) < least_cosine) continue;
+      const Vector3d point = ray.At(first->along_mm);
+      if ((point - about_mm).norm() < reach_mm) take(point);
+    }
+  }
+}
+
+// The spread of all numbers that leave each place on its side; `off_mm`: of a place from the
+// border, by the numbers. The truth is `start`, `scale` about how far it may be left.
+struct SidedPlace {
+  Eigen::Vector2d place;
+  bool is_beyond;
+};
+Eigen::VectorXd Spread(
+    std::vector<SidedPlace> places, const Eigen::VectorXd& start, const Eigen::VectorXd& scale,
+    const std::function<double(const Eigen::VectorXd&, const Eigen::Vector2d&)>& off_mm) {
+  // Those far from the border say nothing of it.
+  constexpr double kNearMm = 1.5;
+  std::erase_if(places,
+                [&](const SidedPlace& of) { return std::abs(off_mm(start, of.place)) > kNearMm; });
+  if (places.empty()) return {};
+  const auto inside = [&](const Eigen::VectorXd& x) {
+    return std::all_of(
+               places.begin(), places.end(),
+               [&](const SidedPlace& of) { return (off_mm(x, of.place) > 0) == of.is_beyond; })
+               ? 0.0
+               : -1e300;
+  };
+  const auto posterior = pipeline::SamplePosterior(start, scale, 6000, inside);
+  return posterior.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+}
+
+}  // namespace
+
+Eigen::VectorXd RayBound(const CutScan& scanned, const hal::WallOpening& opening) {
+  const double r_mm = scanned.tube.pipe_radius_mm;
+  const auto segments = hal::SpineSegments(scanned.tube.program, scanned.tube.X_WT);
+  const hal::SurfaceFrame frame = hal::FrameAt(segments, opening.along_mm, opening.around_deg);
+  pipeline::OpeningBorder truth;
+  truth.pipe_radius_mm = r_mm;
+  truth.length_mm = opening.length_mm;
+  truth.width_mm = opening.width_mm;
+  truth.axis_rad = opening.axis_deg * hal::kRadiansPerDegree;
+  std::vector<SidedPlace> places;
+  ForEachRay(scanned, frame.spine_mm + r_mm * frame.outward, opening.length_mm, 0.0,
+             [&](const Vector3d& point) {
+               const Vector3d from = point - frame.spine_mm;
+               if (from.dot(frame.outward) < 0) return;
+               const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(frame.sideways()));
+               places.push_back({place, truth.DistanceMm(place) > 0});
+             });
+  const bool is_hole = opening.is_hole();
+  const Eigen::Index n = is_hole ? 3 : 5;
+  Eigen::VectorXd start = Eigen::VectorXd::Zero(n), scale = Eigen::VectorXd::Constant(n, 0.02);
+  start[2] = truth.width_mm;
+  if (!is_hole) start[3] = truth.length_mm, start[4] = truth.axis_rad, scale[4] = 0.005;
+  return Spread(places, start, scale, [&](const Eigen::VectorXd& x, const Eigen::Vector2d& place) {
+    pipeline::OpeningBorder border = truth;
+    border.middle_mm = x.head<2>();
+    border.width_mm = x[2];
+    border.length_mm = is_hole ? x[2] : x[3];
+    if (!is_hole) border.axis_rad = x[4];
+    return border.DistanceMm(place);
+  });
+}
+
+Eigen::Vector3d RayBound(const CutScan& scanned, bool at_start) {
+  const double r_mm = scanned.tube.pipe_radius_mm;
+  const auto segments = hal::SpineSegments(scanned.tube.program, scanned.tube.X_WT);
+  const double length_mm = hal::SpineLength(scanned.tube.program);
+  const hal::EndCut& cut =
+      at_start ? scanned.options.features.first_end : scanned.options.features.last_end;
+  const hal::SurfaceFrame frame =
+      hal::FrameAt(segments, at_start ? 0.0 : length_mm, cut.around_deg);
+  const Vector3d outward = at_start ? Vector3d(-frame.tangent) : frame.tangent;
+  const double rise_mm = r_mm * std::tan(cut.obliquity_deg * hal::kRadiansPerDegree);
+  const Eigen::Vector3d truth(0, rise_mm, 0);
+  // Places: around, from where the tube is longest, and beyond the end at its axis.
+  const auto off = [](const Eigen::VectorXd& x, const Eigen::Vector2d& place) {
+    return place.y() - x[0] - x[1] * std::cos(place.x()) - x[2] * std::sin(place.x());
+  };
+  std::vector<SidedPlace> places;
+  ForEachRay(scanned, frame.spine_mm, rise_mm + 1.5 * r_mm, 3.0 * r_mm, [&](const Vector3d& point) {
+    const Vector3d from = point - frame.spine_mm;
+    const Eigen::Vector2d place(std::atan2(from.dot(frame.sideways()), from.dot(frame.outward)),
+                                from.dot(outward));
+    places.push_back({place, off(truth, place) > 0});
+  });
+  const Eigen::VectorXd spread = Spread(places, truth, Eigen::Vector3d::Constant(0.05), off);
+  if (spread.size() == 0) return Eigen::Vector3d::Constant(NAN);
+  return {spread[0], spread[1] / r_mm, spread[2] / r_mm};
+}
+
+}  // namespace bendloop::bench

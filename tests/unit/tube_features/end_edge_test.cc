@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ends that have more than a plane: bevels, burrs, and borders that no plane is. And that a plain
+// end has none of them.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "drivers/simulated_scanner/virtual_scan.h"
+#include "hal/angles.h"
+#include "hal/clock.h"
+#include "pipeline/reconstruction.h"
+#include "tests/support/reversed_features.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// A scan from four sides of a tube with these edges, and what is true of it as it was measured.
+struct EdgeScan {
+  hal::Tube tube;
+  hal::TubeFeatures truth;
+  Measurement measured;
+
+  double true_length_mm(bool first) const {
+    const auto& rows = tube.program.rows;
+    return first ? rows.front().length_mm : rows.back().length_mm;
+  }
+};
+
+EdgeScan ScanEdges(std::uint64_t seed, const hal::TubeFeatures& features, double noise_mm = 0.03) {
+  EdgeScan scan;
+  scan.tube = drivers::LayOnTable(
+      {8, {{{70, 0, 60, 25.0}, {60, 90, 45, 25.0}, {65, 0, 0, std::nullopt}}}, {}}, seed);
+  scan.truth = features;
+  drivers::VirtualScanOptions options;
+  options.seed = seed;
+  options.rays = 320;
+  options.noise_mm = noise_mm;
+  options.path.profile_spacing_mm = 0.3;
+  options.path.views_deg = drivers::SpreadViewsDeg(4, true);
+  options.path.jitter_mm = options.path.jitter_deg = 0.1;
+  options.features = features;
+  const drivers::VirtualScan virtual_scan(scan.tube, options);
+  const hal::ManualClock clock;
+  Reconstruction reconstruction({}, clock);
+  hal::LaserProfile profile(virtual_scan.max_points());
+  for (std::size_t i = 0; i < virtual_scan.profile_count(); ++i) {
+    virtual_scan.Make(i, profile);
+    reconstruction.Add(profile);
+  }
+  auto measured = reconstruction.Finish();
+  EXPECT_TRUE(measured) << (measured ? "" : measured.error().message);
+  if (!measured) return scan;
+  scan.measured = *measured;
+  if (std::abs(measured->tube.program.rows.front().angle_deg - 45) < 5) {  // from its other end
+    scan.truth = tests::ReversedFeatures(features, scan.tube);
+    scan.tube = ReverseTube(scan.tube);
+  }
+  return scan;
+}
+
+// Errors in sigmas of one number, over several scans.
+class EdgeErrors {
+ public:
+  explicit EdgeErrors(std::string name) : name_(std::move(name)) {}
+  ~EdgeErrors() {
+    EXPECT_GT(count_, 0) << name_;
+    EXPECT_LT(std::sqrt(squares_ / count_), 1.5) << name_;
+  }
+  void Add(double error, double sigma) {
+    EXPECT_LT(std::abs(error), 3.5 * sigma) << name_;
+    squares_ += std::pow(error / sigma, 2);
+    count_ += 1;
+  }
+
+ private:
+  std::string name_;
+  double squares_ = 0, count_ = 0;
+};
+
+TEST(EndEdge, ABevelIsMeasuredAndTheTubeEndsAtItsTip) {
+  EdgeErrors along("along"), depth("depth"), angle("angle"), length("length");
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.last_edge.bevel_mm = 1.0 + 0.2 * static_cast<double>(seed % 3);
+    features.last_edge.bevel_depth_mm = 0.6 + 0.15 * static_cast<double>(seed % 4);
+    const EdgeScan scan = ScanEdges(seed, features);
+    for (const bool first : {true, false}) {
+      const hal::EndEdge& truth = first ? scan.truth.first_edge : scan.truth.last_edge;
+      const auto& end = first ? scan.measured.features.first_end : scan.measured.features.last_end;
+      ASSERT_TRUE(end);
+      ASSERT_EQ(end->bevel.has_value(), truth.bevel_mm > 0);
+      const auto& rows = scan.measured.tube.program.rows;
+      const auto& sigmas = scan.measured.sigma.rows;
+      length.Add((first ? rows.front() : rows.back()).length_mm - scan.true_length_mm(first),
+                 (first ? sigmas.front() : sigmas.back()).length_mm);
+      if (!end->bevel) continue;
+      along.Add(end->bevel->length_mm - truth.bevel_mm, end->bevel->length_sigma_mm);
+      depth.Add(end->bevel->depth_mm - truth.bevel_depth_mm, end->bevel->depth_sigma_mm);
+      angle.Add(end->bevel->angle_deg -
+                    std::atan(truth.bevel_depth_mm / truth.bevel_mm) * hal::kDegreesPerRadian,
+                end->bevel->angle_sigma_deg);
+      EXPECT_LT(end->bevel->length_sigma_mm, 0.2);
+    }
+  }
+}
+
+TEST(EndEdge, ABurrIsToldWhereItStandsOut) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.first_edge.burr_mm = 0.25 + 0.1 * static_cast<double>(seed % 2);
+    features.first_edge.burr_length_mm = 1.2;
+    const EdgeScan scan = ScanEdges(seed, features);
+    for (const bool first : {true, false}) {
+      const hal::EndEdge& truth = first ? scan.truth.first_edge : scan.truth.last_edge;
+      const auto& end = first ? scan.measured.features.first_end : scan.measured.features.last_end;
+      ASSERT_TRUE(end);
+      ASSERT_EQ(end->burr.has_value(), truth.burr_mm > 0);
+      if (!end->burr) continue;
+      // The highest of all sectors: a few sigma above by chance.
+      EXPECT_GT(end->burr->height_mm, truth.burr_mm - 3 * end->burr->sigma_mm);
+      EXPECT_LT(end->burr->height_mm, truth.burr_mm + 0.05);
+      EXPECT_GT(end->burr->part, 0.8);
+    }
+  }
+}
+
+TEST(EndEdge, ABorderThatNoPlaneIsIsACurve) {
+  EdgeErrors border("border"), length("length");
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.first_edge.wave_mm = 0.6 + 0.3 * static_cast<double>(seed);
+    features.first_edge.waves = 2 + static_cast<int>(seed % 3);
+    features.first_edge.wave_around_deg = 40.0 * static_cast<double>(seed);
+    const EdgeScan scan = ScanEdges(seed, features);
+    for (const bool first : {true, false}) {
+      const hal::EndEdge& truth = first ? scan.truth.first_edge : scan.truth.last_edge;
+      const auto& end = first ? scan.measured.features.first_end : scan.measured.features.last_end;
+      ASSERT_TRUE(end);
+      ASSERT_EQ(!end->border.empty(), truth.waves > 0);
+      const auto& rows = scan.measured.tube.program.rows;
+      const auto& sigmas = scan.measured.sigma.rows;
+      length.Add((first ? rows.front() : rows.back()).length_mm - scan.true_length_mm(first),
+                 (first ? sigmas.front() : sigmas.back()).length_mm);
+      for (const BorderPlace& place : end->border) {
+        const double turn = (place.around_deg - truth.wave_around_deg) * hal::kRadiansPerDegree;
+        border.Add(place.beyond_mm - truth.wave_mm * std::cos(truth.waves * turn), place.sigma_mm);
+        EXPECT_LT(place.sigma_mm, 0.1);
+      }
+    }
+  }
+}
+
+TEST(EndEdge, APlainEndHasNone) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.first_end = {3.0 * static_cast<double>(seed), 30.0 * static_cast<double>(seed)};
+    const EdgeScan scan = ScanEdges(seed, features, 0.01 * static_cast<double>(seed));
+    for (const auto* end : {&scan.measured.features.first_end, &scan.measured.features.last_end}) {
+      ASSERT_TRUE(*end);
+      EXPECT_FALSE((*end)->bevel);
+      EXPECT_FALSE((*end)->burr);
+      EXPECT_TRUE((*end)->border.empty());
+    }
+  }
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
