@@ -206,6 +206,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
              measurement);
   MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
                tube->blocks, measurement.dents);
+  SayDeepDents(measurement);
   LookBeyondEnds(ends, final.noise_mm, measurement);
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,

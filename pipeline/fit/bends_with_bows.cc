@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "pipeline/fit/bowed_tube.h"
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/place_sums.h"
@@ -236,14 +237,14 @@ double CostOf(const BowedTubeState& state, std::span<const PointBlock> blocks, d
 
 // How much better `a` explains the points [variances].
 double GainOf(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
-              double reach_mm) {
+              double reach_mm, std::size_t most_points = kRevise.points) {
   // Of those that fewer points were left out of as dents: a tube that lost its way takes for dents
   // what it lost.
   const auto of = [&blocks](const BowedSolution& solution) {
     return solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
   };
   const std::span<const PointBlock> left = CountPoints(of(a)) < CountPoints(of(b)) ? of(b) : of(a);
-  const OwnedBlocks points = Thinned(left, StrideTo(CountPoints(left), kRevise.points));
+  const OwnedBlocks points = Thinned(left, StrideTo(CountPoints(left), most_points));
   const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
   return CostOf(b.bows.state, points, reach_mm, sigma_mm) -
          CostOf(a.bows.state, points, reach_mm, sigma_mm);
@@ -340,8 +341,8 @@ BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> b
   BowedSolution& eased = is_sharp ? other : solution;
   BowedSolution& sharp = is_sharp ? solution : other;
   const double worth = std::max(1.0, std::min(eased.bows.worth, sharp.bows.worth));
-  const bool is_eased =
-      GainOf(eased, sharp, blocks, options.reach_mm) > worth * kRevise.insist * kRevise.insist;
+  const bool is_eased = GainOf(eased, sharp, blocks, options.reach_mm, kBowed.enough_points) >
+                        worth * kRevise.insist * kRevise.insist;
   return is_eased ? std::move(eased) : std::move(sharp);
 }
 

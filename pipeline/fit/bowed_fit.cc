@@ -39,16 +39,21 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
   const double least_part =
       kBowed.kept * straight.Weight() / static_cast<double>(few.point_count());
   bool is_last = false;
+  int last_rounds = 0;
   for (int round = 1;; ++round) {
     EndWithPoints(few, options.reach_mm, bows.state);
     BowedTube bowed(before, std::move(bows.state), usual_radius_mm, options);
     const OwnedBlocks& points_now = is_last ? enough : few;
     bowed.Take(points_now, bows.noise_mm);
     bowed.Solve(true);
+    // Each step is linear: where another one still explains something it has not arrived, and along
+    // what the samples hardly tell apart (radius, easing and bows of a slight bend) that is far.
+    const bool is_there =
+        is_last && (++last_rounds == kBowed.most_last_rounds || bowed.Gain() < kBowed.at_rest);
     const bool is_lost =
         is_last && bowed.Weight() < least_part * static_cast<double>(points_now.point_count());
-    if (!bowed.IsSolved() || is_lost || round > kBowed.most_rounds ||
-        (is_last && !(bowed.IsSettled() && bowed.MoveTo(fit)))) {
+    if (!bowed.IsSolved() || is_lost || round - last_rounds > kBowed.most_rounds ||
+        (is_last && !bowed.IsSettled()) || (is_there && !bowed.MoveTo(fit))) {
       // A radius that bows beside a slight bend made wide is as unsure as it is unusual.
       BowedTube doubtful(before, no_bows, straight.UsualRadius(), options);
       doubtful.Take(few, fit.sigma_mm);
@@ -59,9 +64,9 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
     const double noise_mm = std::max(
         {options.min_sigma_mm, bowed.noise_mm(), is_last ? 0.0 : kBowed.narrower * bows.noise_mm});
     bows = {bowed.Next(), noise_mm, bowed.worth(), bowed.IsPulledAside()};
-    if (is_last) return bows;
+    if (is_there) return bows;
     usual_radius_mm = bowed.UsualRadius();
-    is_last = round >= kBowed.least_rounds - 1 && bowed.IsSettled();
+    is_last = is_last || (round >= kBowed.least_rounds - 1 && bowed.IsSettled());
   }
 }
 

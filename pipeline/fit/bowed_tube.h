@@ -51,9 +51,11 @@ struct BowedSettings {
   double leverage = 0.5, noise_sigmas = 2.0, no_noise_sigmas = 6.0;
   // The tube's straights lie as near to the best-fit lines: [times the highest bow], [of r_P].
   double near_bows = 6.0, near = 0.1;
-  // Times that points are laid on the bowed tube anew, at least and at most, the last time so many
-  // of them as are enough; and that what places disagree by is learnt from a solution.
-  int least_rounds = 3, most_rounds = 8, steps = 3;
+  // Times that points are laid on the bowed tube anew, at least and at most; then so many of them
+  // as are enough, until it rests; and that what places disagree by is learnt from a solution.
+  int least_rounds = 3, most_rounds = 8, most_last_rounds = 5, steps = 3;
+  // [variances] What another round explains of a tube that rests.
+  double at_rest = 2.0;
   // [variances a point] What a round more would explain, and [of the points of the straight tube]
   // how many have a say: with more, or fewer, the solution has not settled but lost its way.
   double settled = 0.1, kept = 0.97;

@@ -36,16 +36,21 @@ struct Doubts {
   // [of r_P] and [times that of independent points] 1 sigma of the distances, and the variance of
   // what places have in common: a noisy wire is as rough, but place by place on its surface.
   double off_together = 0.05, together = 10.0;
+  // [of 1 sigma that sides of straights which do not agree leave the pipe radius] Of an end, as
+  // seen by passes that are displaced; from such tubes.
+  double along_sides = 2.5;
+  // [of r_P] Dents deeper than this are told as doubtful: on tubes that are sold they are less.
+  double deep_dent = 0.21;
 };
 constexpr Doubts kDoubts;
 
 // What easings leave of the sigmas, from tubes eased by 0.4 to 1.5 pipe radii: sigmas grow by
 // `more` where the easing's standard deviation is `usual` pipe radii, and by its fourth power.
 struct EasedSettings {
-  double usual = 0.7, more = 0.5;
+  double usual = 0.7, more = 0.08;
   // [of the easing's variance] What its kernel's shape leaves of it where it is a pipe radius long,
   // and more in bends whose arcs are no longer than the easing is.
-  double part = 0.06, of_short_arcs = 0.5;
+  double part = 0.012, of_short_arcs = 0.09;
   // The same of bends that have no room to ease further, by this much more of the variance: they
   // run into each other, and what they ease over is not known.
   double crowded = 0.5, crowded_from = 1.1;
@@ -84,6 +89,13 @@ void DoubtBend(std::size_t bend, const std::string& which_straight, Measurement&
                                  "that end again");
 }
 
+// Whether a bend has no room to ease further.
+bool IsCrowded(const hal::BendProgram& program, const Easing& easing, std::size_t bend) {
+  Easing more = easing;
+  more.variance_mm2[bend] *= kEased.crowded_from;
+  return EasingWithin(program, more).variance_mm2[bend] < 0.99 * more.variance_mm2[bend];
+}
+
 // 1 sigma of a bend's arc [mm] that easings leave. Smoothed curvature tells the arc by its variance
 // along the spine, which is arc^2 / 12 and that of the easing: what is not known of the one is not
 // known of the other.
@@ -92,13 +104,9 @@ double ArcDoubtMm(const hal::BendProgram& program, const Easing& easing, std::si
   const double variance_mm2 = easing.variance_mm2[bend];
   const double arc_mm = std::max(1e-3, program.rows[bend].bend_radius_mm.value_or(0.0) *
                                            program.rows[bend].angle_deg / hal::kDegreesPerRadian);
-  Easing more = easing;
-  more.variance_mm2[bend] *= kEased.crowded_from;
-  const bool is_crowded =
-      EasingWithin(program, more).variance_mm2[bend] < 0.99 * more.variance_mm2[bend];
   const double part = kEased.part + kEased.of_short_arcs * variance_mm2 / (arc_mm * arc_mm);
   double unknown_mm2 = part * variance_mm2 * variance_mm2 / (pipe_radius_mm * pipe_radius_mm);
-  if (is_crowded) {
+  if (IsCrowded(program, easing, bend)) {
     // As much as the tube's other bends ease over.
     const double usual_mm2 =
         *std::max_element(easing.variance_mm2.begin(), easing.variance_mm2.end());
@@ -169,9 +177,14 @@ void WidenByEasing(bool radii_alike, Measurement& measurement) {
     // What one bend does not tell of the die, the best of them does; but the further they ease, the
     // more the kernel's shape moves all of them.
     const double best_mm = *std::min_element(radius_mm.begin(), radius_mm.end());
+    // But one that had to ease less than it would have leads all of them astray.
+    double astray_mm = 0;
+    for (std::size_t i = 0; i < bends; ++i) {
+      if (IsCrowded(program, measurement.easing, i)) astray_mm = std::max(astray_mm, radius_mm[i]);
+    }
     const double most_mm2 = *std::max_element(variance_mm2.begin(), variance_mm2.end());
     const double eased = most_mm2 / (kEased.usual * kEased.usual * r_mm * r_mm);
-    radius_mm.assign(bends, best_mm * std::max(kEased.least_of_die, eased));
+    radius_mm.assign(bends, std::max(astray_mm, best_mm * std::max(kEased.least_of_die, eased)));
   }
   for (std::size_t i = 0; i < bends; ++i) {
     const double eased = variance_mm2[i] / (kEased.usual * kEased.usual * r_mm * r_mm);
@@ -344,8 +357,25 @@ void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurem
   WidenByEasing(radii_alike, measurement);
   WidenByTails(measurement);
   measurement.dents = form.dents;
+  // What moves sides of straights across moves what is scanned with them along, too.
+  for (hal::BendRow* end : {&measurement.sigma.rows.front(), &measurement.sigma.rows.back()}) {
+    end->length_mm = std::hypot(end->length_mm, kDoubts.along_sides * std::sqrt(form.sides_mm2));
+  }
   measurement.pipe_radius_sigma_mm =
       std::hypot(measurement.pipe_radius_sigma_mm, std::sqrt(form.sides_mm2));
+}
+
+void SayDeepDents(Measurement& measurement) {
+  const double r_mm = measurement.tube.pipe_radius_mm;
+  for (const DentFound& dent : measurement.dents) {
+    if (dent.depth_mm < kDoubts.deep_dent * r_mm) continue;
+    measurement.warnings.push_back(
+        "a dent at " + Mm(dent.along_mm) + " is " + Mm(dent.depth_mm) +
+        " deep, more than a fifth of the pipe radius: it may hide a bend that was not found; look "
+        "at "
+        "the tube there, and compare the number of bends with the drawing");
+    return;
+  }
 }
 
 void ReportPasses(const Registration& registration, const PassDrift& drift,

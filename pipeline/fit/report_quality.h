@@ -40,6 +40,10 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
 // `radii_alike`: the bends are of one die.
 void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurement);
 
+// A dent, as measured, that is too deep for one: what looks so pressed in may be what a bend that
+// was not found would have explained.
+void SayDeepDents(Measurement& measurement);
+
 // By how much the passes of the scan had to be moved, and whether the tube itself was.
 void ReportPasses(const Registration& registration, const PassDrift& drift,
                   Measurement& measurement);

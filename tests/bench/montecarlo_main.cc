@@ -207,23 +207,21 @@ constexpr std::array<Column, 18> kColumns = {{
 int RunRealTubes(const Options& options) {
   const auto& kinds = RealKinds();
   RealRun run{.seeds = {},
+              .kind = options.kind,
               .threads = options.runs.threads,
               .with_nominal = options.real == "part",
               .verbose = options.only.has_value(),
               .json_path = options.json_path};
-  if (options.only) {
-    run.seeds = {*options.only};
-    return RunReal(run);
-  }
   if (!options.kind.empty() && std::find(kinds.begin(), kinds.end(), options.kind) == kinds.end()) {
     std::cerr << "bendloop_montecarlo: " << options.kind << " is no kind of real tubes\n";
     return 2;
   }
-  for (std::uint64_t seed = options.runs.first_seed(); run.seeds.size() < options.runs.tubes;
-       ++seed) {
-    if (options.kind.empty() || kinds[seed % kinds.size()] == options.kind) {
-      run.seeds.push_back(seed);
-    }
+  if (options.only) {
+    run.seeds = {*options.only};
+    return RunReal(run);
+  }
+  for (std::uint64_t i = 0; i < options.runs.tubes; ++i) {
+    run.seeds.push_back(options.runs.first_seed() + i);
   }
   return RunReal(run);
 }
@@ -319,7 +317,9 @@ int main(int argc, char** argv) {
                  "the part, which must not hide that")
       ->transform(CLI::CheckedTransformer(kDrawings))
       ->option_text("{kind,part,more,fewer}=kind");
-  app.add_option("--only", options.only, "Only this tube, with what was found and what is true");
+  app.add_option(
+      "--only", options.only,
+      "Only this tube, with what was found and what is true; a real one of --kind, or the seed's");
   app.add_option("--json", options.json_path, "Write every tube and figure to this file as well");
   CLI11_PARSE(app, argc, argv);
   return bendloop::bench::Run(options);

@@ -24,6 +24,8 @@ namespace {
 using Random = std::mt19937_64;
 using Range = std::array<double, 2>;
 
+constexpr const char* kAnything = "anything";
+
 // What all tubes of a kind share; the rest is drawn from the ranges.
 struct RealKind {
   const char* name;
@@ -39,8 +41,13 @@ struct RealKind {
   tests::EndFitting at_end = tests::EndFitting::kNone;
   int slight_bends = 0;  // of 1.5 to 4 degrees
   Range noise_mm = {0.05, 0.05};
-  Range points = {24e3, 24e3};
+  Range points = {24e3, 24e3};  // evenly in their logarithm
+  Range wrinkles = {0, 0}, seam = {0, 0};
+  bool thins_all_along = false;
 };
+
+// Of anything: how often a tube has each of what makes it real.
+constexpr double kOften = 0.4;
 
 const std::vector<RealKind>& Kinds() {
   using enum tests::EndFitting;
@@ -90,6 +97,18 @@ const std::vector<RealKind>& Kinds() {
        .ovality = {0, 0.05},
        .noise_mm = {0.005, 0.02},
        .points = {50e3, 150e3}},
+      {.name = "few points", .points = {1e3, 4e3}},
+      {.name = "many points", .bow = {0, 0.001}, .easing_r = {0, 0.7}, .points = {500e3, 4e6}},
+      {.name = "noise 0.005", .bow = {0, 0.001}, .easing_r = {0, 0.7}, .noise_mm = {0.005, 0.005}},
+      {.name = "noise 0.3", .noise_mm = {0.3, 0.3}},
+      {.name = "heavy tails 0.2", .heavy_tail = {0.3, 1.0}, .noise_mm = {0.2, 0.2}},
+      {.name = "oval, wrinkles",
+       .easing_r = {0.2, 0.5},
+       .ovality = {0.08, 0.08},
+       .wrinkles = {0.005, 0.02}},
+      {.name = "seam", .seam = {0.02, 0.06}},
+      {.name = "thinning", .thinning = {10, 100}, .thins_all_along = true},
+      {.name = kAnything},
   };
   return kinds;
 }
@@ -127,6 +146,46 @@ std::string Describe(const hal::BendProgram& program) {
   return text;
 }
 
+double LogUniform(Random& random, const Range& range) {
+  return std::exp(Uniform(random, std::log(range[0]), std::log(range[1])));
+}
+
+// A tube of any size with some of all that tubes and scans have, beside what the kind says.
+struct AnySize {
+  double r_mm = 5;
+  int bends = 5;
+  int views = 4;
+};
+AnySize DrawAnything(Random& random, RealKind& kind) {
+  const auto sometimes = [&](Range range) {
+    const double value = Uniform(random, range);
+    return Uniform(random, 0, 1) < kOften ? Range{value, value} : Range{0, 0};
+  };
+  AnySize size;
+  size.r_mm = LogUniform(random, {2, 25});
+  size.bends = static_cast<int>(Uniform(random, 1, 10));
+  size.views = static_cast<int>(Uniform(random, 2, 6));
+  const double noise_mm = std::clamp(size.r_mm * LogUniform(random, {0.001, 0.03}), 0.005, 0.3);
+  kind.noise_mm = {noise_mm, noise_mm};
+  kind.points = {10e3, 300e3};
+  kind.straight_r = {3, 15};
+  kind.bow = sometimes({0.0002, 0.0033});
+  kind.easing_r = sometimes({0.1, 1.2});
+  kind.dents = Uniform(random, 0, 1) < kOften ? 1 + static_cast<int>(Uniform(random, 0, 3)) : 0;
+  kind.ovality = sometimes({0.01, 0.08});
+  kind.wrinkles = sometimes({0.002, 0.015});
+  kind.seam = sometimes({0.01, 0.05});
+  kind.heavy_tail = sometimes({0.1, 1});
+  if (Uniform(random, 0, 1) < kOften) kind.thinning = {3, 50};
+  kind.thins_all_along = Uniform(random, 0, 1) < 0.5;
+  using enum tests::EndFitting;
+  constexpr std::array<tests::EndFitting, 5> kFittings = {kNone, kNut, kFlange, kFlare, kBead};
+  if (Uniform(random, 0, 1) < kOften) {
+    kind.at_end = kFittings[static_cast<std::size_t>(Uniform(random, 0, 5))];
+  }
+  return size;
+}
+
 // Errors over sigma, one way round.
 RealResult Errors(const hal::Tube& truth, const pipeline::Measurement& measured,
                   const hal::BendProgram& found, const hal::BendProgram& sigma) {
@@ -159,7 +218,9 @@ RealResult Errors(const hal::Tube& truth, const pipeline::Measurement& measured,
   return result;
 }
 
-double Misfit(const RealResult& result) {
+// One way round or the other: of one bend only the ends tell.
+double Misfit(const RealResult& result, std::size_t bends) {
+  if (bends == 1) return result.ends_over_sigma.sum2;
   return result.over_sigma.length.sum2 + result.over_sigma.rotation.sum2 +
          result.over_sigma.angle.sum2;
 }
@@ -175,7 +236,7 @@ std::string DescribeDents(const RealCase& scan) {
 }
 
 RealResult Measure(std::uint64_t seed, const RealRun& run) {
-  const RealCase scan = DrawRealCase(seed);
+  const RealCase scan = DrawRealCase(seed, run.kind.empty() ? RealKindOf(seed) : run.kind);
   pipeline::ReconstructionOptions options;
   if (run.with_nominal) options.nominal = scan.nominal;
   const hal::SteadyClock clock;
@@ -198,7 +259,8 @@ RealResult Measure(std::uint64_t seed, const RealRun& run) {
     result = Errors(truth, *measured, found, measured->sigma);
     RealResult reverse = Errors(truth, *measured, pipeline::ReverseProgram(found),
                                 pipeline::ReverseProgram(measured->sigma));
-    if (Misfit(reverse) < Misfit(result)) result = std::move(reverse);
+    const std::size_t bends = found.bend_count();
+    if (Misfit(reverse, bends) < Misfit(result, bends)) result = std::move(reverse);
     result.outcome = Outcome::kRight;
     result.warned = !measured->warnings.empty();
   }
@@ -277,15 +339,19 @@ const std::vector<std::string>& RealKinds() {
   return names;
 }
 
-RealCase DrawRealCase(std::uint64_t seed) {
-  const RealKind& kind = Kinds()[seed % Kinds().size()];
+const std::string& RealKindOf(std::uint64_t seed) { return RealKinds()[seed % RealKinds().size()]; }
+
+RealCase DrawRealCase(std::uint64_t seed, const std::string& kind_name) {
+  RealKind kind = *std::find_if(Kinds().begin(), Kinds().end(), [&](const RealKind& candidate) {
+    return candidate.name == kind_name;
+  });
   Random random(seed);
   RealCase result;
   result.kind = kind.name;
   result.seed = seed;
-  constexpr double r_mm = 5;
-  hal::Tube tube = tests::RandomTube({.pipe_radius_mm = r_mm,
-                                      .bends = 5,
+  const AnySize size = kind.name == std::string(kAnything) ? DrawAnything(random, kind) : AnySize{};
+  hal::Tube tube = tests::RandomTube({.pipe_radius_mm = size.r_mm,
+                                      .bends = size.bends,
                                       .min_bend_radius = 2,
                                       .max_bend_radius = 4,
                                       .min_straight = kind.straight_r[0],
@@ -302,6 +368,8 @@ RealCase DrawRealCase(std::uint64_t seed) {
   form.easing_r = Uniform(random, kind.easing_r);
   form.ramps = Uniform(random, 0, 1) < 0.3;
   form.ovality = Uniform(random, kind.ovality);
+  form.wrinkles = Uniform(random, kind.wrinkles);
+  form.seam = Uniform(random, kind.seam);
   form.at_end = kind.at_end;
   for (int i = 0; i < kind.dents; ++i) {
     form.dents.push_back({.along = Uniform(random, 0.05, 0.95),
@@ -309,12 +377,14 @@ RealCase DrawRealCase(std::uint64_t seed) {
                           .depth_r = Uniform(random, kind.dent_depth_r)});
   }
   tests::RealScan scan;
-  scan.points = static_cast<std::size_t>(Uniform(random, kind.points));
+  scan.points = static_cast<std::size_t>(std::llround(LogUniform(random, kind.points)));
+  scan.views = size.views;
   scan.noise_mm = Uniform(random, kind.noise_mm);
   scan.heavy_tail = Uniform(random, kind.heavy_tail);
   scan.drift_mm = Uniform(random, kind.drift_mm);
   scan.drift_deg = 0.2 * scan.drift_mm;
-  scan.thinning = std::exp(Uniform(random, std::log(kind.thinning[0]), std::log(kind.thinning[1])));
+  scan.thinning = LogUniform(random, kind.thinning);
+  scan.thins_all_along = kind.thins_all_along;
   result.cloud = tests::ScanRealTube(tube, form, scan, random);
   result.form = form;
   result.nominal = result.cloud.truth.program;

@@ -20,13 +20,16 @@ struct RealCase {
   hal::BendProgram nominal;  // the truth, bent a little off
 };
 
-// Their kinds, in the order of the seeds: seed modulo their number is the kind.
 const std::vector<std::string>& RealKinds();
+// Where none is asked for: one after the other.
+const std::string& RealKindOf(std::uint64_t seed);
 
-RealCase DrawRealCase(std::uint64_t seed);
+// `kind`: one of them.
+RealCase DrawRealCase(std::uint64_t seed, const std::string& kind);
 
 struct RealRun {
   std::vector<std::uint64_t> seeds;
+  std::string kind;  // of all of them; none: that of each seed
   unsigned threads = 1;
   bool with_nominal = false;
   bool verbose = false;  // every tube with what was found and what is true

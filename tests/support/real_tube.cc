@@ -12,7 +12,9 @@ namespace bendloop::tests {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kStep = 0.02;  // of the pipe radius, between the places of a spine
+constexpr double kStep = 0.02;    // of the pipe radius, between the places of a spine
+constexpr double kWrinkle = 0.6;  // of the pipe radius, from crest to crest
+constexpr double kSeamAt = 1.0, kSeamWidth = 0.12;  // [rad]
 
 double Uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
@@ -206,7 +208,9 @@ class Scanner {
       const double s_mm = Uniform(random_, 0, spine_.length_mm());
       const double part = s_mm / spine_.length_mm();
       // Gradually over a tenth of the length, from two thirds on.
-      const double thin = std::pow(scan_.thinning, -std::clamp((part - 2.0 / 3.0) / 0.1, 0.0, 1.0));
+      const double thinned =
+          scan_.thins_all_along ? part : std::clamp((part - 2.0 / 3.0) / 0.1, 0.0, 1.0);
+      const double thin = std::pow(scan_.thinning, -thinned);
       if (Uniform(random_, 0, 1) > thin) continue;
       const double phi = Uniform(random_, 0, 2 * kPi);
       Eigen::Vector3d point, normal;
@@ -237,6 +241,15 @@ class Scanner {
     if (form_.ovality > 0 && k.norm() > 0) {
       const double from_plane = phi - std::atan2(k.y(), k.x());
       radius_mm *= 1.0 - 0.5 * form_.ovality * spine_.bentness[i] * std::cos(2 * from_plane);
+    }
+    if (form_.wrinkles > 0 && k.norm() > 0) {
+      const double inner = std::max(0.0, std::cos(phi - std::atan2(k.y(), k.x())));
+      radius_mm += form_.wrinkles * r_ * spine_.bentness[i] * inner * inner *
+                   std::cos(2 * kPi * s_mm / (kWrinkle * r_));
+    }
+    if (form_.seam > 0) {
+      const double beside = std::remainder(phi - kSeamAt, 2 * kPi) / kSeamWidth;
+      radius_mm += form_.seam * r_ * std::exp(-0.5 * beside * beside);
     }
     for (const Dent& dent : form_.dents) {
       const double along = (s_mm - dent.along * spine_.length_mm()) / r_;

@@ -31,6 +31,8 @@ struct Form {
   double easing_r = 0;  // curvature is smoothed over a gaussian of this sigma
   bool ramps = false;   // instead over a box as wide as twice this: curvature rises linearly
   double ovality = 0;   // (greatest - least diameter) / nominal in the middle of bends
+  double wrinkles = 0;  // on the inner side of bends, half of them wave crest to trough
+  double seam = 0;      // height of a weld seam along the tube
   std::vector<Dent> dents = {};  // pressed in
   EndFitting at_end = EndFitting::kNone;
 };
@@ -44,6 +46,7 @@ struct RealScan {
   double drift_mm = 0;     // 1 sigma an axis, by which a pass is displaced
   double drift_deg = 0;    // and turned
   double thinning = 1;     // the last third is so many times thinner, gradually
+  bool thins_all_along = false;  // instead from the start to the end of the tube
 };
 
 struct RealCloud {

@@ -43,11 +43,12 @@ TEST(BowedFit, DistancesAreFromTheBowedTube) {
 // points stop, they are left out.
 void ExpectRowsOf(const tests::RealCloud& cloud, const Measurement& found, double sigmas) {
   const auto& rows = found.tube.program.rows;
-  ASSERT_EQ(rows.size(), 4U);
+  const std::size_t bends = cloud.truth.program.bend_count();
+  ASSERT_EQ(rows.size(), bends + 1);
   const bool reversed = std::abs(rows[0].angle_deg - cloud.truth.program.rows[0].angle_deg) > 5;
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < bends; ++i) {
     SCOPED_TRACE(i);
-    const std::size_t k = reversed ? 2 - i : i;
+    const std::size_t k = reversed ? bends - 1 - i : i;
     const auto& was = cloud.truth.program.rows[i];
     const auto& sigma = found.sigma.rows[k];
     EXPECT_LT(std::abs(*rows[k].bend_radius_mm - *was.bend_radius_mm),
@@ -56,7 +57,7 @@ void ExpectRowsOf(const tests::RealCloud& cloud, const Measurement& found, doubl
     // Lines and arcs alone leave a tenth of a degree and more at L/300.
     EXPECT_LT(sigma.angle_deg, 0.05);
     if (i == 0) continue;
-    const std::size_t row = reversed ? 3 - i : i;
+    const std::size_t row = reversed ? bends - i : i;
     EXPECT_LT(std::abs(rows[row].length_mm - was.length_mm),
               sigmas * found.sigma.rows[row].length_mm);
     EXPECT_LT(std::abs(hal::WrapRotationDeg(rows[row].rotation_deg - was.rotation_deg)),
@@ -87,6 +88,26 @@ TEST(BowedFit, AShortStraightBetweenEasedBendsBows) {
   const auto found = Reconstruct(cloud.points_W, {}, kClock);
   ASSERT_TRUE(found) << found.error().message;
   ExpectRowsOf(cloud, *found, 5);
+}
+
+// Radius, easing and bows of a slight bend are hardly told apart: a solution that is taken before
+// it rests is far from where it would come to. (Where one step had to do, radii and lengths of such
+// tubes were up to 12 sigma off, and sharp bends were taken for likelier than eased ones.)
+TEST(BowedFit, RestsBeforeItIsTaken) {
+  hal::Tube tube = ThreeBends();
+  tube.program.rows = {{33, 0, 20, 19},   {68, -149, 50, 19}, {48, 78, 86, 19},
+                       {21, -97, 56, 19}, {37, -39, 76, 19},  {25, 0, 0, {}}};
+  const tests::Form form{.bow = 1.0 / 2000, .s_bow = 1.0 / 10000, .easing_r = 0.12, .ramps = true};
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    const auto cloud =
+        tests::ScanRealTube(tube, form, {.points = 24'000, .noise_mm = 0.005}, random);
+    const auto found = Reconstruct(cloud.points_W, {}, kClock);
+    ASSERT_TRUE(found) << found.error().message;
+    EXPECT_FALSE(found->easing.empty());
+    ExpectRowsOf(cloud, *found, 5);
+  }
 }
 
 TEST(BowedFit, LeavesStraightStraightsAlone) {

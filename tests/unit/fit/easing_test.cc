@@ -78,6 +78,23 @@ TEST(Easing, PiecesHaveTheVarianceOfArcAndKernel) {
   }
 }
 
+// Between the places where its curvature rises and falls a bend has the radius of the die, however
+// few arcs stand for those. (Taken from the headings where arcs meet it was 0.1 % tighter: lengths
+// and radii of tubes scanned at a noise of 5 um were 10 sigma off.)
+TEST(Easing, TheMiddleOfAnEasedBendHasTheRadiusOfTheDie) {
+  for (const double angle_deg : {60.0, 120.0}) {
+    for (const double easing_mm : {1.5, 2.0}) {
+      for (const double reach : {kLeastReach, kUsualReach, kMostReach}) {
+        SCOPED_TRACE(std::to_string(angle_deg) + " degrees, " + std::to_string(easing_mm));
+        const double angle_rad = angle_deg * std::numbers::pi / 180;
+        const EasedBend bend = Ease(angle_rad, 20, easing_mm * easing_mm, reach);
+        EXPECT_NEAR(bend.pieces[kEasedPieces / 2].bend_radius_mm, 20, 0.03);
+        for (const BendPiece& piece : bend.pieces) EXPECT_GT(piece.angle_rad, 1e-6 * angle_rad);
+      }
+    }
+  }
+}
+
 TEST(Easing, DerivativesAreThoseOfTheSegments) {
   const hal::Tube tube = ThreeBends();
   const Easing easing{{4, 9, 6}, 1.6};
