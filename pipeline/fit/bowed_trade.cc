@@ -48,21 +48,22 @@ bool BowedTube::MoveTo(SurfaceFit& fit) const {
   const TubeParameters at(moved.tube, options_.free_pipe_radius, moved.flattening, moved.easing);
   const EasedSpine spine = SpineOf(moved.tube.program, moved.tube.X_WT, moved.easing);
   moved.last_start = at.FrameDerivatives(spine).back().row(0);
-  SetCovariance(Mapped(map, noise_mm2_ * inverse_ + Disagreement()), options_.free_pipe_radius,
-                moved);
+  SetCovariance(Mapped(map, noise_mm2_ * inverse_ + Disagreement(kBowed.noise_sigmas_of_bowed)),
+                options_.free_pipe_radius, moved);
   fit = std::move(moved);
   return true;
 }
 
 void BowedTube::Doubt(bool would_move, SurfaceFit& fit) const {
   const int n = parameters_.size();
-  Eigen::MatrixXd covariance = fit.covariance + Disagreement().topLeftCorner(n, n);
+  Eigen::MatrixXd covariance =
+      fit.covariance + Disagreement(kBowed.noise_sigmas).topLeftCorner(n, n);
   const Eigen::VectorXd aside = step_.head(n);
   if (would_move) covariance += aside * aside.transpose();
   SetCovariance(std::move(covariance), options_.free_pipe_radius, fit);
 }
 
-Eigen::MatrixXd BowedTube::Disagreement() const {
+Eigen::MatrixXd BowedTube::Disagreement(double noise_sigmas) const {
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(size_, size_);
   for (std::size_t i = 0; i < places_.size(); ++i) {
     const double worth = worth_[ClassOf(places_[i].segment)];
@@ -70,7 +71,7 @@ Eigen::MatrixXd BowedTube::Disagreement() const {
     const LocalMatrix information = InformationOf(places_[i].sum);
     const LocalVector pull = LeftPull(places_[i]);
     const double chi_square = pull.dot(inverses_[i] * pull) / (worth * noise_mm2_);
-    const double of_noise = ranks_[i] + kBowed.noise_sigmas * std::sqrt(2.0 * ranks_[i]);
+    const double of_noise = ranks_[i] + noise_sigmas * std::sqrt(2.0 * ranks_[i]);
     if (!(chi_square > of_noise)) continue;
     const Eigen::MatrixXd back = Product(inverse_, motion.transpose());
     const LocalMatrix others =

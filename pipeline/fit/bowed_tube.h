@@ -47,8 +47,9 @@ struct BowedSettings {
   double insist = 6.0;
   // Of a place's information that is taken away with it: 1 is a jackknife, which overdoes where a
   // place alone tells of a number; and [standard deviations] of what noise pulls, which is not
-  // counted, and from which on something pressed or lies there.
-  double leverage = 0.5, noise_sigmas = 2.0, no_noise_sigmas = 6.0;
+  // counted, and from which on something pressed or lies there. Of bowed tubes all beyond the mean
+  // counts: four numbers a straight are not all of its form.
+  double leverage = 0.5, noise_sigmas = 2.0, noise_sigmas_of_bowed = 0.0, no_noise_sigmas = 6.0;
   // The tube's straights lie as near to the best-fit lines: [times the highest bow], [of r_P].
   double near_bows = 6.0, near = 0.1;
   // Times that points are laid on the bowed tube anew, at least and at most; then so many of them
@@ -209,7 +210,7 @@ class BowedTube {
   // A place that pulls further than noise does: without it all would lie elsewhere. How far, place
   // by place, is a covariance (a jackknife over places: Cameron & Miller, A practitioner's guide to
   // cluster-robust inference, 2015). 0 where the tube is what the model says.
-  Eigen::MatrixXd Disagreement() const;
+  Eigen::MatrixXd Disagreement(double noise_sigmas) const;
 
   // The straights' best-fit lines where `numbers` are so much more.
   std::vector<SpineLine> LinesAt(const Eigen::VectorXd& numbers) const;
