@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_parameters.h"
 #include "pipeline/reconstruction.h"
@@ -171,6 +172,24 @@ TEST(Easing, WithoutRoomNoPieceTurnsOnTheSpot) {
       EXPECT_NEAR(turned_rad, angle_rad, 1e-9);
     }
   }
+}
+
+// Eight bends hide it in eight radii, and the first step from easings that are too wide does not
+// show that it is there. (Radii were up to 0.5 mm wide, at sigmas of 0.015 mm, and lengths 64 sigma
+// off.)
+TEST(Easing, IsFoundWhereManyBendsHideItInTheirRadii) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 3.17;
+  tube.program.rows = {{30, 0, 78, 9.5},    {46, 71, 26, 9.5},  {43, -15, 82, 9.5},
+                       {15, -105, 81, 9.5}, {13, 101, 47, 9.5}, {39, 54, 68, 9.5},
+                       {24, 85, 51, 9.5},   {45, 0, 0, {}}};
+  std::mt19937_64 random(3);
+  const auto cloud = tests::ScanRealTube(tube, {.easing_r = 0.24, .ramps = true},
+                                         {.points = 140'000, .noise_mm = 0.005}, random);
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+  SurfaceFit start;
+  start.tube = tube;
+  EXPECT_FALSE(FindEasing(start, blocks, {.reach_mm = 0.6}).easing.empty());
 }
 
 TEST(Easing, SharpBendsAreCalledSharp) {
