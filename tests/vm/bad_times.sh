@@ -32,6 +32,8 @@ corrected_part() {
   ask
   [ "$accepted" = $((was + 1)) ] || fail "$was commits became $accepted"
 }
+confirmed() { grep -c 'bender confirmed program' daemon.log; }
+is_confirmed() { [ "$(confirmed)" -gt "$1" ]; }
 same_process() { kill -0 "$daemon" 2>/dev/null || fail "the daemon ended"; }
 # fill COMMAND...: until it fails
 fill() { while "$@"; do :; done; }
@@ -134,11 +136,14 @@ same_process
 
 step "The bender dead, in the middle of a scan: it answers nothing"
 bend_and_scan
+confirmed_before=$(confirmed)
 kill -STOP "$bender_program"
 told BL4001
 sleep 5
 kill -CONT "$bender_program"
 ended BL4001
+# Its correction has waited for the bender, and must not be counted with the next part's.
+await 60 "the program of the part that was scanned, confirmed" is_confirmed "$confirmed_before"
 same_process
 await 60 "the daemon ready" is_ready
 corrected_part
