@@ -176,7 +176,8 @@ TEST(Easing, WithoutRoomNoPieceTurnsOnTheSpot) {
 
 // Eight bends hide it in eight radii, and the first step from easings that are too wide does not
 // show that it is there. (Radii were up to 0.5 mm wide, at sigmas of 0.015 mm, and lengths 64 sigma
-// off.)
+// off.) What compilers draw of a seed differs, and so does how far the first step leads: not every
+// such scan shows it.
 TEST(Easing, IsFoundWhereManyBendsHideItInTheirRadii) {
   hal::Tube tube;
   tube.pipe_radius_mm = 3.17;
