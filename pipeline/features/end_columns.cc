@@ -58,7 +58,7 @@ EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_lin
   table_.per_step = 1.0 / step;
   table_.from = -8.0 * smear;
   std::size_t shorter = 0;
-  double of_gaps = std::log((n + 0.5) / (n + 0.5));
+  double of_gaps = 0;
   for (double at = table_.from; table_.at.size() < kColumns.most_steps; at += step) {
     const double z = at / smear;
     // So far beyond it the normal distribution is 1 to the last digit.

@@ -64,23 +64,6 @@ Eigen::VectorXd Certainties(int order, double r_mm) {
   return certainties;
 }
 
-// Where the border roughly is, by side or column.
-struct RoughPlace {
-  double cosine, sine, at_mm;
-};
-
-std::vector<RoughPlace> RoughPlaces(const EndEvidence& evidence) {
-  std::vector<RoughPlace> places;
-  for (std::size_t i = 0; i + 1 < evidence.sides.size(); i += 2) {
-    const EndSide &last = evidence.sides[i], &next = evidence.sides[i + 1];
-    places.push_back({last.cosine, last.sine, 0.5 * (last.at_mm + next.at_mm)});
-  }
-  for (const EndStop& stop : evidence.columns) {
-    places.push_back({stop.cosine, stop.sine, stop.last_mm + 0.5 * stop.mean_gap_mm});
-  }
-  return places;
-}
-
 // Least squares that leave out what lies far off.
 struct RoughCurve {
   Eigen::VectorXd x;
@@ -91,7 +74,7 @@ struct RoughCurve {
   }
 };
 
-[[gnu::noinline]] RoughCurve FitRoughly(std::span<const RoughPlace> places, int order,
+[[gnu::noinline]] RoughCurve FitRoughly(std::span<const RoughEndPlace> places, int order,
                                         double gap_mm, double r_mm) {
   RoughCurve curve;
   const Eigen::VectorXd certainties = Certainties(order, r_mm);
@@ -99,7 +82,7 @@ struct RoughCurve {
   double reach_mm = 2.0 * r_mm;
   curve.x = Eigen::VectorXd::Zero(1 + 2 * order);
   std::vector<double> at;
-  for (const RoughPlace& place : places) at.push_back(place.at_mm);
+  for (const RoughEndPlace& place : places) at.push_back(place.at_mm);
   curve.x[0] = Median(at);
   for (int round = 0; round < kCurve.rounds; ++round) {
     curve.matrix = least * Eigen::MatrixXd(certainties.cwiseAbs2().asDiagonal());
@@ -107,7 +90,7 @@ struct RoughCurve {
     std::vector<double> off;
     double weights = 0;
     curve.square = 0;
-    for (const RoughPlace& place : places) {
+    for (const RoughEndPlace& place : places) {
       const Eigen::VectorXd terms = TermsAt(place.cosine, place.sine, order);
       const double residual = place.at_mm - terms.dot(curve.x);
       off.push_back(std::abs(residual));
@@ -180,9 +163,9 @@ class CurveLikelihood {
 };
 
 // Whether all of the turn tells of the border, but for narrow parts.
-bool IsSeenAllRound(std::span<const RoughPlace> places) {
+bool IsSeenAllRound(std::span<const RoughEndPlace> places) {
   EndSectors seen{};
-  for (const RoughPlace& place : places) {
+  for (const RoughEndPlace& place : places) {
     seen[EndSectorOf(std::atan2(place.sine, place.cosine))] = true;
   }
   std::size_t blind = 0, most = 0;
@@ -211,7 +194,7 @@ EndEvidence WithoutHidden(EndEvidence evidence, const EndSectors& hidden) {
 }
 
 // The rough curve whose terms the places pay for; order 1: a plane.
-std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughPlace> places, double gap_mm,
+std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughEndPlace> places, double gap_mm,
                                        double r_mm) {
   const double count = kCurve.independent * static_cast<double>(places.size());
   int best = 1;
@@ -249,7 +232,7 @@ std::vector<BorderPlace> PlacesOf(const Posterior& curve) {
 std::optional<Posterior> FitEndCurve(const EndEvidence& all, const Eigen::Vector2d& slope_mm,
                                      const EndSectors& hidden, double pipe_radius_mm) {
   const EndEvidence evidence = WithoutHidden(all, hidden);
-  const std::vector<RoughPlace> places = RoughPlaces(evidence);
+  const std::vector<RoughEndPlace> places = evidence.RoughPlaces();
   if (!(evidence.gap_mm > 0) || !IsSeenAllRound(places)) return std::nullopt;
   const auto [order, rough] = ChooseOrder(places, evidence.gap_mm, pipe_radius_mm);
   if (order == 1) return std::nullopt;

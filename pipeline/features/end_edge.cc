@@ -71,6 +71,11 @@ std::vector<InsideSample> InsideOf(const SamplesNearEnd& near, const Eigen::Vect
   return inside;
 }
 
+// How far [mm] a sample stands out at least that may be a burr's.
+double LeastOutMm(double r_mm, double noise_mm) {
+  return std::max(kEdge.out_sigmas * noise_mm, kEdge.out * r_mm);
+}
+
 struct BurrSample {
   std::size_t sector;
   double before_mm, off_mm;
@@ -167,7 +172,7 @@ std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vecto
 
 std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
                                  double r_mm, double noise_mm) {
-  const double least_mm = std::max(kEdge.out_sigmas * noise_mm, kEdge.out * r_mm);
+  const double least_mm = LeastOutMm(r_mm, noise_mm);
   const double longest_mm = kEdge.longest_burr * r_mm;
   std::vector<NearEnd> out;
   double before = 0;
@@ -188,7 +193,7 @@ std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector
 
 std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
                                   double r_mm, double noise_mm) {
-  const double least_mm = std::max(kEdge.out_sigmas * noise_mm, kEdge.out * r_mm);
+  const double least_mm = LeastOutMm(r_mm, noise_mm);
   const double longest_mm = kEdge.longest_burr * r_mm;
   std::vector<BurrSample> samples;
   double out = 0, beyond = 0;

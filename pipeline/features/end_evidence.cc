@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 
+#include "pipeline/features/end_samples.h"
 #include "pipeline/features/even_table.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/math/dense_solve.h"
@@ -18,7 +19,7 @@ namespace {
 struct EvidenceSettings {
   // Of the turn: a border is not told by lines that cross less.
   double least_seen = 0.3;
-  std::size_t sectors = 24, least_brackets = 6;
+  std::size_t least_brackets = 6;
   // Of the mean gap: a border that rises by less across a column is level in it.
   double level = 0.25;
   // Sides that stand against a border by more count no further [-log likelihood]: something lies
@@ -91,34 +92,36 @@ void EndEvidence::AddLines(const LineBracket& lines) {
   }
 }
 
+std::vector<RoughEndPlace> EndEvidence::RoughPlaces() const {
+  std::vector<RoughEndPlace> places;
+  for (std::size_t i = 0; i + 1 < sides.size(); i += 2) {
+    const EndSide &last = sides[i], &next = sides[i + 1];
+    places.push_back({last.cosine, last.sine, 0.5 * (last.at_mm + next.at_mm)});
+  }
+  for (const EndStop& stop : columns) {
+    places.push_back({stop.cosine, stop.sine, stop.last_mm + 0.5 * stop.mean_gap_mm});
+  }
+  return places;
+}
+
 Eigen::Vector3d RoughEndPlane(const EndEvidence& evidence, double r_mm) {
-  struct Target {
-    Eigen::Vector3d row;
-    double at_mm;
-  };
-  std::vector<Target> targets;
+  const std::vector<RoughEndPlace> places = evidence.RoughPlaces();
   std::vector<double> ends;
-  for (std::size_t i = 0; i + 1 < evidence.sides.size(); i += 2) {
-    const EndSide &last = evidence.sides[i], &next = evidence.sides[i + 1];
-    targets.push_back({{1.0, last.cosine, last.sine}, 0.5 * (last.at_mm + next.at_mm)});
-  }
-  for (const EndStop& stop : evidence.columns) {
-    targets.push_back({{1.0, stop.cosine, stop.sine}, stop.last_mm + 0.5 * stop.mean_gap_mm});
-  }
-  for (const Target& target : targets) ends.push_back(target.at_mm);
+  for (const RoughEndPlace& place : places) ends.push_back(place.at_mm);
   Eigen::Vector3d plane(Median(ends), 0.0, 0.0);
   double reach_mm = 0.5 * r_mm;
   for (int i = 0; i < 10; ++i) {
     Eigen::Matrix3d matrix = 1e-3 * Eigen::Vector3d(1e-9, 1.0, 1.0).asDiagonal();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     std::vector<double> off;
-    for (const Target& target : targets) {
-      const double residual = target.at_mm - target.row.dot(plane);
+    for (const RoughEndPlace& place : places) {
+      const Eigen::Vector3d row(1.0, place.cosine, place.sine);
+      const double residual = place.at_mm - row.dot(plane);
       off.push_back(std::abs(residual));
       if (off.back() >= reach_mm) continue;
       const double weight = std::pow(1.0 - std::pow(residual / reach_mm, 2), 2);
-      matrix += weight * target.row * target.row.transpose();
-      right += weight * target.at_mm * target.row;
+      matrix += weight * row * row.transpose();
+      right += weight * place.at_mm * row;
     }
     plane = SolveSymmetric(matrix, right);
     reach_mm = std::max(6.0 * Median(off), 0.02 * r_mm);
@@ -131,7 +134,7 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
   std::map<unsigned, std::vector<EndSample>> passes;
   for (const EndSample& sample : samples) passes[sample.pass].push_back(sample);
   EndEvidence evidence;
-  std::vector<bool> seen(kEvidence.sectors);
+  EndSectors seen{};
   std::vector<double> gaps_mm;
   std::size_t most = 0;
   for (const auto& [pass, own] : passes) {
@@ -140,15 +143,12 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
     for (const LineBracket& lines : brackets) {
       evidence.AddLines(lines);
       gaps_mm.push_back(lines.next_mm - lines.last_mm);
-      const double turn = lines.last_rad / (2.0 * std::numbers::pi);
-      const double sector = (turn - std::floor(turn)) * static_cast<double>(kEvidence.sectors);
-      seen[std::min(kEvidence.sectors - 1, static_cast<std::size_t>(sector))] = true;
+      seen[EndSectorOf(lines.last_rad)] = true;
     }
   }
   const auto sectors = std::count(seen.begin(), seen.end(), true);
   if (gaps_mm.size() < kEvidence.least_brackets ||
-      static_cast<double>(sectors) <
-          kEvidence.least_seen * static_cast<double>(kEvidence.sectors)) {
+      static_cast<double>(sectors) < kEvidence.least_seen * static_cast<double>(kEndSectors)) {
     return std::nullopt;
   }
   evidence.gap_mm = Median(std::move(gaps_mm));

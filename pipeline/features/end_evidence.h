@@ -36,6 +36,11 @@ struct EndStop {
 double LogOfHits(std::span<const double> clear);    // samples that met the wall: it goes as far
 double LogOfMisses(std::span<const double> clear);  // lines that did not; some rays are lost
 
+// Where the border roughly is, by side or column.
+struct RoughEndPlace {
+  double cosine = 1, sine = 0, at_mm = 0;
+};
+
 // What is known of an end.
 struct EndEvidence {
   std::vector<EndSide> sides;    // of laser lines: of each its last one, and where the next was
@@ -45,6 +50,7 @@ struct EndEvidence {
   double gap_mm = 0;  // mean gap between samples
 
   void AddLines(const LineBracket& lines);
+  std::vector<RoughEndPlace> RoughPlaces() const;
 };
 
 // Where the plane roughly is, in mm (EndSide): least squares that leave out what lies far off.
