@@ -34,7 +34,19 @@ struct Spine {
   double length_mm() const { return step_mm * static_cast<double>(place.size() - 1); }
 };
 
-// What follows bend after bend in the frame that does not twist: its direction, and curvature.
+// How much of the step from place `i` on lies from `from` to `to` [steps], and where its middle
+// does.
+struct Overlap {
+  double part, middle;
+};
+Overlap OverlapOf(std::size_t i, double from, double to) {
+  const double begin = std::max(from, static_cast<double>(i));
+  const double end = std::min(to, static_cast<double>(i + 1));
+  return {std::max(0.0, end - begin), 0.5 * (begin + end)};
+}
+
+// What follows bend after bend in the frame that does not twist: its direction, and curvature; each
+// the mean of the step from one place to the next, so that no bend or bow begins too early.
 std::vector<Eigen::Vector2d> Curvatures(const hal::Tube& tube, const Form& form, double step_mm,
                                         std::vector<double>& bentness, std::mt19937_64& random) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
@@ -45,15 +57,17 @@ std::vector<Eigen::Vector2d> Curvatures(const hal::Tube& tube, const Form& form,
   double plane = 0;
   for (std::size_t k = 0; k < segments.size(); ++k) {
     const auto& segment = segments[k];
-    const auto from = static_cast<std::size_t>(std::ceil(segment.from_start_mm / step_mm));
-    const auto to = std::min(
-        count, static_cast<std::size_t>((segment.from_start_mm + segment.length_mm) / step_mm) + 1);
+    const double from = segment.from_start_mm / step_mm;
+    const double to = (segment.from_start_mm + segment.length_mm) / step_mm;
+    const auto first = static_cast<std::size_t>(from);
+    const auto last = std::min(count, static_cast<std::size_t>(std::ceil(to)));
     if (segment.is_arc()) {
       if (k > 1) plane += tube.program.rows[k / 2].rotation_deg * kPi / 180.0;
       const Eigen::Vector2d turn(std::cos(plane), std::sin(plane));
-      for (std::size_t i = from; i < to; ++i) {
-        curvature[i] = turn / segment.bend_radius_mm;
-        bentness[i] = 1.0;
+      for (std::size_t i = first; i < last; ++i) {
+        const double part = OverlapOf(i, from, to).part;
+        curvature[i] += part * turn / segment.bend_radius_mm;
+        bentness[i] += part;
       }
       continue;
     }
@@ -61,11 +75,11 @@ std::vector<Eigen::Vector2d> Curvatures(const hal::Tube& tube, const Form& form,
     const double sign = Uniform(random, 0, 2 * kPi), other = Uniform(random, 0, 2 * kPi);
     const Eigen::Vector2d bow(std::cos(sign), std::sin(sign)),
         s_bow(std::cos(other), std::sin(other));
-    for (std::size_t i = from; i < to; ++i) {
-      const double t =
-          (static_cast<double>(i) * step_mm - segment.from_start_mm) / segment.length_mm;
-      curvature[i] +=
-          (8.0 * form.bow * bow + 62.0 * form.s_bow * (t - 0.5) * s_bow) / segment.length_mm;
+    for (std::size_t i = first; i < last; ++i) {
+      const Overlap here = OverlapOf(i, from, to);
+      const double t = (here.middle - from) / (to - from);
+      curvature[i] += here.part * (8.0 * form.bow * bow + 62.0 * form.s_bow * (t - 0.5) * s_bow) /
+                      segment.length_mm;
     }
   }
   return curvature;
@@ -116,7 +130,9 @@ Spine MakeSpine(const hal::Tube& tube, const Form& form, std::mt19937_64& random
     const Eigen::Quaterniond turn(angle > 0 ? Eigen::AngleAxisd(angle, axis.normalized())
                                             : Eigen::AngleAxisd::Identity());
     const Eigen::Vector3d next = turn * tangent;
-    place += 0.5 * spine.step_mm * (tangent + next);
+    // The chord of the arc between them.
+    const double chord = angle > 0 ? std::sin(0.5 * angle) / (0.5 * angle) : 1.0;
+    place += chord * spine.step_mm * (tangent + next).normalized();
     tangent = next.normalized();
     across = (turn * across - (turn * across).dot(tangent) * tangent).normalized();
   }
@@ -132,17 +148,22 @@ struct Line {
 Line BestFitLine(const Spine& spine, double from_mm, double to_mm, double easing_mm) {
   const double length_mm = to_mm - from_mm;
   const double off_mm = std::clamp(2.0 * easing_mm, 0.125 * length_mm, 0.4 * length_mm);
-  const auto first = static_cast<std::size_t>((from_mm + off_mm) / spine.step_mm);
-  const auto last =
-      std::min(spine.place.size(),
-               std::max(first + 3, static_cast<std::size_t>((to_mm - off_mm) / spine.step_mm)));
+  // Each place stands for half a step before and behind it, as far as that is of the straight.
+  const double from = std::max(0.0, (from_mm + off_mm) / spine.step_mm + 0.5);
+  const double to = std::max((to_mm - off_mm) / spine.step_mm + 0.5, from + 3.0);
+  const auto first = static_cast<std::size_t>(from);
+  const auto last = std::min(spine.place.size(), static_cast<std::size_t>(std::ceil(to)));
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (std::size_t i = first; i < last; ++i) mean += spine.place[i];
-  mean /= static_cast<double>(last - first);
+  double weight = 0;
+  for (std::size_t i = first; i < last; ++i) {
+    mean += OverlapOf(i, from, to).part * spine.place[i];
+    weight += OverlapOf(i, from, to).part;
+  }
+  mean /= weight;
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   for (std::size_t i = first; i < last; ++i) {
     const Eigen::Vector3d off = spine.place[i] - mean;
-    spread += off * off.transpose();
+    spread += OverlapOf(i, from, to).part * off * off.transpose();
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
   Eigen::Vector3d direction = eigen.eigenvectors().col(2);
@@ -230,11 +251,17 @@ class Scanner {
     const double at = s_mm / spine_.step_mm;
     const auto i = std::min(static_cast<std::size_t>(at), spine_.place.size() - 2);
     const double f = at - static_cast<double>(i);
-    const Eigen::Vector3d center = (1 - f) * spine_.place[i] + f * spine_.place[i + 1];
-    const Eigen::Vector3d tangent = spine_.tangent[i];
-    const Eigen::Vector3d binormal = tangent.cross(spine_.across[i]);
-    normal = std::cos(phi) * spine_.across[i] + std::sin(phi) * binormal;
     const Eigen::Vector2d k = spine_.curvature[i];
+    const Eigen::Vector3d tangent =
+        ((1 - f) * spine_.tangent[i] + f * spine_.tangent[i + 1]).normalized();
+    const Eigen::Vector3d across = (1 - f) * spine_.across[i] + f * spine_.across[i + 1];
+    const Eigen::Vector3d side = (across - across.dot(tangent) * tangent).normalized();
+    const Eigen::Vector3d binormal = tangent.cross(side);
+    // On the arc over the chord.
+    const double over_mm = 0.5 * f * (1 - f) * spine_.step_mm * spine_.step_mm;
+    const Eigen::Vector3d center = (1 - f) * spine_.place[i] + f * spine_.place[i + 1] -
+                                   over_mm * (k.x() * side + k.y() * binormal);
+    normal = std::cos(phi) * side + std::sin(phi) * binormal;
     const double area = 1.0 - r_ * (k.x() * std::cos(phi) + k.y() * std::sin(phi));
     if (Uniform(random_, 0, 1.0 + r_ * k.norm()) > area) return false;
     double radius_mm = r_;

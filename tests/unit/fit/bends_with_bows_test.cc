@@ -69,7 +69,7 @@ TEST_F(BendsWithBows, SlightBendsForBowsBecomeNone) {
 TEST_F(BendsWithBows, APartThatBeginsOffItsPointsComesBack) {
   Scan(1.0 / 400, 0.01);
   hal::Tube start = cloud_.truth;
-  start.program.rows[1].angle_deg += 3.5;
+  start.program.rows[1].angle_deg += 4.5;
   EXPECT_LT(FitSurface(start, blocks_, options_).used, 10'000U);
   const BowedSolution solution = SolveWithBows(start, blocks_, options_);
   EXPECT_GT(solution.fit.used, 11'900U);
