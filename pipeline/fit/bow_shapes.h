@@ -56,6 +56,13 @@ struct Bow {
     }
     return off_mm;
   }
+
+  // How steeply, by the same x.
+  Eigen::Vector2d SlopeAt(double x) const {
+    const auto shapes = BowShapesAt(std::clamp(x, -1.0, 1.0)), lines = BowLinesOf(middle);
+    return (shapes[0].slope - lines[0].slope) * modes_mm.head<2>() +
+           (shapes[1].slope - lines[1].slope) * modes_mm.tail<2>();
+  }
 };
 
 // The motion of a line's frame (at its start) that puts its place `along_mm` off by `off` and turns

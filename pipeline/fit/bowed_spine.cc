@@ -23,8 +23,8 @@ struct MiddleSettings {
 constexpr MiddleSettings kMiddle;
 
 struct ExtentSettings {
-  // [of a straight's points] Beyond which lie fliers, and so many at least tell of its end. By
-  // trial.
+  // [of a straight's points] Beyond which lie fliers: the straight ends so much of its length
+  // beyond the others. So many at least tell of its end. By trial.
   double part = 0.002;
   Eigen::Index least_points = 50;
 };
@@ -116,12 +116,14 @@ void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTub
     return static_cast<Eigen::Index>(of.size) >= kExtent.least_points;
   };
   if (const SegmentPoints& last = points.segments.back(); tells(last)) {
-    const double to_mm = AlongAt(last, 1.0 - kExtent.part);
+    const double to_mm = AlongAt(last, 1.0 - kExtent.part) / (1.0 - kExtent.part);
     rows.back().length_mm =
         std::max(0.0, rows.back().length_mm + to_mm - spine.segments.back().length_mm);
   }
   if (const SegmentPoints& first = points.segments.front(); tells(first)) {
-    const double from_mm = std::min(AlongAt(first, kExtent.part), rows.front().length_mm);
+    const double to_mm = spine.segments.front().length_mm;
+    const double points_mm = (to_mm - AlongAt(first, kExtent.part)) / (1.0 - kExtent.part);
+    const double from_mm = std::min(to_mm - points_mm, rows.front().length_mm);
     rows.front().length_mm -= from_mm;
     state.tube.X_WT.position_mm +=
         from_mm * (state.tube.X_WT.orientation * Eigen::Vector3d::UnitX());

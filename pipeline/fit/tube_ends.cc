@@ -231,9 +231,7 @@ class WithoutBow {
  private:
   double At(double x_mm) const { return 2.0 * x_mm / length_mm_ - 1.0; }
   Eigen::Vector2d SlopeAt(double x_mm) const {
-    constexpr double kStep = 1e-3;
-    const double t = At(x_mm);
-    return (bow_.Beside(t + kStep) - bow_.Beside(t - kStep)) / (kStep * length_mm_);
+    return 2.0 / length_mm_ * bow_.SlopeAt(At(x_mm));
   }
 
   Bow bow_;
