@@ -21,9 +21,11 @@ struct OneDieSettings {
   // the logarithm of the ratio.
   double worse = 6.0;
   // Bends that may be sharp: of so many at least the radii must differ by so many sigma, root mean
-  // square, and agree to so many as those of one die. Two numbers say how they differ then.
+  // square, and agree to so many, or to such a part of that, as those of one die. Two numbers say
+  // how they differ then. Other reasons for which radii differ (springback, several dies) do not
+  // follow the angle, and that of one die is one to such a part.
   std::size_t least_bends = 4;
-  double differ_sigmas = 4.0, agree_sigmas = 1.5;
+  double differ_sigmas = 3.0, agree_sigmas = 1.5, agree_part = 0.2, alike = 0.0005;
 };
 constexpr OneDieSettings kOneDie;
 
@@ -75,13 +77,15 @@ bool LooksEased(const SurfaceFit& fit, const Die& die) {
     const hal::BendRow& row = fit.tube.program.rows[i];
     const double radius_mm = row.bend_radius_mm.value_or(0.0);
     const double sigma_mm = std::hypot(fit.sigma.rows[i].bend_radius_mm.value_or(0.0),
-                                       kRadiiOfOneDie * die.bend_radius_mm);
+                                       kOneDie.alike * die.bend_radius_mm);
     const double as_sharp_mm =
         std::sqrt(std::pow(die.bend_radius_mm, 2) + die.easing_mm2 / SquareOf(row));
     differ += std::pow((radius_mm - die.bend_radius_mm) / sigma_mm, 2) / bends;
     agree += std::pow((radius_mm - as_sharp_mm) / sigma_mm, 2) / bends;
   }
-  return differ > std::pow(kOneDie.differ_sigmas, 2) && agree < std::pow(kOneDie.agree_sigmas, 2);
+  return differ > std::pow(kOneDie.differ_sigmas, 2) &&
+         agree <
+             std::max(std::pow(kOneDie.agree_sigmas, 2), std::pow(kOneDie.agree_part, 2) * differ);
 }
 
 }  // namespace
