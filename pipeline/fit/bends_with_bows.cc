@@ -211,7 +211,8 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
   for (std::size_t k = 0; more && k < now.bows.state.bows.size(); ++k) {
     const Bow& bow = now.bows.state.bows[k];
     const double height_mm = 1.5 * bow.modes_mm.head<2>().norm();
-    if (bow.is_none() || height_mm < kRevise.bow * spine.segments[k].length_mm) continue;
+    if (bow.is_none() || height_mm < kRevise.bow * bow.LengthMm(spine.segments[k].length_mm))
+      continue;
     add(Bent(*polygon, spine.row(k), spine.segments[k], bow, radius_mm), false);
   }
   return changes;

@@ -25,6 +25,9 @@ inline std::array<BowShape, 2> BowShapesAt(double x) {
   return {BowShape{1.5 * x * x - 0.5, 3.0 * x},
           BowShape{(2.5 * x * x - 1.5) * x, 7.5 * x * x - 1.5}};
 }
+// How fast the slope grows, by that length.
+inline std::array<double, 2> BowCurvaturesAt(double x) { return {3.0, 15.0 * x}; }
+
 // The part of a straight that its best-fit line is of, by its length from -1 to 1.
 struct StraightMiddle {
   double from = -1, to = 1;
@@ -38,12 +41,20 @@ inline std::array<BowShape, 2> BowLinesOf(const StraightMiddle& middle) {
           BowShape{(2.5 * (m2 + c2) - 1.5) * middle.center(), 7.5 * m2 + 1.5 * c2 - 1.5}};
 }
 
-// A straight that bows: the heights of its modes [mm] about the best-fit line of its middle.
+// A straight that bows: the heights of its modes [mm] about the best-fit line of its middle. It
+// goes from tangent point to tangent point, and where bends ease these lie beyond the ends of its
+// line.
 struct Bow {
   Eigen::Vector4d modes_mm = Eigen::Vector4d::Zero();
   StraightMiddle middle;
+  double before_mm = 0, after_mm = 0;  // how far beyond
 
   bool is_none() const { return modes_mm.isZero(0.0); }
+  double LengthMm(double line_mm) const { return line_mm + before_mm + after_mm; }
+  // By its length from -1 to 1: what lies so far along its line.
+  double At(double along_mm, double line_mm) const {
+    return 2.0 * (along_mm + before_mm) / LengthMm(line_mm) - 1.0;
+  }
   // How far its spine lies beside that line, in y and z; beyond its ends it goes straight on.
   Eigen::Vector2d Beside(double x) const {
     const double inside = std::clamp(x, -1.0, 1.0);
@@ -66,16 +77,15 @@ struct Bow {
 };
 
 // The motion of a line's frame (at its start) that puts its place `along_mm` off by `off` and turns
-// it by `slope`, for modes in y and z of each shape. What the shapes do at the straight's start is
+// it by `slope`, for modes in y and z of each shape. What the shapes do at the line's start is
 // taken off: there it goes on where the bend before it ended.
-inline BowMotion BowMotionOf(const std::array<BowShape, 2>& shapes, double along_mm,
-                             double length_mm) {
-  const auto start = BowShapesAt(-1.0);
-  const double part = along_mm / length_mm;
+inline BowMotion BowMotionOf(const Bow& bow, const std::array<BowShape, 2>& shapes, double along_mm,
+                             double line_mm) {
+  const auto start = BowShapesAt(bow.At(0.0, line_mm));
+  const double by_mm = 2.0 / bow.LengthMm(line_mm);
   BowMotion field = BowMotion::Zero();
   for (std::size_t s = 0; s < 2; ++s) {
-    const double by_mm = 2.0 / length_mm;
-    const double off = shapes[s].off - start[s].off - 2.0 * start[s].slope * part;
+    const double off = shapes[s].off - start[s].off - start[s].slope * by_mm * along_mm;
     const double slope = (shapes[s].slope - start[s].slope) * by_mm;
     const auto column = static_cast<Eigen::Index>(2 * s);
     field(1, column) = off - slope * along_mm;

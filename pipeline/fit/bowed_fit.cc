@@ -28,6 +28,11 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
   const double more = with_bows - straight.Gain();
   if (!(more > freedom + kBowed.insist * std::sqrt(2.0 * freedom))) {
     straight.Doubt(false, fit);
+    if (!fit.easing.empty()) {
+      BowedTubeState with_ends = no_bows;
+      EndWithPoints(few, options.reach_mm, with_ends);
+      BowedTube(before, std::move(with_ends), std::nullopt, options).MoveToLines(fit);
+    }
     return {no_bows, straight.noise_mm(), straight.worth(), straight.IsPulledAside()};
   }
   straight.Solve(true);

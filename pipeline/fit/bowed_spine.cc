@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "hal/angles.h"
 #include "hal/spine.h"
@@ -19,6 +20,7 @@ struct MiddleSettings {
   double beside_bend = 0.125, most = 0.4;
   // [easing lengths] A Gaussian's curvature is gone to 2 % there.
   double eased = 2.0;
+  int places = 40;
 };
 constexpr MiddleSettings kMiddle;
 
@@ -29,18 +31,40 @@ struct ExtentSettings {
   Eigen::Index least_points = 50;
 };
 constexpr ExtentSettings kExtent;
+constexpr double kLeast = 1e-4;  // of a bow: what is less of it is none
 
 double AlongAt(const SegmentPoints& points, double part) {
   const auto count = static_cast<std::ptrdiff_t>(points.size);
   return Quantile(std::vector<double>(points.x.data(), points.x.data() + count), part);
 }
 
-// Turned and moved as a rigid body by what a small motion of `segment`'s frame is.
-class FrameMotion {
+// [mm] How far the spine lies beside a line that goes straight on, `x_mm` from its start.
+Eigen::Vector3d BesideLine(const EasedSpine& spine, std::size_t segment, double x_mm) {
+  const double length_mm = spine.segments[segment].length_mm;
+  if (x_mm >= 0 && x_mm <= length_mm) return Eigen::Vector3d::Zero();
+  const bool is_behind = x_mm > length_mm;
+  const auto last = is_behind ? spine.segments.size() - 1 : std::size_t{0};
+  double left_mm = is_behind ? x_mm - length_mm : -x_mm;
+  if (segment == last) return Eigen::Vector3d::Zero();
+  std::size_t k = is_behind ? segment + 1 : segment - 1;
+  const hal::SpineSegment& next = spine.segments[k];
+  const Eigen::Vector3d joint_mm = is_behind ? next.start_mm : next.PointAt(next.length_mm);
+  const Eigen::Vector3d along = is_behind ? next.tangent : next.TangentAt(next.length_mm);
+  while (k != last && left_mm > spine.segments[k].length_mm) {
+    left_mm -= spine.segments[k].length_mm;
+    is_behind ? ++k : --k;
+  }
+  const hal::SpineSegment& here = spine.segments[k];
+  const Eigen::Vector3d from_joint_mm =
+      here.PointAt(is_behind ? left_mm : here.length_mm - left_mm) - joint_mm;
+  return from_joint_mm - from_joint_mm.dot(along) * along;
+}
+
+// Turns about a place and moves.
+class RigidMotion {
  public:
-  FrameMotion(const hal::SpineSegment& segment, const Eigen::Matrix<double, kLocalState, 1>& motion)
-      : pivot_mm_(segment.start_mm), move_mm_(segment.axes() * motion.head<3>()) {
-    const Eigen::Vector3d turn = segment.axes() * motion.segment<3>(3);
+  RigidMotion(Eigen::Vector3d pivot_mm, Eigen::Vector3d move_mm, const Eigen::Vector3d& turn)
+      : pivot_mm_(std::move(pivot_mm)), move_mm_(std::move(move_mm)) {
     const double angle = turn.norm();
     if (angle > 0) turn_ = Eigen::AngleAxisd(angle, turn / angle);
   }
@@ -56,30 +80,95 @@ class FrameMotion {
   Eigen::Quaterniond turn_ = Eigen::Quaterniond::Identity();
 };
 
+// What a small motion of `segment`'s frame does to a rigid body.
+RigidMotion MotionOf(const hal::SpineSegment& segment,
+                     const Eigen::Matrix<double, kLocalState, 1>& motion) {
+  return {segment.start_mm, segment.axes() * motion.head<3>(),
+          segment.axes() * motion.segment<3>(3)};
+}
+
+// How much of a straight's bow is left `into_mm` deep in the bend beside it, which begins to ease
+// `beyond_mm` before the tangent point: as much as is not of the bend's curvature yet.
+double BowLeft(double into_mm, double beyond_mm, double variance_mm2) {
+  return 0.5 * std::erfc((into_mm - beyond_mm) / std::sqrt(2.0 * variance_mm2));
+}
+
 }  // namespace
 
-BowMotion ToBestFitLine(const Bow& bow, double length_mm) {
-  return BowMotionOf(BowLinesOf(bow.middle), 0.5 * (1.0 + bow.middle.center()) * length_mm,
-                     length_mm);
+BowMotion ToBestFitLine(const Bow& bow, double line_mm) {
+  const double along_mm = 0.5 * (1.0 + bow.middle.center()) * bow.LengthMm(line_mm) - bow.before_mm;
+  return BowMotionOf(bow, BowLinesOf(bow.middle), along_mm, line_mm);
+}
+
+std::vector<BowHinge> BowHinges(const EasedSpine& spine, const Easing& within, const Bow& bow,
+                                std::size_t segment, bool behind) {
+  std::vector<BowHinge> hinges;
+  const std::size_t row = spine.row(segment);
+  const double beyond_mm = behind ? bow.after_mm : bow.before_mm;
+  if (within.empty() || !(beyond_mm > 0)) return hinges;
+  const hal::SpineSegment& line = spine.segments[segment];
+  const double variance_mm2 = within.variance_mm2[behind ? row : row - 1];
+  const double by_mm = 2.0 / bow.LengthMm(line.length_mm);
+  double into_mm = 0;
+  for (std::size_t i = 1; i <= spine.pieces; ++i) {
+    const std::size_t at = behind ? segment + i : segment - i;
+    const hal::SpineSegment& piece = spine.segments[at];
+    const double middle_mm = into_mm + 0.5 * piece.length_mm;
+    into_mm += piece.length_mm;
+    const double left = BowLeft(middle_mm, beyond_mm, variance_mm2);
+    if (left < kLeast) break;
+    const auto curvatures =
+        BowCurvaturesAt(bow.At(behind ? line.length_mm + middle_mm : -middle_mm, line.length_mm));
+    // The line's axes in the frame that does not twist.
+    const Eigen::Matrix3d axes =
+        Eigen::Quaterniond::FromTwoVectors(line.tangent, piece.TangentAt(0.5 * piece.length_mm)) *
+        line.axes();
+    BowHinge hinge;
+    for (std::size_t s = 0; s < 2; ++s) {
+      const double half_turn = 0.5 * left * curvatures[s] * by_mm * by_mm * piece.length_mm;
+      hinge.turn.col(static_cast<Eigen::Index>(2 * s)) = half_turn * axes.col(2);
+      hinge.turn.col(static_cast<Eigen::Index>(2 * s + 1)) = -half_turn * axes.col(1);
+    }
+    // A piece stays one: it is turned as the line is that fits a parabola best, and what is behind
+    // it as the parabola's end.
+    for (const auto& [of, part] : {std::pair(at, 1.0 / 6.0), std::pair(at + 1, 5.0 / 6.0)}) {
+      hinge.segment = of;
+      hinge.place_mm = piece.PointAt(part * piece.length_mm);
+      hinges.push_back(hinge);
+    }
+  }
+  return hinges;
 }
 
 EasedSpine SpineOf(const BowedTubeState& state) {
   EasedSpine spine = SpineOf(state.tube.program, state.tube.X_WT, state.easing);
   auto& segments = spine.segments;
+  const Easing within = EasingWithin(state.tube.program, state.easing);
+  const auto turn_at_hinges = [&](std::size_t k, bool behind) {
+    for (const BowHinge& hinge : BowHinges(spine, within, state.bows[k], k, behind)) {
+      const RigidMotion motion(hinge.place_mm, Eigen::Vector3d::Zero(),
+                               hinge.turn * state.bows[k].modes_mm);
+      for (std::size_t i = hinge.segment; i < segments.size(); ++i)
+        segments[i] = motion(segments[i]);
+    }
+  };
   for (std::size_t k = 0; k < segments.size() && k < state.bows.size(); ++k) {
     const Bow& bow = state.bows[k];
-    const double length_mm = segments[k].length_mm;
-    if (bow.is_none() || !(length_mm > 0)) continue;
+    const double line_mm = segments[k].length_mm;
+    if (bow.is_none() || !(line_mm > 0)) continue;
+    turn_at_hinges(k, false);
     const hal::SpineSegment straight = segments[k];
-    const BowMotion to_end = BowMotionOf(BowShapesAt(1.0), length_mm, length_mm);
-    const FrameMotion behind(straight, to_end * bow.modes_mm);
-    for (std::size_t i = k + 1; i < segments.size(); ++i) segments[i] = behind(segments[i]);
-    segments[k] = FrameMotion(straight, ToBestFitLine(bow, length_mm) * bow.modes_mm)(straight);
+    const BowMotion to_end =
+        BowMotionOf(bow, BowShapesAt(bow.At(line_mm, line_mm)), line_mm, line_mm);
+    const RigidMotion rest = MotionOf(straight, to_end * bow.modes_mm);
+    for (std::size_t i = k + 1; i < segments.size(); ++i) segments[i] = rest(segments[i]);
+    turn_at_hinges(k, true);
+    segments[k] = MotionOf(straight, ToBestFitLine(bow, line_mm) * bow.modes_mm)(straight);
   }
   return spine;
 }
 
-StraightMiddle MiddleOf(const BowedTubeState& state, const EasedSpine& spine, std::size_t segment) {
+Bow ExtentOf(const BowedTubeState& state, const EasedSpine& spine, std::size_t segment) {
   const double line_mm = spine.segments[segment].length_mm;
   const std::size_t row = spine.row(segment), bends = state.tube.program.bend_count();
   const Easing within = EasingWithin(state.tube.program, state.easing);
@@ -94,15 +183,41 @@ StraightMiddle MiddleOf(const BowedTubeState& state, const EasedSpine& spine, st
   for (const double variance : state.easing.variance_mm2) {
     eased_mm2 += variance / static_cast<double>(bends);
   }
-  const double before_mm = row > 0 ? beyond_mm(row - 1) : 0.0;
-  const double after_mm = row < bends ? beyond_mm(row) : 0.0;
-  const double straight_mm = line_mm + before_mm + after_mm;
+  Bow bow;
+  bow.before_mm = row > 0 ? beyond_mm(row - 1) : 0.0;
+  bow.after_mm = row < bends ? beyond_mm(row) : 0.0;
+  const double straight_mm = std::max(1e-9, bow.LengthMm(line_mm));
   const double off_mm = std::clamp(kMiddle.eased * std::sqrt(std::max(0.0, eased_mm2)),
                                    kMiddle.beside_bend * straight_mm, kMiddle.most * straight_mm);
-  const auto at = [&](double along_mm) {
-    return std::clamp(2.0 * (along_mm - before_mm) / std::max(1e-9, line_mm) - 1.0, -1.0, 1.0);
-  };
-  return {at(off_mm), at(straight_mm - off_mm)};
+  bow.middle = {2.0 * off_mm / straight_mm - 1.0, 1.0 - 2.0 * off_mm / straight_mm};
+  return bow;
+}
+
+Eigen::Matrix<double, kLocalState, 1> TailsOf(const EasedSpine& spine, const Bow& straight,
+                                              std::size_t segment) {
+  Eigen::Matrix<double, kLocalState, 1> motion = Eigen::Matrix<double, kLocalState, 1>::Zero();
+  const hal::SpineSegment& line = spine.segments[segment];
+  const double half_mm = 0.5 * straight.LengthMm(line.length_mm);
+  const double from_mm = (1.0 + straight.middle.from) * half_mm - straight.before_mm;
+  const double to_mm = (1.0 + straight.middle.to) * half_mm - straight.before_mm;
+  if (from_mm >= 0 && to_mm <= line.length_mm) return motion;
+  // Least squares over places as far from each other.
+  const Eigen::Matrix<double, 2, 3> across = line.axes().rightCols<2>().transpose();
+  const double center_mm = 0.5 * (from_mm + to_mm);
+  Eigen::Vector2d off_mm = Eigen::Vector2d::Zero(), slope = Eigen::Vector2d::Zero();
+  double spread_mm2 = 0;
+  for (int i = 0; i < kMiddle.places; ++i) {
+    const double x_mm = from_mm + (i + 0.5) / kMiddle.places * (to_mm - from_mm);
+    const Eigen::Vector2d beside_mm = across * BesideLine(spine, segment, x_mm);
+    off_mm += beside_mm / kMiddle.places;
+    slope += (x_mm - center_mm) * beside_mm;
+    spread_mm2 += (x_mm - center_mm) * (x_mm - center_mm);
+  }
+  slope /= std::max(1e-9, spread_mm2);
+  motion.segment<2>(1) = off_mm - center_mm * slope;
+  motion[4] = -slope[1];
+  motion[5] = slope[0];
+  return motion;
 }
 
 void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTubeState& state) {

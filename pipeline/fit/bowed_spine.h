@@ -8,6 +8,7 @@
 #include "hal/tube.h"
 #include "pipeline/fit/bow_shapes.h"
 #include "pipeline/fit/surface_points.h"
+#include "pipeline/fit/surface_sums.h"
 #include "pipeline/tube/easing.h"
 #include "pipeline/tube/flattening.h"
 
@@ -25,12 +26,29 @@ struct BowedTubeState {
 // Its spine; each straight is its best-fit line.
 EasedSpine SpineOf(const BowedTubeState& state);
 
-// Of its frame: the motion of a straight from where it begins to its best-fit line, by its modes.
-BowMotion ToBestFitLine(const Bow& bow, double length_mm);
+// Of its frame: the motion of a straight's line from where it begins to its best-fit line, by its
+// modes.
+BowMotion ToBestFitLine(const Bow& bow, double line_mm);
 
-// What the best-fit line of a straight is of: all but its ends, which belong to the bends, and what
-// these ease over. `spine`: as if no straight bowed.
-StraightMiddle MiddleOf(const BowedTubeState& state, const EasedSpine& spine, std::size_t segment);
+// The same straight without any bow: how far it goes, and what its best-fit line is of, which is
+// all but its ends, that belong to the bends, and what these ease over. `spine`: as if no straight
+// bowed.
+Bow ExtentOf(const BowedTubeState& state, const EasedSpine& spine, std::size_t segment);
+
+// Where a bend eases the straight beside it still bows: by so much its pieces turn more.
+struct BowHinge {
+  std::size_t segment = 0;  // that turns, with all behind it
+  Eigen::Vector3d place_mm = Eigen::Vector3d::Zero();
+  Eigen::Matrix<double, 3, kBowModes> turn;  // [rad / mm] about it, by the modes
+};
+// Those of the straight `segment`, in the bend before it or in the one behind it.
+std::vector<BowHinge> BowHinges(const EasedSpine& spine, const Easing& within, const Bow& bow,
+                                std::size_t segment, bool behind);
+
+// What the bends beside a straight, easing into its middle, make of the best-fit line over that: as
+// a motion of its frame. `spine`: as if no straight bowed.
+Eigen::Matrix<double, kLocalState, 1> TailsOf(const EasedSpine& spine, const Bow& straight,
+                                              std::size_t segment);
 
 // Lets the first and last straight begin and end where points do, as far as these lie near them.
 void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTubeState& state);

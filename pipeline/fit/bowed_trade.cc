@@ -54,6 +54,13 @@ bool BowedTube::MoveTo(SurfaceFit& fit) const {
   return true;
 }
 
+bool BowedTube::MoveToLines(SurfaceFit& fit) const {
+  const Eigen::VectorXd to = TradeAt(Eigen::VectorXd::Zero(size_));
+  if (!to.allFinite()) return false;
+  fit.tube = TradeTube(parameters_, state_.tube, to);
+  return true;
+}
+
 void BowedTube::Doubt(bool would_move, SurfaceFit& fit) const {
   const int n = parameters_.size();
   Eigen::MatrixXd covariance =
@@ -88,7 +95,7 @@ std::vector<SpineLine> BowedTube::LinesAt(const Eigen::VectorXd& numbers) const 
   for (std::size_t k = 0; k < frames_.size(); ++k) {
     if (!spine_.is_line(k)) continue;
     const hal::SpineSegment& straight = spine_.segments[k];
-    LocalVector motion = motions_[k] * numbers;
+    LocalVector motion = motions_[k] * numbers + tails_[k];
     if (own_[k] >= 0) {
       motion += LineMotion(k) * numbers.segment<kBowModes>(own_[k]);
     }

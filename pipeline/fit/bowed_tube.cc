@@ -57,20 +57,34 @@ void BowedTube::SetMotions() {
   for (std::size_t k = 0; k < segments.size(); ++k) {
     motions_[k].leftCols(parameters_.size()) = derivatives_[k];
   }
+  const Easing within = EasingWithin(state_.tube.program, state_.easing);
   for (std::size_t j = 0; j < segments.size(); ++j) {
     if (own_[j] < 0) continue;
-    // As the motion of its frame, which all behind it follow.
-    const BowMotion end =
-        BowMotionOf(BowShapesAt(1.0), segments[j].length_mm, segments[j].length_mm);
-    const Eigen::Matrix3d axes = segments[j].axes();
-    const Eigen::Matrix<double, 3, kBowModes> velocity = axes * end.topRows<3>(),
-                                              turn = axes * end.middleRows<3>(3);
-    for (std::size_t k = j + 1; k < segments.size(); ++k) {
-      const Eigen::Matrix3d to_local = segments[k].axes().transpose();
-      const Eigen::Matrix3d arm = CrossMatrix(segments[k].start_mm - segments[j].start_mm);
-      motions_[k].block<3, kBowModes>(0, own_[j]) = to_local * (velocity - arm * turn);
-      motions_[k].block<3, kBowModes>(3, own_[j]) = to_local * turn;
+    const Bow& bow = state_.bows[j];
+    for (const bool behind : {false, true}) {
+      for (const BowHinge& hinge : BowHinges(spine_, within, bow, j, behind)) {
+        AddTurn(j, hinge.segment, hinge.place_mm, Eigen::Matrix<double, 3, kBowModes>::Zero(),
+                hinge.turn);
+      }
     }
+    // As the motion of its frame, which all behind it follow.
+    const double length_mm = segments[j].length_mm;
+    const BowMotion end =
+        BowMotionOf(bow, BowShapesAt(bow.At(length_mm, length_mm)), length_mm, length_mm);
+    const Eigen::Matrix3d axes = segments[j].axes();
+    AddTurn(j, j + 1, segments[j].start_mm, axes * end.topRows<3>(), axes * end.middleRows<3>(3));
+  }
+}
+
+void BowedTube::AddTurn(std::size_t j, std::size_t first, const Eigen::Vector3d& place_mm,
+                        const Eigen::Matrix<double, 3, kBowModes>& velocity,
+                        const Eigen::Matrix<double, 3, kBowModes>& turn) {
+  const auto& segments = spine_.segments;
+  for (std::size_t k = first; k < segments.size(); ++k) {
+    const Eigen::Matrix3d to_local = segments[k].axes().transpose();
+    const Eigen::Matrix3d arm = CrossMatrix(segments[k].start_mm - place_mm);
+    motions_[k].block<3, kBowModes>(0, own_[j]) += to_local * (velocity - arm * turn);
+    motions_[k].block<3, kBowModes>(3, own_[j]) += to_local * turn;
   }
 }
 
@@ -147,7 +161,7 @@ void BowedTube::AddPriors(bool with_bows) {
   right_.head(n) += right;
   for (std::size_t k = 0; k < own_.size(); ++k) {
     if (own_[k] < 0) continue;
-    const double length_mm = spine_.segments[k].length_mm;
+    const double length_mm = LengthOf(k);
     for (int mode = 0; mode < kBowModes; ++mode) {
       // The bow's shape goes from -0.5 to 1; so does the other, nearly.
       const double range_mm = (mode < 2 ? kBowed.bow : kBowed.s_bow) * length_mm / 1.5;
@@ -233,7 +247,7 @@ bool BowedTube::IsSolved() const {
   for (std::size_t k = 0; k < own_.size(); ++k) {
     if (own_[k] < 0) continue;
     const double height_mm = BowAt(k, step_).cwiseAbs().maxCoeff();
-    if (!(height_mm < kBowed.most_bow * spine_.segments[k].length_mm)) return false;
+    if (!(height_mm < kBowed.most_bow * LengthOf(k))) return false;
   }
   return step_.allFinite() && inverse_.allFinite();
 }

@@ -28,7 +28,7 @@ struct BowedSettings {
   // [of r_P] Of a place along the spine.
   double place = 1.5;
   // [of r_P] Shorter straights have no bow, nor those of which the bends beside them leave less.
-  double shortest = 2.5, shortest_left = 0.5;
+  double shortest = 2.5, shortest_left = 0.05;
   // [of a straight's length] 1 sigma of a bow's height, and of one that changes sides: L / 300 is
   // the worst that is sold as straight.
   double bow = 0.002, s_bow = 0.001;
@@ -91,12 +91,14 @@ class BowedTube {
         own_(spine_.segments.size(), -1) {
     state_.bows.resize(own_.size());
     int next = parameters_.size();
+    tails_.assign(own_.size(), LocalVector::Zero());
     for (std::size_t k = 0; k < own_.size(); ++k) {
-      if (!MayBow(k)) {
-        state_.bows[k] = {};
-        continue;
-      }
-      state_.bows[k].middle = MiddleOf(state_, spine_, k);
+      if (!spine_.is_line(k)) continue;
+      const Eigen::Vector4d modes_mm = state_.bows[k].modes_mm;
+      state_.bows[k] = ExtentOf(state_, spine_, k);
+      tails_[k] = TailsOf(spine_, state_.bows[k], k);
+      if (!MayBow(k)) continue;
+      state_.bows[k].modes_mm = modes_mm;
       own_[k] = next;
       next += kBowModes;
     }
@@ -148,6 +150,9 @@ class BowedTube {
   // where a slight bend has no corner.
   bool MoveTo(SurfaceFit& fit) const;
 
+  // As it is, to the straights' best-fit lines: bends that ease into their middles turn these.
+  bool MoveToLines(SurfaceFit& fit) const;
+
   // The tube stays; what places disagree by makes it less certain, and where it would rather be.
   void Doubt(bool would_move, SurfaceFit& fit) const;
 
@@ -159,6 +164,10 @@ class BowedTube {
 
   // Of every segment's frame by all numbers; a straight's own bow moves its places one by one.
   void SetMotions();
+  // By the bow of segment `j`: turned by so much about a place, from the segment `first` on.
+  void AddTurn(std::size_t j, std::size_t first, const Eigen::Vector3d& place_mm,
+               const Eigen::Matrix<double, 3, kBowModes>& velocity,
+               const Eigen::Matrix<double, 3, kBowModes>& turn);
 
   // Of every bend its own kernel beside the tube's: what moves its pieces moves nothing behind
   // them.
@@ -168,6 +177,10 @@ class BowedTube {
   Eigen::VectorXd Within(const Eigen::VectorXd& step) const {
     const FitBounds bounds(parameters_, r_mm_, options_.max_length_mm);
     return bounds.Inside(parameters_.Initial() + step.head(parameters_.size()));
+  }
+  // [mm] Of a straight that may bow.
+  double LengthOf(std::size_t k) const {
+    return state_.bows[k].LengthMm(spine_.segments[k].length_mm);
   }
   BowMotion LineMotion(std::size_t k) const {
     return ToBestFitLine(state_.bows[k], spine_.segments[k].length_mm);
@@ -179,7 +192,8 @@ class BowedTube {
   BowMotion OwnMotion(const PlaceSum& place) const {
     const double length_mm = spine_.segments[place.segment].length_mm;
     const double along_mm = std::clamp(place.along_mm, 0.0, length_mm);
-    return BowMotionOf(BowShapesAt(2.0 * along_mm / length_mm - 1.0), along_mm, length_mm);
+    const Bow& bow = state_.bows[place.segment];
+    return BowMotionOf(bow, BowShapesAt(bow.At(along_mm, length_mm)), along_mm, length_mm);
   }
   std::size_t ClassOf(std::size_t segment) const { return spine_.is_line(segment) ? 0 : 1; }
 
@@ -228,7 +242,8 @@ class BowedTube {
   double r_mm_;
   EasedSpine spine_;
   std::vector<SegmentFrame> frames_;
-  std::vector<int> own_;  // of a segment: its first number of bow, or -1
+  std::vector<LocalVector> tails_;  // of a straight's line
+  std::vector<int> own_;            // of a segment: its first number of bow, or -1
   int size_ = 0;
   std::vector<Eigen::MatrixXd> derivatives_, motions_;
   std::vector<PlaceSum> places_;

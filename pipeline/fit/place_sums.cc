@@ -34,11 +34,11 @@ double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegm
 void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, SegmentPoints& points) {
   if (bow.is_none()) return;
   for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
-    const double x = 2.0 * points.x[i] / length_mm - 1.0;
+    const double x = bow.At(points.x[i], length_mm);
     Eigen::Vector2d beside_mm = Eigen::Vector2d(points.y[i], points.z[i]) - bow.Beside(x);
     // The nearest place of a spine that leans by `slope` is nearer: 1 - slope^2 / 2 at L / 500 are
     // a third of a percent of what the bow itself does.
-    const Eigen::Vector2d slope = 2.0 / length_mm * bow.SlopeAt(x);
+    const Eigen::Vector2d slope = 2.0 / bow.LengthMm(length_mm) * bow.SlopeAt(x);
     const double leans_mm = slope.dot(beside_mm);
     beside_mm *= 1.0 - 0.5 * leans_mm * leans_mm / std::max(1e-12, beside_mm.squaredNorm());
     points.y[i] = beside_mm[0];

@@ -2,6 +2,7 @@
 #include "pipeline/fit/report_quality.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <string>
@@ -44,19 +45,12 @@ struct Doubts {
 };
 constexpr Doubts kDoubts;
 
-// What easings leave of the sigmas, from tubes eased by 0.4 to 1.5 pipe radii: sigmas grow by
-// `more` where the easing's standard deviation is `usual` pipe radii, and by its fourth power.
+// What easings leave of the sigmas beyond what the fit says.
 struct EasedSettings {
-  double usual = 0.7, more = 0.08;
-  // [of the easing's variance] What its kernel's shape leaves of it where it is a pipe radius long,
-  // and more in bends whose arcs are no longer than the easing is.
-  double part = 0.012, of_short_arcs = 0.09;
-  // The same of bends that have no room to ease further, by this much more of the variance: they
-  // run into each other, and what they ease over is not known.
+  // [of the easing's variance] Of bends that have no room to ease further, by this much more of it:
+  // they run into each other, and what they ease over is not known.
   double crowded = 0.5, crowded_from = 1.1;
   double widest_rad = 2.6;  // of wider bends the corner runs away
-  // Of the least doubt about a radius, that of all bends of one die.
-  double least_of_die = 0.7;
   double least_sine = 0.2;  // of slighter bends the plane is not known anyway
 };
 constexpr EasedSettings kEased;
@@ -96,117 +90,106 @@ bool IsCrowded(const hal::BendProgram& program, const Easing& easing, std::size_
   return EasingWithin(program, more).variance_mm2[bend] < 0.99 * more.variance_mm2[bend];
 }
 
-// 1 sigma of a bend's arc [mm] that easings leave. Smoothed curvature tells the arc by its variance
-// along the spine, which is arc^2 / 12 and that of the easing: what is not known of the one is not
-// known of the other.
-double ArcDoubtMm(const hal::BendProgram& program, const Easing& easing, std::size_t bend,
-                  double pipe_radius_mm) {
+// 1 sigma of a bend's arc [mm] that a crowded easing leaves. Smoothed curvature tells the arc by
+// its variance along the spine, which is arc^2 / 12 and that of the easing: what is not known of
+// the one is not known of the other.
+double ArcDoubtMm(const hal::BendProgram& program, const Easing& easing, std::size_t bend) {
+  if (!IsCrowded(program, easing, bend)) return 0.0;
   const double variance_mm2 = easing.variance_mm2[bend];
   const double arc_mm = std::max(1e-3, program.rows[bend].bend_radius_mm.value_or(0.0) *
                                            program.rows[bend].angle_deg / hal::kDegreesPerRadian);
-  const double part = kEased.part + kEased.of_short_arcs * variance_mm2 / (arc_mm * arc_mm);
-  double unknown_mm2 = part * variance_mm2 * variance_mm2 / (pipe_radius_mm * pipe_radius_mm);
-  if (IsCrowded(program, easing, bend)) {
-    // As much as the tube's other bends ease over.
-    const double usual_mm2 =
-        *std::max_element(easing.variance_mm2.begin(), easing.variance_mm2.end());
-    unknown_mm2 = std::max(kEased.crowded * variance_mm2, usual_mm2 - variance_mm2);
-  }
+  // As much as the tube's other bends ease over.
+  const double usual_mm2 =
+      *std::max_element(easing.variance_mm2.begin(), easing.variance_mm2.end());
+  const double unknown_mm2 = std::max(kEased.crowded * variance_mm2, usual_mm2 - variance_mm2);
   return std::min(6.0 * unknown_mm2 / arc_mm, std::sqrt(12.0 * unknown_mm2));
 }
 
-// How far [rad] bends that ease by a Gaussian kernel turn the middle of the straights beside them:
-// our kernel ends before, and which of both it is nobody knows. Of one bend, whose curvature is
-// smoothed over `sigma_mm`, so much of its angle comes after `beyond_mm`.
+// How far [rad] bends turn the middle of a straight that is too short for what they ease over:
+// there our kernel has to end, and nobody knows how the bend does. Of a bend whose curvature is
+// smoothed over `sigma_mm` so much of its angle comes after `beyond_mm`.
 double TailRad(double beyond_mm, double sigma_mm, double bend_radius_mm) {
   const double z = beyond_mm / sigma_mm;
   const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
   return sigma_mm / bend_radius_mm * (density - 0.5 * z * std::erfc(z / std::numbers::sqrt2));
 }
 
-std::vector<double> StraightsTurnedRad(const hal::BendProgram& program, const Easing& easing) {
+// Both straights beside a bend, by it.
+std::vector<std::array<double, 2>> TailsRad(const hal::BendProgram& program, const Easing& easing) {
   const auto& variance_mm2 = easing.variance_mm2;
-  std::vector<double> turned(program.rows.size(), 0.0);
-  if (variance_mm2.empty()) return turned;
+  std::vector<std::array<double, 2>> tails(program.bend_count(), {0.0, 0.0});
+  if (variance_mm2.empty()) return tails;
   const double sigma_mm = std::sqrt(*std::max_element(variance_mm2.begin(), variance_mm2.end()));
-  if (!(sigma_mm > 0)) return turned;
-  for (std::size_t i = 0; i < variance_mm2.size() && i + 1 < program.rows.size(); ++i) {
+  for (std::size_t i = 0; sigma_mm > 0 && i < tails.size(); ++i) {
     const double angle = program.rows[i].angle_deg / hal::kDegreesPerRadian;
     const double radius_mm = std::max(1e-3, program.rows[i].bend_radius_mm.value_or(0.0));
-    for (const std::size_t k : {i, i + 1}) {
-      const double tail = TailRad(0.5 * program.rows[k].length_mm, sigma_mm, radius_mm);
-      turned[k] = std::hypot(turned[k], std::min(tail, 0.5 * angle));
+    for (const std::size_t side : {std::size_t{0}, std::size_t{1}}) {
+      const double half_mm = 0.5 * program.rows[i + side].length_mm;
+      tails[i][side] = std::min(TailRad(half_mm, sigma_mm, radius_mm), 0.5 * angle);
     }
   }
-  return turned;
+  return tails;
 }
 
+// A bend turns the straights beside it in its own plane, which changes its angle, and that of the
+// next bend; their planes it tilts as far as they are not its own.
 void WidenByTails(Measurement& measurement) {
   const hal::BendProgram& program = measurement.tube.program;
-  const std::vector<double> turned = StraightsTurnedRad(program, measurement.easing);
+  const auto tails = TailsRad(program, measurement.easing);
   auto& rows = measurement.sigma.rows;
-  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
-    const double both_deg = std::hypot(turned[i], turned[i + 1]) * hal::kDegreesPerRadian;
-    rows[i].angle_deg = std::hypot(rows[i].angle_deg, both_deg);
-    // The bend's plane turns, too: of the rotations before and after it.
+  const auto tail_deg = [&](std::size_t bend, std::size_t side) {
+    return bend < tails.size() ? tails[bend][side] * hal::kDegreesPerRadian : 0.0;
+  };
+  for (std::size_t i = 0; i < tails.size(); ++i) {
+    const double before_deg = i > 0 ? tail_deg(i - 1, 1) : 0.0, after_deg = tail_deg(i + 1, 0);
+    const double own_deg = std::hypot(tail_deg(i, 0), tail_deg(i, 1));
+    const double others_deg = std::hypot(before_deg, after_deg);
+    rows[i].angle_deg = std::hypot(rows[i].angle_deg, own_deg, others_deg);
     const double sine = std::sin(program.rows[i].angle_deg / hal::kDegreesPerRadian);
-    const double plane_deg = both_deg / std::max(kEased.least_sine, sine);
+    const auto across = [&](std::size_t row) {
+      return row < tails.size()
+                 ? std::abs(std::sin(program.rows[row].rotation_deg / hal::kDegreesPerRadian))
+                 : 0.0;
+    };
+    const double plane_deg = std::hypot(before_deg * across(i), after_deg * across(i + 1)) /
+                             std::max(kEased.least_sine, sine);
+    // Of the rotations before and after it.
     if (i > 0) rows[i].rotation_deg = std::hypot(rows[i].rotation_deg, plane_deg);
-    if (i + 2 < rows.size()) {
+    if (i + 1 < tails.size()) {
       rows[i + 1].rotation_deg = std::hypot(rows[i + 1].rotation_deg, plane_deg);
     }
   }
 }
 
-// The kernel of an easing has two numbers here, and a shape that nobody knows: the further it
-// reaches, the more that moves what is beside it.
+// What bends ease over that have no room to, nobody knows. The corner stays, and the tangent points
+// move along the straights beside it; of one die all the same way.
 void WidenByEasing(bool radii_alike, Measurement& measurement) {
   auto& rows = measurement.sigma.rows;
   const hal::BendProgram& program = measurement.tube.program;
-  const auto& variance_mm2 = measurement.easing.variance_mm2;
-  const double r_mm = measurement.tube.pipe_radius_mm;
-  const std::size_t bends = std::min(variance_mm2.size(), program.bend_count());
-  std::vector<double> times(rows.size(), 1.0), more_mm(rows.size(), 0.0), radius_mm(bends, 0.0);
+  const std::size_t bends = std::min(measurement.easing.variance_mm2.size(), program.bend_count());
+  std::vector<double> more_mm(rows.size(), 0.0), radius_mm(bends, 0.0);
   const auto angle = [&](std::size_t i) {
     return std::max(1e-3, program.rows[i].angle_deg / hal::kDegreesPerRadian);
   };
   for (std::size_t i = 0; i < bends; ++i) {
-    radius_mm[i] = ArcDoubtMm(program, measurement.easing, i, r_mm) / angle(i);
+    radius_mm[i] = ArcDoubtMm(program, measurement.easing, i) / angle(i);
   }
   if (radii_alike && bends > 0) {
-    // What one bend does not tell of the die, the best of them does; but the further they ease, the
-    // more the kernel's shape moves all of them.
-    const double best_mm = *std::min_element(radius_mm.begin(), radius_mm.end());
-    // But one that had to ease less than it would have leads all of them astray.
-    double astray_mm = 0;
-    for (std::size_t i = 0; i < bends; ++i) {
-      if (IsCrowded(program, measurement.easing, i)) astray_mm = std::max(astray_mm, radius_mm[i]);
-    }
-    const double most_mm2 = *std::max_element(variance_mm2.begin(), variance_mm2.end());
-    const double eased = most_mm2 / (kEased.usual * kEased.usual * r_mm * r_mm);
-    radius_mm.assign(bends, std::max(astray_mm, best_mm * std::max(kEased.least_of_die, eased)));
+    // One that had to ease less than it would have leads all of them astray.
+    radius_mm.assign(bends, *std::max_element(radius_mm.begin(), radius_mm.end()));
   }
   for (std::size_t i = 0; i < bends; ++i) {
-    const double eased = variance_mm2[i] / (kEased.usual * kEased.usual * r_mm * r_mm);
-    const double of_bend = 1.0 + kEased.more * eased * eased;
-    rows[i].angle_deg *= of_bend;
     if (rows[i].bend_radius_mm) {
-      rows[i].bend_radius_mm = radii_alike
-                                   ? std::hypot(*rows[i].bend_radius_mm, radius_mm[i])
-                                   : std::hypot(*rows[i].bend_radius_mm * of_bend, radius_mm[i]);
+      rows[i].bend_radius_mm = std::hypot(*rows[i].bend_radius_mm, radius_mm[i]);
     }
-    // The corner stays, and the tangent points move along the straights beside it; of one die all
-    // the same way.
     const double tangent_mm = radius_mm[i] * std::tan(0.5 * std::min(angle(i), kEased.widest_rad));
     for (const std::size_t beside : {i, i + 1}) {
-      times[beside] = std::max(times[beside], of_bend);
       more_mm[beside] =
           radii_alike ? more_mm[beside] + tangent_mm : std::hypot(more_mm[beside], tangent_mm);
     }
   }
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    rows[i].length_mm = std::hypot(rows[i].length_mm * (radii_alike ? 1.0 : times[i]), more_mm[i]);
-    rows[i].rotation_deg *= times[i];
+    rows[i].length_mm = std::hypot(rows[i].length_mm, more_mm[i]);
   }
 }
 

@@ -229,9 +229,9 @@ class WithoutBow {
   }
 
  private:
-  double At(double x_mm) const { return 2.0 * x_mm / length_mm_ - 1.0; }
+  double At(double x_mm) const { return bow_.At(x_mm, length_mm_); }
   Eigen::Vector2d SlopeAt(double x_mm) const {
-    return 2.0 / length_mm_ * bow_.SlopeAt(At(x_mm));
+    return 2.0 / bow_.LengthMm(length_mm_) * bow_.SlopeAt(At(x_mm));
   }
 
   Bow bow_;
