@@ -199,6 +199,10 @@ double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment>
   return kMoves.seen * Median(std::move(densities));
 }
 
+double UsualSamplesPerMm(const SurfaceFit& fit) {
+  return FewSamplesPerMm(fit, hal::SpineSegments(fit.tube.program, fit.tube.X_WT)) / kMoves.seen;
+}
+
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   if (spline.arcs.empty()) return false;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
@@ -230,9 +234,7 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
 bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
   if (spline.arcs.empty()) return false;
   const double r_mm = fit.tube.pipe_radius_mm;
-  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const double fitting_samples =
-      kMoves.fitting * r_mm * FewSamplesPerMm(fit, segments) / kMoves.seen;
+  const double fitting_samples = kMoves.fitting * r_mm * UsualSamplesPerMm(fit);
   const auto is_unexplained = [&](std::size_t arc, std::size_t outer) {
     const double of_arc = fit.segment_samples[arc], beyond = fit.segment_samples[outer];
     if (!(of_arc + beyond > 0) || of_arc + beyond > fitting_samples) return false;
@@ -244,7 +246,7 @@ bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
         of_arc == 0 || arc_mm2 > std::pow(std::max(least_mm, kMoves.unexplained * r_mm), 2);
     return bends && both_mm2 > std::pow(std::max(least_mm, kMoves.unexplained_beyond * r_mm), 2);
   };
-  const std::size_t last = segments.size() - 1;
+  const std::size_t last = fit.segment_samples.size() - 1;
   const bool drop_last = is_unexplained(last - 1, last);
   const bool drop_first = is_unexplained(1, 0) && (!drop_last || spline.arcs.size() > 1);
   // Straight on; where the samples stop is found later.
