@@ -35,10 +35,15 @@ struct StructureSettings {
 };
 constexpr StructureSettings kStructure;
 
-// Whether a fit has lost nothing of the tube that another one has found.
-bool IsAllOf(const SurfaceFit& fit, const SurfaceFit& found) {
-  return static_cast<double>(fit.distances_mm.size()) >
-         kStructure.all_of * static_cast<double>(found.distances_mm.size());
+// Whether what was found is the nominal but for bends that no machine has made. `expected`: a fit
+// of the nominal.
+bool IsMadeAsDrawn(const hal::BendProgram& nominal, const SurfaceFit& expected,
+                   const SurfaceFit& found) {
+  const std::size_t bends = expected.tube.program.bend_count();
+  return bends < found.tube.program.bend_count() && LeastMadeBends(found) <= bends &&
+         static_cast<double>(expected.distances_mm.size()) >
+             kStructure.all_of * static_cast<double>(found.distances_mm.size()) &&
+         MayBeByCorners(nominal, expected.tube, expected.sigma);
 }
 
 // The nominal's structure, where the samples let it be, instead of one that cannot be the nominal.
@@ -49,20 +54,18 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
   const std::size_t bends = expected.tube.program.bend_count();
   const bool same_bends = bends == found.tube.program.bend_count();
   double favoured = advantage;
-  if (!same_bends && MayBeByCorners(nominal, expected.tube, expected.sigma)) {
-    if (bends > found.tube.program.bend_count()) {
-      // Its bends need no evidence, it is enough that the samples do not speak against them.
-      favoured = std::max(advantage, search.criterion().Gain(expected, found));
-    } else if (LeastMadeBends(found) <= bends && IsAllOf(expected, found)) {
-      // What is more no machine has made.
-      favoured = std::numeric_limits<double>::infinity();
-    } else {
-      // For taking a bend away that the nominal does not have the samples must be nearly content.
-      favoured = advantage + kStructure.nominal_odds;
-    }
+  const bool is_as_drawn = IsMadeAsDrawn(nominal, expected, found);
+  if (is_as_drawn) {
+    favoured = std::numeric_limits<double>::infinity();
+  } else if (!same_bends && MayBe(nominal, expected.tube, expected.sigma)) {
+    // Its bends need no evidence, it is enough that the samples do not speak against them; for
+    // taking a bend away that the nominal does not have the samples must be nearly content.
+    favoured = bends > found.tube.program.bend_count()
+                   ? std::max(advantage, search.criterion().Gain(expected, found))
+                   : advantage + kStructure.nominal_odds;
   }
   if (favoured > 0) {
-    expected.margin = same_bends ? found.margin : std::max(0.0, advantage);
+    expected.margin = same_bends || is_as_drawn ? found.margin : std::max(0.0, advantage);
     return expected;
   }
   if (!same_bends) found.margin = std::min(found.margin, -advantage);
