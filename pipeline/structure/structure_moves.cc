@@ -207,12 +207,17 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   if (spline.arcs.empty()) return false;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const double few = FewSamplesPerMm(fit, segments);
+  // What sits on a thin end, and lies off the straight there, says nothing of the arc.
+  const double thin_mm = kMoves.thin_sigmas * std::hypot(fit.sigma_mm, fit.form_mm);
+  const auto lie_on_it = [&](double samples, double squares_mm2) {
+    return samples >= kMoves.thin_samples && squares_mm2 < thin_mm * thin_mm * samples;
+  };
   const auto lies_there = [&](std::size_t arc, std::size_t outer) {
     const double of_arc = fit.segment_samples[arc], beyond = fit.segment_samples[outer];
-    if (beyond < kMoves.thin_beyond || of_arc + beyond < kMoves.thin_samples) return false;
-    const double squares_mm2 =
-        of_arc * fit.segment_mean_square_mm2[arc] + beyond * fit.segment_mean_square_mm2[outer];
-    return squares_mm2 < std::pow(kMoves.thin_sigmas * fit.sigma_mm, 2) * (of_arc + beyond);
+    const double arc_mm2 = of_arc * fit.segment_mean_square_mm2[arc];
+    const double beyond_mm2 = beyond * fit.segment_mean_square_mm2[outer];
+    return beyond >= kMoves.thin_beyond &&
+           (lie_on_it(of_arc, arc_mm2) || lie_on_it(of_arc + beyond, arc_mm2 + beyond_mm2));
   };
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
     const bool few_are_there =

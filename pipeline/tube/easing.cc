@@ -152,11 +152,12 @@ EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, dou
   const double over_mm = 2.0 * std::cos(0.5 * angle);
   const double eased_chord_mm = EndOf(pieces).norm();
   bend.beyond_mm = (eased_chord_mm - chord_mm) / over_mm;
-  if (bend.beyond_mm > room_mm) {
-    // What is left of the straights would be less than nothing, and the rows another tube's.
-    const double shorter = (chord_mm + over_mm * room_mm) / eased_chord_mm;
+  const double most_mm = 0.5 / kKernel.room * room_mm;  // half of the straight
+  if (bend.beyond_mm > most_mm) {
+    // Less than nothing would be left of the straight, and the rows would be another tube's.
+    const double shorter = (chord_mm + over_mm * most_mm) / eased_chord_mm;
     for (BendPiece& piece : bend.pieces) piece.bend_radius_mm *= shorter;
-    bend.beyond_mm = room_mm;
+    bend.beyond_mm = most_mm;
   }
   return bend;
 }

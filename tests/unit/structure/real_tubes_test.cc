@@ -94,6 +94,21 @@ TEST(ThinTube, HasTheBendsAndTheEndOfItsThinPart) {
   }
 }
 
+// What sits there lies off the tube, and few samples show the bend before it.
+TEST(ThinTube, HasTheBendBeforeWhatSitsOnItsThinEnd) {
+  const hal::SteadyClock clock;
+  for (const int seed : {3, 4, 5}) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(static_cast<std::uint64_t>(seed));
+    const auto cloud =
+        tests::ScanRealTube(FourBends(), {.easing_r = 0.5, .at_end = tests::EndFitting::kNut},
+                            {.points = 60'000, .noise_mm = 0.02, .thinning = 50}, random);
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    EXPECT_EQ(measured->tube.program.bend_count(), 4U);
+  }
+}
+
 // Straights of 25 to 40 pipe radii that bow by L / 500, as tests/bench draws it.
 tests::RealCloud LongBowedScan(std::uint64_t seed) {
   std::mt19937_64 random(seed);
