@@ -19,6 +19,7 @@
 #include "pipeline/fit/coverage.h"
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/end_forms.h"
+#include "pipeline/fit/explained_by_bows.h"
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/registration.h"
@@ -37,6 +38,7 @@
 #include "pipeline/spine/thin_parts.h"
 #include "pipeline/spine/tube_choice.h"
 #include "pipeline/structure/neighbour_separation.h"
+#include "pipeline/structure/nominal_along.h"
 #include "pipeline/structure/structure.h"
 #include "pipeline/tube/stage_timer.h"
 
@@ -156,6 +158,9 @@ class Reconstruction::Impl {
   void LookAround(ApproximatedTube& tube) const;
   // What sits on the ends, and what goes on beyond them.
   void LookBeyondEnds(const TubeEnds& ends, double noise_mm, Measurement& measurement) const;
+  bool IsNominal(const SurfaceFit& structure) const {
+    return options_.nominal && MayBeByCorners(*options_.nominal, structure.tube, structure.sigma);
+  }
   // Whether the rows are certainly not those of the nominal.
   void SayOtherPart(Measurement& measurement) const;
   // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
@@ -204,6 +209,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
   ReportForm(FormOf(final, measurement.tube, tube->blocks), fit.priors.radii_alike > 0,
              measurement);
+  measurement.bows_explain_mm2 =
+      ExplainedByBowsMm2(final.bowed, measurement.tube, tube->blocks, final.options.reach_mm);
   MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
                tube->blocks, measurement.dents);
   SayDeepDents(measurement);
@@ -267,7 +274,7 @@ hal::Result<ApproximatedTube> Reconstruction::Impl::Connect(
 // a bend that no machine makes.
 hal::Result<void> Reconstruction::Impl::Approximate(ApproximatedTube& tube) const {
   LookAround(tube);
-  for (int i = 0; i < kStage.most_parted; ++i) {
+  for (int i = 0; i < kStage.most_parted && !IsNominal(tube.structure); ++i) {
     auto pieces = PiecesBetweenJoints(tube.structure, tube.polygon, i == 0);
     if (pieces.size() == 1 && pieces.front().size() == tube.polygon.size()) break;
     auto polygon =

@@ -16,6 +16,7 @@
 #include "pipeline/math/quantiles.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/points/point_index.h"
+#include "pipeline/structure/nominal_along.h"
 #include "pipeline/tube/stage_timer.h"
 
 namespace bendloop::pipeline {
@@ -68,9 +69,9 @@ struct LeaveSettings {
 };
 constexpr LeaveSettings kLeave;
 
-// Of the squared distances: what bows of the straights leave, which are no reason to leave lines
-// and arcs. A parabola is off its best-fit line by 0.3 of its height, root mean square; seen from
-// all sides by less.
+// Of the squared distances: what bows of the straights explain, which are no reason to leave lines
+// and arcs. Where they are not fitted: a parabola is off its best-fit line by 0.3 of its height,
+// root mean square; seen from all sides by less.
 double OfBowsMm2(const Measurement& tube) {
   constexpr double kOfHeight = 0.3;
   double sum_mm3 = 0, length_mm = 0;
@@ -80,7 +81,7 @@ double OfBowsMm2(const Measurement& tube) {
   for (const auto& segment : hal::SpineSegments(tube.tube.program, tube.tube.X_WT)) {
     length_mm += segment.length_mm;
   }
-  return length_mm > 0 ? sum_mm3 / length_mm : 0.0;
+  return std::max(tube.bows_explain_mm2, length_mm > 0 ? sum_mm3 / length_mm : 0.0);
 }
 
 // The part of the squared distances that neighbouring samples have in common and that no bow
@@ -188,6 +189,8 @@ Comparison Compare(const Measurement& measured, const CanalScan& scan) {
     result.samples += 1;
   }
   add_batch();
+  // Bows of straights are no reason to leave lines and arcs.
+  result.tube_mm2 = std::max(0.0, result.tube_mm2 - result.samples * measured.bows_explain_mm2);
   return result;
 }
 
@@ -265,8 +268,11 @@ std::string WhyFreeform(const Measurement& tube, const CanalScan& scan) {
          (simpler ? " with fewer numbers" : "") + "; measured as a free form, see --model.";
 }
 
-// A drawing says lines and arcs. With as many bends as it has, and nearly all of the points on
-// them, nothing contradicts it.
+// A drawing says lines and arcs. With its corners nothing contradicts it but a radius that varies;
+// with as many bends as it has, and nearly all of the points on them, not even that does.
+bool IsNominal(const Measurement& tube, const ReconstructionOptions& options) {
+  return options.nominal && MayBeByCorners(*options.nominal, tube.tube, tube.sigma);
+}
 bool IsAsDrawn(const Measurement& tube, const ReconstructionOptions& options) {
   const auto all = static_cast<double>(tube.fit.samples + tube.fit.outliers);
   return options.nominal && options.nominal->bend_count() == tube.tube.program.bend_count() &&
@@ -315,13 +321,15 @@ std::optional<Measurement> CanalWithoutTube(std::size_t points, const CanalScan&
 
 // A canal or a free form, where it explains the points of this tube clearly better.
 std::optional<Measurement> BetterThanTube(std::span<const Eigen::Vector3d> points,
-                                          const Measurement& tube, const CanalScan& varying,
-                                          CanalOptions options, const hal::Clock& clock) {
+                                          const Measurement& tube, bool is_nominal,
+                                          const CanalScan& varying, CanalOptions options,
+                                          const hal::Clock& clock) {
   if (const std::string why = WhyCanal(tube, varying); !why.empty()) {
     Measurement measurement = DescribeCanal(varying, false, clock);
     SayWhy(why, measurement);
     return measurement;
   }
+  if (is_nominal) return std::nullopt;
   options.freeform = true;
   const auto freeform = FitCanalScan(points, options, clock);
   const std::string why = freeform ? WhyFreeform(tube, *freeform) : std::string();
@@ -363,8 +371,9 @@ hal::Result<Measurement> Choose(std::span<const Eigen::Vector3d> points,
     if (tube && !WorthALook(*tube)) return tube;
   }
   if (varying) {
-    auto other = tube ? BetterThanTube(points, *tube, *varying, canal, clock)
-                      : CanalWithoutTube(points.size(), *varying, tube.error().message, clock);
+    auto other =
+        tube ? BetterThanTube(points, *tube, IsNominal(*tube, options), *varying, canal, clock)
+             : CanalWithoutTube(points.size(), *varying, tube.error().message, clock);
     if (!tube && !other && varying->is_closed) {
       other = ClosedForm(points, canal, tube.error().message, clock);
     }

@@ -51,6 +51,9 @@ struct ReviseSettings {
   // Times that points of dents are left out; [of the points before] once more only where no more
   // than these are left.
   int most_undented = 6;
+  // Times that samples of a place are worth less: what makes them disagree so much may be a dent
+  // that its bend has taken in.
+  double disagree = 4.0;
   double undented = 0.999;
 };
 constexpr ReviseSettings kRevise;
@@ -291,7 +294,9 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
   solution.straight = solution.fit.tube;
   solution.bows = FitBows(blocks, options, solution.fit);
   // What a fit has taken in of a dent it shows too shallow and too small: without it, more is seen.
-  for (int i = 0; i < kRevise.most_undented && (i > 0 || solution.bows.is_pulled_aside); ++i) {
+  const bool may_be_dented =
+      solution.bows.is_pulled_aside || solution.bows.worth > kRevise.disagree;
+  for (int i = 0; i < kRevise.most_undented && may_be_dented; ++i) {
     const auto from = solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
     auto undented =
         WithoutDents(solution.bows.state, solution.bows.noise_mm, blocks, from, options.reach_mm);

@@ -2,8 +2,10 @@
 #include "pipeline/structure/neighbour_separation.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/structure/structure_moves.h"
 
@@ -18,8 +20,9 @@ struct JointSettings {
   // [of r_P] No die bends tighter; and the 1 sigma of a bend radius that counts as known.
   double tight = 1.1, known = 0.2;
   // [of r_P] The fit holds a bend radius at r_P (FitBounds): there its sigma says little. [degrees]
-  // A lesser turn may be held there by chance.
-  double tightest = 1.001, clear_turn_deg = 30.0;
+  // A lesser turn may be held there by chance, and so may one that tubes of this form would not
+  // tell from a bend as wide as the pipe: [times the form] how far its corner lies off that.
+  double tightest = 1.001, clear_turn_deg = 30.0, clear_forms = 3.0;
   // [degrees] 1 sigma of angle or rotation beside a segment without samples.
   double vague_deg = 15.0;
   // [of r_P] A shorter segment may be without samples by chance.
@@ -30,6 +33,12 @@ struct JointSettings {
   double shortest = 4.0;
 };
 constexpr JointSettings kJoint;
+
+bool IsClear(double turn_deg, const SurfaceFit& fit) {
+  const double corner = 1.0 / std::cos(0.5 * turn_deg * hal::kRadiansPerDegree) - 1.0;  // of r_P
+  return turn_deg > kJoint.clear_turn_deg &&
+         corner * fit.tube.pipe_radius_mm > kJoint.clear_forms * fit.form_mm;
+}
 
 std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
@@ -42,10 +51,9 @@ std::vector<Eigen::Vector3d> Joints(const SurfaceFit& fit) {
   for (std::size_t k = 1; k + 1 < segments.size(); k += 2) {
     const hal::BendRow& row = fit.tube.program.rows[k / 2];
     const double r = fit.tube.pipe_radius_mm;
-    const bool tight =
-        (*row.bend_radius_mm < kJoint.tightest * r && row.angle_deg > kJoint.clear_turn_deg) ||
-        (*row.bend_radius_mm < kJoint.tight * r &&
-         fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kJoint.known * r);
+    const bool tight = (*row.bend_radius_mm < kJoint.tightest * r && IsClear(row.angle_deg, fit)) ||
+                       (*row.bend_radius_mm < kJoint.tight * r &&
+                        fit.sigma.rows[k / 2].bend_radius_mm.value_or(0.0) < kJoint.known * r);
     const hal::BendRow& sigma = fit.sigma.rows[k / 2];
     const bool vague = std::max(sigma.angle_deg, sigma.rotation_deg) > kJoint.vague_deg &&
                        (is_bare(k - 1) || is_bare(k) || is_bare(k + 1));

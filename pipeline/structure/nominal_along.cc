@@ -42,6 +42,8 @@ struct NominalSettings {
   // [of the variations that PartVariation expects] The greatest and the root mean square. More
   // strict than where the question is only from which end a tube was measured.
   double worst = 3.5, rms = 1.5;
+  // [degrees] The corner of a wider bend is too far away to count from.
+  double widest_corner_deg = 150.0;
 };
 constexpr NominalSettings kNominal;
 
@@ -315,6 +317,39 @@ AlongNodes BendAlong(const hal::BendProgram& nominal, double pipe_radius_mm,
   return {TubeOf(numbers.data(), start), summary.final_cost};
 }
 
+// The same corners, and between them bends with the nominal's radii.
+hal::BendProgram WithRadiiOf(const hal::BendProgram& nominal, hal::BendProgram program) {
+  for (std::size_t i = 0; i < program.bend_count(); ++i) {
+    auto& radius_mm = program.rows[i].bend_radius_mm;
+    const auto& wanted_mm = nominal.rows[i].bend_radius_mm;
+    if (!radius_mm || !wanted_mm || program.rows[i].angle_deg > kNominal.widest_corner_deg)
+      continue;
+    const double longer_mm = (*radius_mm - *wanted_mm) *
+                             std::tan(0.5 * program.rows[i].angle_deg * hal::kRadiansPerDegree);
+    program.rows[i].length_mm += longer_mm;
+    program.rows[i + 1].length_mm += longer_mm;
+    radius_mm = wanted_mm;
+  }
+  return program;
+}
+
+// From this end.
+bool IsBentFrom(const hal::BendProgram& nominal, hal::BendProgram program,
+                const hal::BendProgram& sigma) {
+  if (nominal.bend_count() != program.bend_count()) return false;
+  program.rows.front().length_mm = nominal.rows.front().length_mm;
+  program.rows.back().length_mm = nominal.rows.back().length_mm;
+  for (std::size_t i = 0; i < nominal.bend_count(); ++i) {
+    const double most_deg =
+        program.rows[i].angle_deg + kNominal.sure_sigmas * sigma.rows[i].angle_deg;
+    if (most_deg < kNominal.missing * nominal.rows[i].angle_deg) return false;
+  }
+  hal::BendProgram of_radii = sigma;  // the others are known, or would hide what they are
+  for (hal::BendRow& row : of_radii.rows) row = {0, 0, 0, row.bend_radius_mm};
+  const DirectionMatch match = MatchDirection(nominal, program, of_radii, {});
+  return match.forward.worst <= kNominal.worst && match.forward.rms <= kNominal.rms;
+}
+
 }  // namespace
 
 hal::Tube NominalAlong(const hal::BendProgram& nominal, double pipe_radius_mm,
@@ -325,19 +360,15 @@ hal::Tube NominalAlong(const hal::BendProgram& nominal, double pipe_radius_mm,
 }
 
 bool MayBe(const hal::BendProgram& nominal, const hal::Tube& tube, const hal::BendProgram& sigma) {
+  return IsBentFrom(nominal, tube.program, sigma) ||
+         IsBentFrom(nominal, ReverseProgram(tube.program), ReverseProgram(sigma));
+}
+
+bool MayBeByCorners(const hal::BendProgram& nominal, const hal::Tube& tube,
+                    const hal::BendProgram& sigma) {
   if (nominal.bend_count() != tube.program.bend_count()) return false;
-  const auto fits = [&nominal](hal::BendProgram program, const hal::BendProgram& one_sigma) {
-    program.rows.front().length_mm = nominal.rows.front().length_mm;
-    program.rows.back().length_mm = nominal.rows.back().length_mm;
-    for (std::size_t i = 0; i < nominal.bend_count(); ++i) {
-      const double most_deg =
-          program.rows[i].angle_deg + kNominal.sure_sigmas * one_sigma.rows[i].angle_deg;
-      if (most_deg < kNominal.missing * nominal.rows[i].angle_deg) return false;
-    }
-    hal::BendProgram of_radii = one_sigma;  // the others are known, or would hide what they are
-    for (hal::BendRow& row : of_radii.rows) row = {0, 0, 0, row.bend_radius_mm};
-    const DirectionMatch match = MatchDirection(nominal, program, of_radii, {});
-    return match.forward.worst <= kNominal.worst && match.forward.rms <= kNominal.rms;
+  const auto fits = [&nominal](const hal::BendProgram& program, const hal::BendProgram& one_sigma) {
+    return IsBentFrom(nominal, WithRadiiOf(nominal, program), one_sigma);
   };
   return fits(tube.program, sigma) || fits(ReverseProgram(tube.program), ReverseProgram(sigma));
 }

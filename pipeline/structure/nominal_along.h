@@ -19,4 +19,9 @@ hal::Tube NominalAlong(const hal::BendProgram& nominal, double pipe_radius_mm,
 // last length are not looked at: only the ends of the samples say what they are.
 bool MayBe(const hal::BendProgram& nominal, const hal::Tube& tube, const hal::BendProgram& sigma);
 
+// The same, whatever the radii of its bends are: bends that ease, and straights that bow beside
+// them, look wider or tighter than their die, and only the corners stay where they are.
+bool MayBeByCorners(const hal::BendProgram& nominal, const hal::Tube& tube,
+                    const hal::BendProgram& sigma);
+
 }  // namespace bendloop::pipeline

@@ -2,11 +2,13 @@
 #include "pipeline/structure/structure.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "pipeline/fit/usual_bend_radius.h"
 #include "pipeline/spline/arc_line_spline.h"
 #include "pipeline/spline/initial_spline.h"
+#include "pipeline/structure/makeable_bends.h"
 #include "pipeline/structure/nominal_along.h"
 #include "pipeline/structure/structure_moves.h"
 #include "pipeline/structure/structure_search.h"
@@ -28,8 +30,21 @@ struct StructureSettings {
   // Evidence beyond it is a defect; below it Measurement::structure_margin says that it was a close
   // call.
   double nominal_odds = 10;
+  // [of the samples] That a tube without what sits on its ends, or with a dent, still reaches.
+  double all_of = 0.95;
 };
 constexpr StructureSettings kStructure;
+
+// Whether what was found is the nominal but for bends that no machine has made. `expected`: a fit
+// of the nominal.
+bool IsMadeAsDrawn(const hal::BendProgram& nominal, const SurfaceFit& expected,
+                   const SurfaceFit& found) {
+  const std::size_t bends = expected.tube.program.bend_count();
+  return bends < found.tube.program.bend_count() && LeastMadeBends(found) <= bends &&
+         static_cast<double>(expected.distances_mm.size()) >
+             kStructure.all_of * static_cast<double>(found.distances_mm.size()) &&
+         MayBeByCorners(nominal, expected.tube, expected.sigma);
+}
 
 // The nominal's structure, where the samples let it be, instead of one that cannot be the nominal.
 SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& polygon,
@@ -39,7 +54,10 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
   const std::size_t bends = expected.tube.program.bend_count();
   const bool same_bends = bends == found.tube.program.bend_count();
   double favoured = advantage;
-  if (!same_bends && MayBe(nominal, expected.tube, expected.sigma)) {
+  const bool is_as_drawn = IsMadeAsDrawn(nominal, expected, found);
+  if (is_as_drawn) {
+    favoured = std::numeric_limits<double>::infinity();
+  } else if (!same_bends && MayBe(nominal, expected.tube, expected.sigma)) {
     // Its bends need no evidence, it is enough that the samples do not speak against them; for
     // taking a bend away that the nominal does not have the samples must be nearly content.
     favoured = bends > found.tube.program.bend_count()
@@ -47,7 +65,7 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
                    : advantage + kStructure.nominal_odds;
   }
   if (favoured > 0) {
-    expected.margin = same_bends ? found.margin : std::max(0.0, advantage);
+    expected.margin = same_bends || is_as_drawn ? found.margin : std::max(0.0, advantage);
     return expected;
   }
   if (!same_bends) found.margin = std::min(found.margin, -advantage);

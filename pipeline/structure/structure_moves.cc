@@ -25,9 +25,9 @@ struct MoveSettings {
   double border = 1.0, tight_border = 2.0;
   // [of the usual number of samples a length] Less is not seen, but for so many samples of a bend
   // and of the straight beyond it, [sigma] root mean square, that lie there as well as others do
-  // elsewhere: a scan may grow thin. What lies beside a tube's end by chance is off by a fifth of a
-  // pipe radius (the fit's reach).
-  double seen = 0.4, thin_samples = 8, thin_beyond = 4, thin_sigmas = 2.5;
+  // elsewhere: a scan may grow thin; or for so many of the bend alone, where others are not. What
+  // lies beside a tube's end by chance is off by a fifth of a pipe radius (the fit's reach).
+  double seen = 0.4, thin_samples = 8, thin_beyond = 4, thin_arc = 20, thin_sigmas = 2.5;
   // [of r_P] and [sigma] 1 sigma of an outermost bend's samples, and of them together with those
   // beyond it: fittings and caps leave 0.07 and more, and 0.19; a dent in the bend leaves less.
   double unexplained = 0.06, unexplained_beyond = 0.1, unexplained_sigmas = 5.0;
@@ -199,16 +199,26 @@ double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment>
   return kMoves.seen * Median(std::move(densities));
 }
 
+double UsualSamplesPerMm(const SurfaceFit& fit) {
+  return FewSamplesPerMm(fit, hal::SpineSegments(fit.tube.program, fit.tube.X_WT)) / kMoves.seen;
+}
+
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   if (spline.arcs.empty()) return false;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const double few = FewSamplesPerMm(fit, segments);
+  // What sits on a thin end, and lies off the straight there, says nothing of the arc.
+  const double thin_mm = kMoves.thin_sigmas * std::hypot(fit.sigma_mm, fit.form_mm);
+  const auto lie_on_it = [&](double least, double samples, double squares_mm2) {
+    return samples >= least && squares_mm2 < thin_mm * thin_mm * samples;
+  };
   const auto lies_there = [&](std::size_t arc, std::size_t outer) {
     const double of_arc = fit.segment_samples[arc], beyond = fit.segment_samples[outer];
-    if (beyond < kMoves.thin_beyond || of_arc + beyond < kMoves.thin_samples) return false;
-    const double squares_mm2 =
-        of_arc * fit.segment_mean_square_mm2[arc] + beyond * fit.segment_mean_square_mm2[outer];
-    return squares_mm2 < std::pow(kMoves.thin_sigmas * fit.sigma_mm, 2) * (of_arc + beyond);
+    const double arc_mm2 = of_arc * fit.segment_mean_square_mm2[arc];
+    const double beyond_mm2 = beyond * fit.segment_mean_square_mm2[outer];
+    return beyond >= kMoves.thin_beyond &&
+           (lie_on_it(kMoves.thin_arc, of_arc, arc_mm2) ||
+            lie_on_it(kMoves.thin_samples, of_arc + beyond, arc_mm2 + beyond_mm2));
   };
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
     const bool few_are_there =
@@ -230,9 +240,7 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
 bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
   if (spline.arcs.empty()) return false;
   const double r_mm = fit.tube.pipe_radius_mm;
-  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const double fitting_samples =
-      kMoves.fitting * r_mm * FewSamplesPerMm(fit, segments) / kMoves.seen;
+  const double fitting_samples = kMoves.fitting * r_mm * UsualSamplesPerMm(fit);
   const auto is_unexplained = [&](std::size_t arc, std::size_t outer) {
     const double of_arc = fit.segment_samples[arc], beyond = fit.segment_samples[outer];
     if (!(of_arc + beyond > 0) || of_arc + beyond > fitting_samples) return false;
@@ -244,7 +252,7 @@ bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
         of_arc == 0 || arc_mm2 > std::pow(std::max(least_mm, kMoves.unexplained * r_mm), 2);
     return bends && both_mm2 > std::pow(std::max(least_mm, kMoves.unexplained_beyond * r_mm), 2);
   };
-  const std::size_t last = segments.size() - 1;
+  const std::size_t last = fit.segment_samples.size() - 1;
   const bool drop_last = is_unexplained(last - 1, last);
   const bool drop_first = is_unexplained(1, 0) && (!drop_last || spline.arcs.size() > 1);
   // Straight on; where the samples stop is found later.

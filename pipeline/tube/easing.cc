@@ -149,7 +149,16 @@ EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, dou
     pieces = Pieces(angle * bend_radius_mm, angle, variance_mm2, reach, room_mm);
   }
   const double chord_mm = 2.0 * bend_radius_mm * std::sin(0.5 * angle);
-  bend.beyond_mm = (EndOf(pieces).norm() - chord_mm) / (2.0 * std::cos(0.5 * angle));
+  const double over_mm = 2.0 * std::cos(0.5 * angle);
+  const double eased_chord_mm = EndOf(pieces).norm();
+  bend.beyond_mm = (eased_chord_mm - chord_mm) / over_mm;
+  const double most_mm = 0.5 / kKernel.room * room_mm;  // half of the straight
+  if (bend.beyond_mm > most_mm) {
+    // Less than nothing would be left of the straight, and the rows would be another tube's.
+    const double shorter = (chord_mm + over_mm * most_mm) / eased_chord_mm;
+    for (BendPiece& piece : bend.pieces) piece.bend_radius_mm *= shorter;
+    bend.beyond_mm = most_mm;
+  }
   return bend;
 }
 

@@ -128,6 +128,8 @@ struct Measurement {
   std::vector<BendEasing> bend_easings;  // of every bend; none: nothing says that it is not sharp
   Easing easing;                         // the same, as fitted
   std::vector<StraightForm> straights;   // one more than bends; none: not known, as of canals
+  // Of the mean square of the points' distances from this tube: what its straights' bows explain.
+  double bows_explain_mm2 = 0;
   std::vector<DentFound> dents;
   EndForm first_end, last_end;
   TubeFeaturesFound features;

@@ -160,6 +160,25 @@ TEST(Easing, LengthsAndBendRadiiOfEasedBendsAreThoseOfTheTrade) {
   }
 }
 
+// Bends that ease over more than the straight between them is long may not push each other on: the
+// rows would be those of another tube.
+TEST(Easing, CrowdedBendsKeepTheirCorners) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {
+      {40, 0, 85, 14.2}, {21, -166, 86, 14.8}, {24, 84, 94, 13.8}, {40, 0, 0, std::nullopt}};
+  const auto sharp = hal::SpineSegments(tube.program, tube.X_WT);
+  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, Easing{{47, 47, 47}, 1.7});
+  std::size_t row = 0;
+  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
+    if (!spine.is_line(k)) continue;
+    // On the same line.
+    const hal::SpineSegment& line = sharp[2 * row++];
+    const Eigen::Vector3d off_mm = spine.segments[k].start_mm - line.start_mm;
+    EXPECT_NEAR(off_mm.cross(line.tangent).norm(), 0.0, 1e-6) << row;
+  }
+}
+
 // As where bends follow each other at once: derivatives to a piece that turns on the spot are none.
 TEST(Easing, WithoutRoomNoPieceTurnsOnTheSpot) {
   for (const double angle_deg : {1.0, 5.0, 80.0}) {

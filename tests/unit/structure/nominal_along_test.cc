@@ -86,6 +86,30 @@ TEST(NominalAlong, AMissingOrAnotherBendIsNoVariation) {
   EXPECT_TRUE(MayBe(drawing, tube, ReverseProgram(sigma)));
 }
 
+// Bends that ease by a pipe radius and more look twice as wide, and straights as much shorter.
+TEST(NominalAlong, RadiiAreNotAskedForWhereCornersAre) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {
+      {60, 0, 40, 12}, {50, 90, 60, 12}, {70, -30, 30, 12}, {60, 0, 0, std::nullopt}};
+  const hal::BendProgram drawing = tube.program;
+  hal::BendProgram sigma = drawing;
+  for (hal::BendRow& row : sigma.rows) row = {0.1, 0.1, 0.1, 0.1};
+  for (std::size_t i = 0; i < 3; ++i) {
+    hal::BendRow& row = tube.program.rows[i];
+    const double shorter_mm = 12 * std::tan(0.5 * row.angle_deg * 3.14159265358979 / 180);
+    *row.bend_radius_mm += 12;
+    row.length_mm -= shorter_mm;
+    tube.program.rows[i + 1].length_mm -= shorter_mm;
+  }
+  EXPECT_FALSE(MayBe(drawing, tube, sigma));
+  EXPECT_TRUE(MayBeByCorners(drawing, tube, sigma));
+  tube.program.rows[1].rotation_deg += 20;
+  EXPECT_FALSE(MayBeByCorners(drawing, tube, sigma));
+  tube.program.rows.pop_back();
+  EXPECT_FALSE(MayBeByCorners(drawing, tube, sigma));
+}
+
 Measurement Measured(const hal::Tube& part, const hal::BendProgram& drawing, double noise_mm,
                      std::size_t points) {
   std::mt19937_64 random(11);

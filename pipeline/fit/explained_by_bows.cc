@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/explained_by_bows.h"
+
+#include <algorithm>
+
+#include "pipeline/fit/place_sums.h"
+#include "pipeline/fit/surface_pass.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+constexpr std::size_t kEnoughPoints = 20'000;  // for a mean square
+
+double MeanSquareMm2(const BowedTubeState& state, std::span<const PointBlock> blocks,
+                     double reach_mm) {
+  const double r_mm = state.tube.pipe_radius_mm;
+  const EasedSpine spine = SpineOf(state);
+  SurfaceAssignment points;
+  AssignPoints(SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm, blocks, reach_mm,
+               points);
+  // Those out of reach are as bad as those that just are not.
+  const auto all = static_cast<double>(CountPoints(blocks));
+  double sum_mm2 = (all - static_cast<double>(points.distances_mm.size())) * reach_mm * reach_mm;
+  for (std::size_t k = 0; k < points.segments.size(); ++k) {
+    SegmentPoints& of = points.segments[k];
+    if (k < state.bows.size()) Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, of);
+    for (const double d_mm : of.distance.head(static_cast<Eigen::Index>(of.size))) {
+      sum_mm2 += std::min(d_mm * d_mm, reach_mm * reach_mm);
+    }
+  }
+  return all > 0 ? sum_mm2 / all : 0.0;
+}
+
+}  // namespace
+
+double ExplainedByBowsMm2(const BowedTubeState& bowed, const hal::Tube& straight,
+                          std::span<const PointBlock> blocks, double reach_mm) {
+  if (std::all_of(bowed.bows.begin(), bowed.bows.end(),
+                  [](const Bow& bow) { return bow.is_none(); })) {
+    return 0.0;
+  }
+  const OwnedBlocks points = Thinned(blocks, StrideTo(CountPoints(blocks), kEnoughPoints));
+  const BowedTubeState without{straight, bowed.flattening, bowed.easing, {}};
+  return std::max(
+      0.0, MeanSquareMm2(without, points, reach_mm) - MeanSquareMm2(bowed, points, reach_mm));
+}
+
+}  // namespace bendloop::pipeline
