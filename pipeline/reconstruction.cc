@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "pipeline/features/around_zero.h"
@@ -81,18 +82,30 @@ struct FinalFit {
   double noise_mm = 0;  // 1 sigma of the points
 };
 
-// Whether the block lies on a straight other than that of row `own`.
-bool IsOfAnotherRow(const PointBlock& block, const EasedSpine& spine, std::size_t own,
-                    double pipe_radius_mm) {
+// [mm] From a piece of the spine; beside its ends there is none of it.
+std::optional<double> FromSpineMm(const hal::SpineSegment& segment, const Eigen::Vector3d& at_mm) {
+  if (!segment.is_arc()) {
+    const Eigen::Vector3d from = at_mm - segment.start_mm;
+    const double along_mm = from.dot(segment.tangent);
+    if (along_mm < 0 || along_mm > segment.length_mm) return std::nullopt;
+    return (from - along_mm * segment.tangent).norm();
+  }
+  const Eigen::Vector3d from = segment.axes().transpose() * (at_mm - segment.center_mm());
+  const double angle = std::atan2(from.x(), -from.y());
+  if (angle < 0 || angle > segment.angle_rad()) return std::nullopt;
+  return std::hypot(from.head<2>().norm() - segment.bend_radius_mm, from.z());
+}
+
+// Whether the block lies on a part of the tube other than the straight of row `own` and the bend
+// beside that.
+bool IsOfAnotherPart(const PointBlock& block, const EasedSpine& spine, std::size_t own,
+                     double pipe_radius_mm) {
   for (std::size_t k = 0; k < spine.segments.size(); ++k) {
-    const hal::SpineSegment& straight = spine.segments[k];
-    if (!spine.is_line(k) || spine.row(k) == own) continue;
-    const Eigen::Vector3d from = block.center_mm - straight.start_mm;
-    const double along_mm = from.dot(straight.tangent);
-    if (along_mm > 0 && along_mm < straight.length_mm &&
-        (from - along_mm * straight.tangent).norm() < kStage.beside_tube * pipe_radius_mm) {
-      return true;
-    }
+    const std::size_t row = spine.row(k);
+    const bool is_own = row == own || (!spine.is_line(k) && row + 1 == own);
+    if (is_own) continue;
+    const auto from_mm = FromSpineMm(spine.segments[k], block.center_mm);
+    if (from_mm && *from_mm < kStage.beside_tube * pipe_radius_mm) return true;
   }
   return false;
 }
@@ -360,7 +373,7 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     std::vector<PointBlock> near;
     for (const std::int32_t index : intake_.grid().BlocksNear(places, 3.0 * r_mm)) {
       const PointBlock block = BlockAt(index, true);
-      if (!intake_.IsPlanar(index) && !IsOfAnotherRow(block, spine, own, r_mm))
+      if (!intake_.IsPlanar(index) && !IsOfAnotherPart(block, spine, own, r_mm))
         near.push_back(block);
     }
     const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others);

@@ -159,6 +159,24 @@ TEST(EndForms, BeadsAndFlaresBeginWhereTheirFlanksDo) {
   }
 }
 
+// The tube's first straight ends 13 mm beside its fourth bend.
+TEST(EndForms, ABendBesideTheEndIsNoFitting) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{59, 0, 27.25, 11.32},        {38.03, -34.22, 89.7, 11.32},
+                       {21.83, -17.04, 74.9, 11.32}, {51.78, 55.6, 59, 11.32},
+                       {52.03, 40.24, 54.56, 11.32}, {55.78, 0, 0, {}}};
+  std::mt19937_64 random(3);
+  const auto cloud = tests::ScanRealTube(tube, {}, {}, random);
+  const auto found = Reconstruct(cloud.points_W, {}, kClock);
+  ASSERT_TRUE(found.has_value());
+  EXPECT_EQ(found->first_end.length_mm, 0);
+  EXPECT_EQ(found->last_end.length_mm, 0);
+  const double lengths_mm =
+      found->tube.program.rows.front().length_mm + found->tube.program.rows.back().length_mm;
+  EXPECT_NEAR(lengths_mm, 59 + 55.78, 1);
+}
+
 TEST(EndForms, SamplesThatGoOnThinlyAreTold) {
   hal::Tube tube = TwoBends();
   std::mt19937_64 random(4);
