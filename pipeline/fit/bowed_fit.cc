@@ -9,6 +9,22 @@
 #include "pipeline/fit/bowed_tube.h"
 
 namespace bendloop::pipeline {
+namespace {
+
+// Whether the samples insist that the straights of `tube`, which takes them, bow; solved with bows
+// where they do, else without.
+bool Insists(BowedTube& tube) {
+  tube.Solve(true);
+  const double with_bows = tube.Gain();
+  tube.Solve(false);
+  const double freedom = static_cast<double>(kBowModes * tube.bows());
+  const double more = with_bows - tube.Gain();
+  if (!(more > freedom + kBowed.insist * std::sqrt(2.0 * freedom))) return false;
+  tube.Solve(true);
+  return true;
+}
+
+}  // namespace
 
 BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                  SurfaceFit& fit) {
@@ -21,12 +37,16 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
   const SurfaceFit before = fit;
   BowedTube straight(before, no_bows, std::nullopt, options);
   straight.Take(few, fit.sigma_mm);
-  straight.Solve(true);
-  const double with_bows = straight.Gain();
-  straight.Solve(false);
-  const double freedom = static_cast<double>(kBowModes * straight.bows());
-  const double more = with_bows - straight.Gain();
-  if (!(more > freedom + kBowed.insist * std::sqrt(2.0 * freedom))) {
+  std::size_t seen = few.point_count();
+  bool insists = Insists(straight);
+  if (!insists && points > seen) {
+    // What few do not show may still be many times what all say that they know.
+    const OwnedBlocks many = Thinned(blocks, StrideTo(points, kBowed.many_points));
+    straight.Take(many, fit.sigma_mm);
+    seen = many.point_count();
+    insists = Insists(straight);
+  }
+  if (!insists) {
     straight.Doubt(false, fit);
     if (!fit.easing.empty()) {
       BowedTubeState with_ends = no_bows;
@@ -35,14 +55,12 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
     }
     return {no_bows, straight.noise_mm(), straight.worth(), straight.IsPulledAside()};
   }
-  straight.Solve(true);
   const OwnedBlocks enough = Thinned(blocks, StrideTo(points, kBowed.enough_points));
   BowedFit bows{straight.Next(),
                 std::hypot(straight.noise_mm(), kBowed.wide * straight.HighestBow()),
                 straight.worth(), true};
   std::optional<double> usual_radius_mm = straight.UsualRadius();
-  const double least_part =
-      kBowed.kept * straight.Weight() / static_cast<double>(few.point_count());
+  const double least_part = kBowed.kept * straight.Weight() / static_cast<double>(seen);
   bool is_last = false;
   int last_rounds = 0;
   for (int round = 1;; ++round) {

@@ -23,8 +23,8 @@ namespace bendloop::pipeline {
 
 // By trial where nothing else is said.
 struct BowedSettings {
-  // So many points tell whether there is anything; so many more do it then.
-  std::size_t few_points = 20'000, enough_points = 200'000;
+  // So many points tell whether there is anything, and if not, so many; so many do it then.
+  std::size_t few_points = 20'000, many_points = 1'000'000, enough_points = 200'000;
   // [of r_P] Of a place along the spine.
   double place = 1.5;
   // [of r_P] Shorter straights have no bow, nor those of which the bends beside them leave less.

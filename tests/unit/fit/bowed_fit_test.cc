@@ -140,6 +140,26 @@ TEST(BowedFit, BowsGoOnWhereBendsEase) {
   EXPECT_LT(std::sqrt(squares_deg2 / values), 0.006);
 }
 
+// A bow of 4 um at a noise of 30: a thirtieth of the points does not show it, and all of them know
+// angles to a fifth of what it turns.
+TEST(BowedFit, ManyPointsShowWhatFewDoNot) {
+  std::mt19937_64 random(5);
+  const auto cloud = tests::ScanRealTube(ThreeBends(), {.bow = 1.0 / 12000},
+                                         {.points = 600'000, .noise_mm = 0.03}, random);
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+  const SurfaceFitOptions options{.reach_mm = 1};
+  SurfaceFit fit = FitSurface(ThreeBends(), blocks, options);
+  FitBows(blocks, options, fit);
+  double squares = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto &is = fit.tube.program.rows[i], &was = cloud.truth.program.rows[i];
+    squares += std::pow((is.angle_deg - was.angle_deg) / fit.sigma.rows[i].angle_deg, 2);
+    if (i == 0) continue;
+    squares += std::pow((is.rotation_deg - was.rotation_deg) / fit.sigma.rows[i].rotation_deg, 2);
+  }
+  EXPECT_LT(std::sqrt(squares / 5), 2.5);
+}
+
 TEST(BowedFit, LeavesStraightStraightsAlone) {
   std::mt19937_64 random(7);
   const auto cloud = tests::ScanRealTube(ThreeBends(), {}, {}, random);
