@@ -37,8 +37,9 @@ struct MissedSettings {
   double missing = 1.5, missing_sigmas = 3.0;
   // [of the distance of rays] How well it is known.
   double known = 0.1;
-  // Cosine of the angle to the surface normal: rays that come in flatter may return nothing.
-  double least_cosine = 0.35;
+  // [of the distance of rays] Of the distance of neighbours: 1 sigma of rays that are all there is
+  // a tenth, of lines that were thinned four.
+  double most_uneven = 0.25;
   std::size_t most_missing = 400;  // of one line, one after the other: there nobody looked
 };
 constexpr MissedSettings kMissed;
@@ -106,8 +107,8 @@ class Pass {
     }
   }
 
-  // Whether it comes in lines; adds the rays that met nothing, with cells but without what is known
-  // of the directions.
+  // Whether it comes in lines of even rays; adds the rays that met nothing, with cells but without
+  // what is known of the directions.
   bool AddMissed(std::vector<MissedRay>& rays) {
     if (!(high_mm_ > low_mm_) || !FindGap()) return false;
     FindLines();
@@ -205,7 +206,7 @@ class Pass {
     }
     constexpr double kPerMedian = 1.4826;  // 1 sigma of normal errors over the median of their size
     uneven_mm_ = kPerMedian * Median(std::move(uneven.front()));
-    return true;
+    return uneven_mm_ < kMissed.most_uneven * Median(pitch_mm_);
   }
 
   // The first and the last line that reach each place round the tube, less than half a ray wide.
@@ -321,12 +322,16 @@ MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
   for (auto& [number, hits] : passes) {
     std::sort(hits.begin(), hits.end(),
               [](const Hit& a, const Hit& b) { return a.place_mm.x() < b.place_mm.x(); });
-    missed.has_lines |= Pass(std::move(hits)).AddMissed(missed.rays);
+    if (Pass(std::move(hits)).AddMissed(missed.rays)) {
+      missed.has_lines = true;
+    } else {
+      missed.scattered.push_back(number);
+    }
   }
   std::erase_if(missed.rays, [&](const MissedRay& ray) {
     const double turn = ray.place_mm.y() / pipe_radius_mm;
     const Eigen::Vector3d normal = std::cos(turn) * outward + std::sin(turn) * sideways;
-    return TowardsSensor(ray.to_sensor).dot(normal) < kMissed.least_cosine;
+    return TowardsSensor(ray.to_sensor).dot(normal) < kLeastRayCosine;
   });
   return missed;
 }

@@ -205,7 +205,7 @@ TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
     OpeningBorder about = hole;
     about.length_mm += 0.4;
     about.width_mm += 0.2;
-    const FittedOpening fitted = FitOpening(wall, about, 0.01, missed);
+    const FittedOpening fitted = FitOpening(wall, about, 0.01, missed, {});
     EXPECT_TRUE(fitted.border.is_hole());
     const Eigen::Vector2d off = fitted.border.middle_mm - hole.middle_mm;
     place2 += 0.5 * off.squaredNorm() / kHoles;
