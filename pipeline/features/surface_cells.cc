@@ -221,7 +221,7 @@ class VoidSearch {
     for (int row = 1; row + 1 < grid_.rows; ++row) {
       const auto first = is_empty_.begin() + static_cast<std::ptrdiff_t>(grid_.At(row, 0));
       const auto end = first + grid_.columns;
-      for (auto at = std::find(first, end, 1); at != end; at = std::find(at, end, 1)) {
+      for (auto at = std::find(first, end, kEmpty); at != end; at = std::find(at, end, kEmpty)) {
         if (const auto found = TakeFrom(row, static_cast<int>(at - first))) voids.push_back(*found);
       }
     }
@@ -229,6 +229,7 @@ class VoidSearch {
   }
 
  private:
+  static constexpr unsigned char kFull = 0, kEmpty = 1, kTaken = 2;  // empty, and part of a void
   // Cells of a row one beside the other; columns may be beyond the turn.
   struct Run {
     int row, first, last;
@@ -236,9 +237,9 @@ class VoidSearch {
 
   bool Take(int row, int column) {
     unsigned char& cell = is_empty_[grid_.At(row, column)];
-    const bool was_empty = cell != 0;
-    cell = 0;
-    return was_empty;
+    if (cell != kEmpty) return false;
+    cell = kTaken;
+    return true;
   }
   // Takes the run of a cell that is one of it and taken.
   void TakeRun(int row, int column) {
@@ -278,7 +279,8 @@ class VoidSearch {
                 static_cast<double>(rows), static_cast<double>(columns)};
   }
 
-  // Whether the cells around have points, and so many that here they are missing.
+  // Whether the cells around are none of a void, and have so many points that here they are
+  // missing.
   bool IsAmongOthers(int cells) const {
     std::vector<std::size_t> own, around;
     for (const Run& run : runs_) {
@@ -297,7 +299,7 @@ class VoidSearch {
     around.erase(std::unique(around.begin(), around.end()), around.end());
     double with_points = 0, points = 0;
     for (const std::size_t cell : around) {
-      with_points += grid_.count[cell] > 0 ? 1 : 0;
+      with_points += is_empty_[cell] == kFull ? 1 : 0;
       points += grid_.count[cell];
     }
     const auto n = static_cast<double>(around.size());
