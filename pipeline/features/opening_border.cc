@@ -53,7 +53,8 @@ struct WallAbout {
   std::span<const Eigen::Vector2d> samples;
   std::span<const MissedPlace> missed;
   double smear_mm = 0;
-  // Of the samples, about a place: the same for all shapes, or their likelihoods would not compare.
+  // Of scattered ones, about a place: the same for all shapes, or their likelihoods would not
+  // compare.
   SampleDensity density;
   Eigen::Vector2d about_mm = Eigen::Vector2d::Zero();
 };
@@ -88,10 +89,9 @@ class ShapeWalk {
       if (about.DistanceMm(sample) < kBorder.near * about.width_mm) near_.push_back(sample);
     }
     for (const Eigen::Vector2d& sample : near_) near_up_.push_back(HeightMm(sample.y()));
-    if (wall.missed.empty()) {
-      density_ = wall.density;
-      density_about_mm_ = wall.about_mm;
-    } else {
+    density_ = wall.density;
+    density_about_mm_ = wall.about_mm;
+    if (!wall.missed.empty()) {
       sideways_smear_mm_ = kBorder.sideways * smear_mm_;
       double sigma_mm = 0;
       for (const MissedPlace& missed : wall.missed) sigma_mm += missed.sideways_sigma_mm;
@@ -400,8 +400,9 @@ SampleDensity DensityBeside(const OpeningBorder& border, std::span<const Eigen::
 }
 
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
-                         double smear_mm, std::span<const MissedPlace> missed) {
-  const WallAbout wall{samples, missed, smear_mm, DensityBeside(about, samples), about.middle_mm};
+                         double smear_mm, std::span<const MissedPlace> missed,
+                         std::span<const Eigen::Vector2d> scattered) {
+  const WallAbout wall{samples, missed, smear_mm, DensityBeside(about, scattered), about.middle_mm};
   const ShapeFit slot = ShapeWalk(wall, about, Shape::kSlot).Fit(kBorder.walk);
   const OpeningBorder& long_one = slot.fitted.border;
   const double longer_mm = long_one.length_mm - long_one.width_mm;

@@ -33,9 +33,15 @@ struct FittedOpening {
 // The border that samples of the wall leave free (posterior.h), from one that is about right. A
 // hole is a slot, or leans, where that is certain (5 sigma). `smear_mm`: 1 sigma by which noise
 // displaces the samples along the wall. `missed`: where rays met no wall, of samples that come in
-// laser lines; none: they are scattered, and how dense they are tells of the empty place.
+// laser lines. `scattered`: of the samples those that come scattered, by who looked through the
+// opening: how dense they are tells of the empty place.
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
-                         double smear_mm, std::span<const MissedPlace> missed = {});
+                         double smear_mm, std::span<const MissedPlace> missed,
+                         std::span<const Eigen::Vector2d> scattered);
+inline FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples,
+                                const OpeningBorder& about, double smear_mm) {
+  return FitOpening(samples, about, smear_mm, {}, samples);
+}
 
 // Samples per area in a band beside a border, and how that grows over the place [part of it a mm]:
 // where one pass of the scan ends, one side has more than the other.

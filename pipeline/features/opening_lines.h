@@ -30,12 +30,17 @@ struct MissedRay {
   SensorDirection to_sensor;                           // with its pass, of the ray next to it
 };
 struct MissedRays {
-  bool has_lines = false;  // some pass comes in lines
   std::vector<MissedRay> rays;
+  // Passes that do not come in lines of even rays: what is kept of a thinned scan, or what never
+  // did.
+  std::vector<unsigned> scattered;
+  bool has_lines = false;  // some pass does
 };
-// Of all passes that come in lines across the tube. `outward`, `sideways`: directions of the wall's
-// normal at the place and of y in W. Rays that come in flat along the wall are left out.
-MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
+// Of all passes that come in lines across the tube. `noise_mm`: 1 sigma of the points; `outward`,
+// `sideways`: directions of the wall's normal at the place and of y in W. Rays that come in flat
+// along the wall are left out.
+constexpr double kLeastRayCosine = 0.35;  // to the wall's normal; flatter ones may return nothing
+MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm, double noise_mm,
                       const Eigen::Vector3d& outward, const Eigen::Vector3d& sideways);
 
 }  // namespace bendloop::pipeline

@@ -8,7 +8,9 @@
 #include <numeric>
 
 #include "hal/angles.h"
+#include "pipeline/features/beside_border.h"
 #include "pipeline/features/opening_lines.h"
+#include "pipeline/features/plane_samples.h"
 #include "pipeline/features/unrolled_wall.h"
 
 namespace bendloop::pipeline {
@@ -26,6 +28,13 @@ struct LookSettings {
   // be wrong. [of r_P] So deep in the tube a way is certainly hidden.
   std::size_t asked = 60;
   double most_hidden = 0.03, deep = 0.1;
+  // Of the samples of the wall: from so many on whose pass is known the passes are.
+  double known = 0.5;
+  // Of an opening: so much of it a pass of scattered samples looks through, or its density tells
+  // nothing; and of the sides of that part so many have its samples. A shadow of what nobody knows
+  // of has them on two sides.
+  double least_part = 0.4, least_sides = 0.75;
+  int places = 9;  // of it that are asked for, each way
 };
 constexpr LookSettings kLook;
 
@@ -33,15 +42,16 @@ constexpr LookSettings kLook;
 // which looks at the line from somewhere before or behind.
 class Shadows {
  public:
-  Shadows(std::span<const SegmentFrame> frames, double pipe_radius_mm)
-      : frames_(frames), r_mm_(pipe_radius_mm), all_(frames.size()) {
+  explicit Shadows(const LookedAtTube& tube)
+      : segments_(tube.segments),
+        frames_(tube.frames),
+        r_mm_(tube.pipe_radius_mm),
+        all_(frames_.size()) {
     std::iota(all_.begin(), all_.end(), 0);
   }
 
-  // Where the camera of a pass may stand: what it saw is not hidden from there. `places`: samples
-  // of the wall.
-  std::vector<double> WaysOf(std::span<const SeenWall* const> seen,
-                             const Eigen::Vector3d& tangent) const {
+  // Where the camera of a pass may stand: what it saw is not hidden from there.
+  std::vector<double> WaysOf(std::span<const SeenWall* const> seen) const {
     const std::size_t stride = StrideTo(seen.size(), kLook.asked);
     std::vector<double> turns;
     for (double turn_deg = -kLook.camera_deg; turn_deg <= kLook.camera_deg;
@@ -49,8 +59,7 @@ class Shadows {
       const double turn = turn_deg * hal::kRadiansPerDegree;
       double hidden = 0, count = 0;
       for (std::size_t i = 0; i < seen.size(); i += stride) {
-        const Eigen::Vector3d way = Way(seen[i]->to_sensor, tangent, turn);
-        hidden += IsHidden(seen[i]->point_mm, way, -kLook.deep * r_mm_, 0.0) ? 1 : 0;
+        hidden += IsHiddenAbout(*seen[i], turn) ? 1 : 0;
         count += 1;
       }
       if (turn == 0 || hidden <= kLook.most_hidden * count) turns.push_back(turn);
@@ -59,13 +68,30 @@ class Shadows {
   }
 
   bool MayHide(const Eigen::Vector3d& place, SensorDirection to_sensor,
-               const Eigen::Vector3d& tangent, std::span<const double> turns) const {
+               std::span<const double> turns) const {
+    const Eigen::Vector3d tangent = TangentAt(place, NearestSegment(place, frames_, all_).segment);
     return std::any_of(turns.begin(), turns.end(), [&](double turn) {
       return IsHidden(place, Way(to_sensor, tangent, turn), 0.0, kLook.beside);
     });
   }
 
  private:
+  // Whether what was seen would not have been from any turn near this one.
+  bool IsHiddenAbout(const SeenWall& seen, double turn) const {
+    constexpr double kStep = kLook.camera_step_deg / 3.0 * hal::kRadiansPerDegree;
+    const Eigen::Vector3d tangent = TangentAt(seen.point_mm, seen.segment);
+    for (const double at : {turn, turn - kStep, turn + kStep}) {
+      const Eigen::Vector3d way = Way(seen.to_sensor, tangent, at);
+      if (!IsHidden(seen.point_mm, way, -kLook.deep * r_mm_, 0.0)) return false;
+    }
+    return true;
+  }
+  // Along the tube, as the sensor went there.
+  Eigen::Vector3d TangentAt(const Eigen::Vector3d& point, std::int32_t segment) const {
+    const std::array<std::int32_t, 1> own = {segment};
+    const SpineFoot foot = NearestFoot(point, segments_, frames_, own);
+    return segments_[static_cast<std::size_t>(segment)].TangentAt(foot.along_mm);
+  }
   static Eigen::Vector3d Way(SensorDirection to_sensor, const Eigen::Vector3d& tangent,
                              double turn) {
     return (std::cos(turn) * TowardsSensor(to_sensor) + std::sin(turn) * tangent).normalized();
@@ -81,6 +107,7 @@ class Shadows {
     return false;
   }
 
+  std::span<const hal::SpineSegment> segments_;
   std::span<const SegmentFrame> frames_;
   double r_mm_;
   std::vector<std::int32_t> all_;
@@ -113,42 +140,127 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
       if (std::abs(off_mm) >= wall_mm) continue;
       around.wall.push_back(place);
       if (i < block.to_sensor.size() && block.to_sensor[i].known()) {
-        around.seen.push_back({point, block.to_sensor[i], near.segment});
+        around.seen.push_back({point, place, block.to_sensor[i], near.segment});
       }
     }
   }
   return around;
 }
 
-LineSurroundings LookedAtTube::FindLines(const hal::SurfaceFrame& frame,
-                                         std::span<const SeenWall> seen) const {
-  const UnrolledWall unrolled(segments, frame, pipe_radius_mm);
+namespace {
+
+// Passes about a place, and what hides it from them.
+class PassViews {
+ public:
+  PassViews(const LookedAtTube& tube, const hal::SurfaceFrame& frame,
+            std::span<const SeenWall> seen)
+      : frame_(frame),
+        unrolled_(tube.segments, frame, tube.pipe_radius_mm),
+        r_mm_(tube.pipe_radius_mm),
+        shadows_(tube) {
+    for (const SeenWall& sample : seen) passes_[PassOf(sample.to_sensor)].push_back(&sample);
+  }
+
+  // Where a place of the unrolled wall is in the plane.
+  Eigen::Vector2d InPlane(const Eigen::Vector3d& point) const {
+    const Eigen::Vector3d from = point - frame_.spine_mm;
+    return {from.dot(frame_.tangent), from.dot(frame_.sideways())};
+  }
+  const UnrolledWall& unrolled() const { return unrolled_; }
+
+  bool MayBeHidden(const Eigen::Vector3d& place, SensorDirection to_sensor) {
+    const unsigned pass = PassOf(to_sensor);
+    const auto [at, is_new] = ways_.try_emplace(pass);
+    if (is_new) at->second = shadows_.WaysOf(passes_[pass]);
+    return shadows_.MayHide(place, to_sensor, at->second);
+  }
+
+  // Adds a pass that comes scattered, if it looked through the opening.
+  void AddScattered(unsigned pass, const OpeningBorder& about, PassSurroundings& found) {
+    std::vector<Eigen::Vector2d> places;
+    for (const SeenWall* sample : passes_[pass]) places.push_back(sample->place_mm);
+    const double gap_mm = GapBeside(about, PlaneSamples(places), r_mm_);
+    const double clear_mm = 0.1 * about.width_mm;
+    const BorderSides sides = SidesOf(about, places, clear_mm, 2.0 * gap_mm + clear_mm, 0.0);
+    const double part = PartSeen(pass, about);
+    if (part < kLook.least_part || sides.with_samples < kLook.least_sides * part * sides.all) {
+      return;
+    }
+    found.scattered.insert(found.scattered.end(), places.begin(), places.end());
+    found.scattered_part += part;
+  }
+
+ private:
+  // Of the area of an opening, what this pass would have seen were it wall.
+  double PartSeen(unsigned pass, const OpeningBorder& about) {
+    const double half_mm = 0.5 * about.length_mm;
+    const double step_mm = 2.0 * half_mm / kLook.places;
+    double inside = 0, seen = 0;
+    for (double x = 0.5 * step_mm - half_mm; x < half_mm; x += step_mm) {
+      for (double y = 0.5 * step_mm - half_mm; y < half_mm; y += step_mm) {
+        const Eigen::Vector2d place = about.middle_mm + Eigen::Vector2d(x, y);
+        if (std::abs(place.y()) > kLimb * r_mm_ || about.DistanceMm(place) > 0) continue;
+        inside += 1;
+        seen += IsSeen(pass, place) ? 1 : 0;
+      }
+    }
+    return inside > 0 ? seen / inside : 0.0;
+  }
+  bool IsSeen(unsigned pass, const Eigen::Vector2d& place) {
+    // In a straight; a bend's wall is there but for what it turns over an opening.
+    const Eigen::Vector3d outward =
+        (place.y() * frame_.sideways() +
+         std::sqrt(r_mm_ * r_mm_ - place.y() * place.y()) * frame_.outward) /
+        r_mm_;
+    const Eigen::Vector3d point = frame_.spine_mm + place.x() * frame_.tangent + r_mm_ * outward;
+    const auto& samples = passes_[pass];
+    const SeenWall* nearest = *std::min_element(
+        samples.begin(), samples.end(), [&](const SeenWall* a, const SeenWall* b) {
+          return (a->place_mm - place).squaredNorm() < (b->place_mm - place).squaredNorm();
+        });
+    return TowardsSensor(nearest->to_sensor).dot(outward) > kLeastRayCosine &&
+           !MayBeHidden(point, nearest->to_sensor);
+  }
+
+  hal::SurfaceFrame frame_;
+  UnrolledWall unrolled_;
+  double r_mm_;
+  Shadows shadows_;
+  std::map<unsigned, std::vector<const SeenWall*>> passes_;
+  std::map<unsigned, std::vector<double>> ways_;
+};
+
+}  // namespace
+
+PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
+                                          const Surroundings& around,
+                                          const OpeningBorder& about) const {
+  PassSurroundings found;
+  found.are_known = static_cast<double>(around.seen.size()) >=
+                    kLook.known * static_cast<double>(around.wall.size());
+  if (!found.are_known) {
+    found.scattered = around.wall;
+    return found;
+  }
+  PassViews views(*this, frame, around.seen);
   std::vector<WallSample> wall;
-  wall.reserve(seen.size());
-  for (const SeenWall& sample : seen) {
+  wall.reserve(around.seen.size());
+  for (const SeenWall& sample : around.seen) {
     const std::array<std::int32_t, 1> own = {sample.segment};
     const SpineFoot foot = NearestFoot(sample.point_mm, segments, frames, own);
-    wall.push_back({unrolled.PlaceOf(sample.point_mm, foot), sample.to_sensor});
+    wall.push_back({views.unrolled().PlaceOf(sample.point_mm, foot), sample.to_sensor});
   }
-  const MissedRays missed = FindMissed(wall, pipe_radius_mm, frame.outward, frame.sideways());
-  LineSurroundings lines;
-  lines.has_lines = missed.has_lines;
-  if (missed.rays.empty()) return lines;
-  std::map<unsigned, std::vector<const SeenWall*>> passes;
-  for (const SeenWall& sample : seen) passes[PassOf(sample.to_sensor)].push_back(&sample);
-  const Shadows shadows(frames, pipe_radius_mm);
-  std::map<unsigned, std::vector<double>> ways;
-  for (const auto& [pass, samples] : passes) ways[pass] = shadows.WaysOf(samples, frame.tangent);
+  const MissedRays missed =
+      FindMissed(wall, pipe_radius_mm, noise_mm, frame.outward, frame.sideways());
+  found.has_lines = missed.has_lines;
   for (const MissedRay& ray : missed.rays) {
-    const Eigen::Vector3d place = unrolled.PointAt(ray.place_mm);
-    const auto& turns = ways[PassOf(ray.to_sensor)];
-    if (shadows.MayHide(place, ray.to_sensor, frame.tangent, turns)) continue;
-    const Eigen::Vector3d from = place - frame.spine_mm;
-    lines.missed.push_back(
-        {{from.dot(frame.tangent), from.dot(frame.sideways())}, ray.sideways_sigma_mm});
-    lines.cell_mm2.push_back(ray.cell_mm2);
+    const Eigen::Vector3d place = views.unrolled().PointAt(ray.place_mm);
+    if (views.MayBeHidden(place, ray.to_sensor)) continue;
+    found.missed.push_back({views.InPlane(place), ray.sideways_sigma_mm});
+    found.cell_mm2.push_back(ray.cell_mm2);
   }
-  return lines;
+  for (const unsigned pass : missed.scattered) views.AddScattered(pass, about, found);
+  return found;
 }
 
 }  // namespace bendloop::pipeline

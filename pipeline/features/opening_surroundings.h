@@ -17,6 +17,7 @@ namespace bendloop::pipeline {
 // A sample of the wall whose sensor's direction is known.
 struct SeenWall {
   Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector2d place_mm = Eigen::Vector2d::Zero();  // in the plane
   SensorDirection to_sensor;
   std::int32_t segment = 0;  // of the spine, the nearest
 };
@@ -29,24 +30,31 @@ struct Surroundings {
   // These, and whatever else may hide it or shows that something is there.
   std::vector<Eigen::Vector2d> present;
 };
-// What laser lines tell of it.
-struct LineSurroundings {
-  bool has_lines = false;  // some pass came in lines
-  // Where rays met no wall, and no other part of the tube hides it.
+// What the passes of a scan tell of an opening.
+struct PassSurroundings {
+  bool are_known = false;  // its samples' passes
+  bool has_lines = false;  // some pass comes in lines
+  // Where their rays met no wall, and no other part of the tube hides it.
   std::vector<MissedPlace> missed;
   std::vector<double> cell_mm2;  // of each: the wall that it stands for
+  // Samples of the wall that come scattered, by passes that looked through the opening; where
+  // passes are not known all samples. And the part of its area that these passes looked through.
+  std::vector<Eigen::Vector2d> scattered;
+  double scattered_part = 0;
 };
 
 // A tube with its points, looked at place by place. Another object holds what the spans show.
 struct LookedAtTube {
-  double pipe_radius_mm = 0;
+  double pipe_radius_mm = 0, noise_mm = 0;  // noise: 1 sigma of the points
   std::span<const hal::SpineSegment> segments;
   std::span<const SegmentFrame> frames;  // of these
   std::span<const PointBlock> blocks;
 
   // `wall_mm`: samples of the wall lie so near to the surface.
   Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall_mm) const;
-  LineSurroundings FindLines(const hal::SurfaceFrame& frame, std::span<const SeenWall> seen) const;
+  // `about`: where the opening is about.
+  PassSurroundings FindPasses(const hal::SurfaceFrame& frame, const Surroundings& around,
+                              const OpeningBorder& about) const;
 };
 
 }  // namespace bendloop::pipeline

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "hal/angles.h"
+#include "pipeline/features/beside_border.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/opening_surroundings.h"
 #include "pipeline/features/plane_samples.h"
@@ -23,23 +24,16 @@ struct OpeningSettings {
   double on_surface_r = 0.05;
   // The place is looked at as far as this around its middle, in its own size, and [of r_P] further.
   double look = 1.3, look_more = 0.5;
-  // [of r_P] From the middle: what is further aside is seen along the surface.
-  double limb = 0.9;
   // Places where the distance to the nearest sample is asked for, across the void.
   int probes = 24;
   // How often as wide as the widest gap beside it an opening must be.
   double least_gaps = 2.2;
-  std::size_t most_gap_probes = 400;
   // Samples that the wall would have there; fewer may be missing by chance (e^-16).
   double least_missing = 16.0;
-  // Of its area, where samples come in laser lines: so much was looked through by all passes.
+  // Of its area, where passes are known: so much was looked through by all of them.
   double least_through = 0.6;
   // Of these, so many may lie in it: fliers and mixed pixels.
   double most_inside = 0.04;
-  // Its border has samples on all of its sides but one: these are as many as have so many samples
-  // each, at most and at least so many.
-  int most_sides = 24, least_sides = 8;
-  double of_side = 5.0;
   // [sigma] The plane that it is seen in may put it aside by so much.
   double aside = 0.15;
   int moves = 3;  // then it is seen in that of its own middle
@@ -59,7 +53,7 @@ std::optional<OpeningBorder> RoughBorder(const PlaneSamples& present, double siz
   for (int i = 0; i <= kOpening.probes; ++i) {
     for (int k = 0; k <= kOpening.probes; ++k) {
       const Eigen::Vector2d place(step_mm * i - size_mm, step_mm * k - size_mm);
-      if (place.norm() > size_mm || std::abs(place.y()) > kOpening.limb * r_mm) continue;
+      if (place.norm() > size_mm || std::abs(place.y()) > kLimb * r_mm) continue;
       places.push_back(place);
       free_mm.push_back(present.NearestMm(place));
       widest_mm = std::max(widest_mm, free_mm.back());
@@ -91,25 +85,6 @@ std::optional<OpeningBorder> RoughBorder(const PlaneSamples& present, double siz
   return border;
 }
 
-// How far a place may be from the nearest sample beside the opening.
-double GapBeside(const OpeningBorder& border, const PlaneSamples& present, double r_mm) {
-  std::vector<double> gaps;
-  const double from_mm = 0.25 * border.width_mm, to_mm = from_mm + 0.5 * border.width_mm;
-  // Places spread evenly over the ring (Vogel's spiral).
-  const double reach_mm = 0.5 * border.length_mm + to_mm;
-  const auto n = static_cast<double>(kOpening.most_gap_probes);
-  for (double i = 0.5; i < n; i += 1.0) {
-    const double radius = reach_mm * std::sqrt(i / n);
-    const double turn = i * std::numbers::pi * (3.0 - std::sqrt(5.0));
-    const Eigen::Vector2d place =
-        border.middle_mm + radius * Eigen::Vector2d(std::cos(turn), std::sin(turn));
-    const double off_mm = border.DistanceMm(place);
-    if (std::abs(place.y()) > kOpening.limb * r_mm) continue;
-    if (off_mm > from_mm && off_mm < to_mm) gaps.push_back(present.NearestMm(place));
-  }
-  return Quantile(std::move(gaps), 0.98);
-}
-
 // By how much wider than that of scattered samples the error of a border is: samples that stand
 // nearer to each other along a laser line than the lines do tell the same again. Scattered ones
 // have their nearest half of 1 / sqrt(density) away (Clark & Evans 1954), so these count as many as
@@ -128,47 +103,29 @@ double Clumping(const OpeningBorder& border, std::span<const Eigen::Vector2d> wa
   return std::max(1.0, 0.5 / std::sqrt(density.per_mm2) / (sum_mm / count));
 }
 
-// Of the sides of a border, those with samples no further from it than `reach_mm`: all but one are
-// asked for.
-bool HasAllSides(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
-                 double clear_mm, double reach_mm) {
-  std::vector<double> turns;
-  for (const Eigen::Vector2d& place : wall) {
-    const double off_mm = border.DistanceMm(place);
-    if (off_mm < -clear_mm || off_mm > reach_mm) continue;
-    // Sides by how far around the border: that of a long slot is stretched to be round.
-    const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
-    const Eigen::Vector2d from = place - border.middle_mm;
-    const double x = (c * from.x() + s * from.y()) * border.width_mm / border.length_mm;
-    turns.push_back(std::atan2(c * from.y() - s * from.x(), x) / (2.0 * std::numbers::pi) + 0.5);
-  }
-  const int sides =
-      std::clamp(static_cast<int>(static_cast<double>(turns.size()) / kOpening.of_side),
-                 kOpening.least_sides, kOpening.most_sides);
-  std::vector<bool> has(static_cast<std::size_t>(sides), false);
-  for (const double turn : turns) {
-    has[std::min(static_cast<std::size_t>(turn * sides), has.size() - 1)] = true;
-  }
-  return std::count(has.begin(), has.end(), true) + 1 >= sides;
-}
-
-// Whether an opening with this border leaves these samples: none in it, and some on all its sides,
-// no further from it than they are from each other.
-bool IsCut(const OpeningBorder& border, const Surroundings& around, const LineSurroundings& lines,
+// Whether an opening with this border leaves these samples: none in it, and some on all its sides
+// but one, no further from it than they are from each other.
+bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSurroundings& passes,
            double gap_mm) {
-  const double missing = DensityBeside(border, around.wall).per_mm2 * border.AreaMm2();
+  const bool are_scattered = passes.are_known && !passes.has_lines;
+  const double missing =
+      DensityBeside(border, are_scattered ? passes.scattered : around.wall).per_mm2 *
+      border.AreaMm2();
   const double clear_mm = 0.1 * border.width_mm;
-  double inside = 0, through_mm2 = 0;
+  double inside = 0, through_mm2 = passes.scattered_part * border.AreaMm2();
   for (const Eigen::Vector2d& place : around.present) {
     inside += border.DistanceMm(place) < -clear_mm ? 1 : 0;
   }
-  for (std::size_t i = 0; i < lines.missed.size(); ++i) {
-    through_mm2 += border.DistanceMm(lines.missed[i].place_mm) < 0 ? lines.cell_mm2[i] : 0;
+  for (std::size_t i = 0; i < passes.missed.size(); ++i) {
+    through_mm2 += border.DistanceMm(passes.missed[i].place_mm) < 0 ? passes.cell_mm2[i] : 0;
   }
-  if (lines.has_lines && through_mm2 < kOpening.least_through * border.AreaMm2()) return false;
+  if (passes.are_known && through_mm2 < kOpening.least_through * border.AreaMm2()) return false;
+  // Where rays are known to have passed, sides need be no shorter than lines lie apart.
+  const BorderSides sides = SidesOf(border, around.wall, clear_mm, 2.0 * gap_mm + clear_mm,
+                                    passes.are_known ? 2.0 * gap_mm : 0.0);
   return missing >= kOpening.least_missing &&
          inside <= std::max(1.0, kOpening.most_inside * missing) &&
-         HasAllSides(border, around.wall, clear_mm, 2.0 * gap_mm + clear_mm);
+         sides.with_samples + 1 >= sides.all;
 }
 
 // One place where cells of the surface are empty, looked at closely.
@@ -218,11 +175,11 @@ class Candidate {
   // `moves`: so often at most the place is moved to the middle that is found.
   std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& about,
                                   const Surroundings& around, const Look& look, int moves) const {
-    const LineSurroundings lines = tube_.FindLines(frame, around.seen);
-    const FittedOpening fitted =
-        FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_), lines.missed);
+    const PassSurroundings passes = tube_.FindPasses(frame, around, about);
+    const FittedOpening fitted = FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_),
+                                            passes.missed, passes.scattered);
     const OpeningBorder& border = fitted.border;
-    if (!IsCut(border, around, lines, look.gap_mm)) return std::nullopt;
+    if (!IsCut(border, around, passes, look.gap_mm)) return std::nullopt;
     // Its drill goes across the wall at its own middle: from beside, its border lies further aside
     // where the wall is lower.
     const double low_mm = border.length_mm * border.length_mm / (8.0 * r_mm_);
@@ -234,7 +191,8 @@ class Candidate {
       moved.middle_mm.setZero();
       return Fit(own, moved, tube_.LookAt(own, look.reach_mm, wall_mm_), look, moves - 1);
     }
-    return Found(frame, fitted, lines.has_lines ? 1.0 : Clumping(border, around.wall));
+    return Found(frame, fitted,
+                 passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered));
   }
 
   // Whether any of its border is on a bend.
@@ -325,7 +283,7 @@ std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easi
   if (places.empty()) return openings;
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
   const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
-  const LookedAtTube looked_at{tube.pipe_radius_mm, spine.segments, frames, blocks};
+  const LookedAtTube looked_at{tube.pipe_radius_mm, sigma_mm, spine.segments, frames, blocks};
   const Candidate candidate(looked_at, segments, sigma_mm);
   // The same one is seen at several sizes of cells.
   const auto is_known = [&](const Eigen::Vector3d& position_mm) {

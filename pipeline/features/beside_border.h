@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "pipeline/features/opening_border.h"
+#include "pipeline/features/plane_samples.h"
+
+namespace bendloop::pipeline {
+
+// [of r_P] From the middle: what is further aside is seen along the surface.
+constexpr double kLimb = 0.9;
+
+// How far a place may be from the nearest sample beside an opening.
+double GapBeside(const OpeningBorder& border, const PlaneSamples& present, double pipe_radius_mm);
+
+// The sides of a border, and those that have samples.
+struct BorderSides {
+  int with_samples = 0, all = 0;
+};
+// By the samples up to `reach_mm` outside of it and `clear_mm` inside; the more there are, the more
+// sides, of `least_side_mm` at least.
+BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
+                    double clear_mm, double reach_mm, double least_side_mm);
+
+}  // namespace bendloop::pipeline
