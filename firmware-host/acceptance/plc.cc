@@ -85,8 +85,9 @@ std::optional<PlcState> Plc::State() {
        {&map_.fault_code, &map_.heartbeat, &map_.parts_bent, &map_.reply_code}) {
     if (*field) ranges.push_back(RangeOf(**field));
   }
-  if (!Read(ranges, Rule::kMode, "read state")) return std::nullopt;
   PlcState state;
+  state.asked_at = clock_.Now();
+  if (!Read(ranges, Rule::kMode, "read state")) return std::nullopt;
   state.at = clock_.Now();
   const std::pair<const hal::RegisterField*, std::pair<std::uint32_t*, const char*>> fields[] = {
       {&map_.mode, {&state.mode, "mode"}},
@@ -104,7 +105,7 @@ std::optional<PlcState> Plc::State() {
     *target.first = *value;
   }
   if (!map_.heartbeat) state.heartbeat = frames_->signs().heartbeat.value_or(0);
-  SawHeartbeat(state.heartbeat, state.at);
+  SawHeartbeat(state);
   return state;
 }
 
@@ -182,14 +183,14 @@ void Plc::WatchHeartbeat() {
 
 // What is surely stood still: from the first look at a value to the last one. How long nobody
 // looked counts for nothing.
-void Plc::SawHeartbeat(std::uint32_t heartbeat, std::chrono::nanoseconds at) {
-  if (heartbeat_ == heartbeat) {
-    longest_standstill_ = std::max(longest_standstill_, at - beat_at_);
+void Plc::SawHeartbeat(const PlcState& state) {
+  if (heartbeat_ == state.heartbeat) {
+    longest_standstill_ = std::max(longest_standstill_, state.asked_at - beat_at_);
     return;
   }
   if (heartbeat_) ++beats_;
-  heartbeat_ = heartbeat;
-  beat_at_ = at;
+  heartbeat_ = state.heartbeat;
+  beat_at_ = state.at;
 }
 
 }  // namespace bendloop::host

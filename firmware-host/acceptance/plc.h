@@ -26,6 +26,9 @@ struct PlcState {
   std::uint32_t reply_sequence = 0;
   std::uint32_t reply = 0;
   std::uint32_t reply_code = 0;
+  // The PLC was in this state at some moment between these: on a line, or a machine, that is slow
+  // they may lie far apart.
+  std::chrono::nanoseconds asked_at{0};
   std::chrono::nanoseconds at{0};
 };
 
@@ -92,7 +95,7 @@ class Plc {
   // `rows` empty: as many as the row count says.
   std::optional<RegisterProgram> ReadProgram(const hal::ProgramArea& area,
                                              std::optional<std::size_t> rows);
-  void SawHeartbeat(std::uint32_t heartbeat, std::chrono::nanoseconds at);
+  void SawHeartbeat(const PlcState& state);
 
   const hal::RegisterMap map_;
   hal::Clock& clock_;

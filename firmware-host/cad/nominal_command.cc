@@ -407,11 +407,11 @@ Examples:
 
 STEP (AP203, AP214, AP242) and IGES in any unit; cylinders and tori of outer and
 inner surface, or lines and arcs of a centre line, become lengths, rotations and
-angles. The first end is the one nearer to the file's origin; --reverse takes the
-other. Holes, slots and oblique ends become [[hole]], [[slot]] and [end]; what sits
-on the ends is told, and stands in the part file as comments. A part that is no lines
-and arcs is refused with the reason; --nearest measures it as a scan would be.
-Tolerances and material of the part file are defaults.
+angles. The first end is the one nearer to the file's origin; --reverse takes
+the other. Holes, slots and oblique ends become [[hole]], [[slot]] and [end];
+what sits on the ends is told, and stands in the part file as comments. A part
+that is no lines and arcs is refused with the reason; --nearest measures it as a
+scan would be. Tolerances and material of the part file are defaults.
 Exit codes: 2 several tubes and no --body; 3 no tube of lines and arcs, or a
 damaged file; 4 bendloop-cad is not installed.)";
 

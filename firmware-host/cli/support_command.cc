@@ -27,9 +27,9 @@ Examples:
 
 Settings, the service's log, journal, history, status, doctor, the newest
 results and recordings: one tar for whoever shall find out what is the matter.
-It only reads; of a cell file that is wrong, too. No secrets are in it, but names
-of parts, tubes and users are, and addresses. Exit codes: 3 no cell file; 4 the
-tar cannot be written.)";
+It only reads; of a cell file that is wrong, too. No secrets are in it, but
+names of parts, tubes and users are, and addresses. Exit codes: 3 no cell file;
+4 the tar cannot be written.)";
 
 int MakeBundle(SupportArguments arguments) {
   arguments.bundle.config = arguments.config;

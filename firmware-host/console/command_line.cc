@@ -30,7 +30,7 @@ class NarrowFormatter : public CLI::Formatter {
     return WrapLines(app->get_description(), kPlainColumns) + "\n";
   }
   std::string make_footer(const CLI::App* app) const override {
-    return WrapLines(CLI::Formatter::make_footer(app), kPlainColumns);
+    return WrapProse(CLI::Formatter::make_footer(app), kPlainColumns);
   }
 
  private:

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 namespace bendloop::host {
 namespace {
@@ -53,6 +54,12 @@ std::string BreakLine(std::string_view line, std::size_t columns) {
   return out;
 }
 
+// Whether a line that is too wide is of words only, and goes on in the next one.
+bool GoesOn(std::string_view line, std::size_t columns) {
+  const bool is_list = line.front() == ' ' || line.find("  ") != std::string_view::npos;
+  return Characters(line) > columns && !is_list && line.back() != '.' && line.back() != ':';
+}
+
 }  // namespace
 
 std::vector<std::string> WrapWords(std::string_view text, std::size_t columns) {
@@ -79,6 +86,29 @@ std::string WrapLines(std::string_view text, std::size_t columns) {
     text.remove_prefix(end + 1);
   }
   return out + BreakLine(text, columns);
+}
+
+std::string WrapProse(std::string_view text, std::size_t columns) {
+  std::string out, rest;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    std::string line(text.substr(0, end));
+    const bool is_last = end == text.size();
+    text.remove_prefix(is_last ? end : end + 1);
+    if (const std::string before = std::exchange(rest, ""); !before.empty()) {
+      const bool is_of_it = !line.empty() && line.front() != ' ';
+      is_of_it ? line.insert(0, before + " ") : out.append(before + "\n");
+    }
+    if (!line.empty() && GoesOn(line, columns)) {
+      auto words = WrapWords(line, columns);
+      rest = std::move(words.back());
+      words.pop_back();
+      for (const std::string& set : words) out += set + "\n";
+      continue;
+    }
+    out += WrapLines(line, columns) + (is_last ? "" : "\n");
+  }
+  return out + rest;
 }
 
 }  // namespace bendloop::host

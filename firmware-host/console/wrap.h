@@ -19,4 +19,7 @@ std::vector<std::string> WrapWords(std::string_view text, std::size_t columns);
 // are broken, and go on under their last column of words.
 std::string WrapLines(std::string_view text, std::size_t columns);
 
+// The same, and what is left of a sentence that was broken begins the next line of it.
+std::string WrapProse(std::string_view text, std::size_t columns);
+
 }  // namespace bendloop::host

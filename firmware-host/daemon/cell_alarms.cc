@@ -102,8 +102,8 @@ void CellAlarms::Look(const CellSnapshot& cell) {
 }
 
 void CellAlarms::LookAtDisk(const CellSnapshot& cell) {
-  // The disk is looked at when the first profiles of a recording are safe, when it ends, and when
-  // it could not begin.
+  // By the recorder: when the first profiles of a recording are safe, when it ends, when it could
+  // not begin, and every few seconds while there is nothing to be written.
   const bool lacks_names = cell.disk_free_names < kLeastFreeNames;
   std::string left = std::to_string(cell.disk_free_mb) + " MB";
   if (lacks_names) left += " and " + std::to_string(cell.disk_free_names) + " files (inodes)";

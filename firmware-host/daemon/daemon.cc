@@ -337,6 +337,8 @@ void Daemon::Impl::TellPlc() {
 std::string Daemon::Impl::BetweenParts(bool correction_waits) {
   // First: what follows may find no memory, again and again.
   if (!SpareMemory::Refill()) board_.OutOfMemory("nothing yet, by what is kept aside");
+  // Also of a disk that fills while no scanner is there.
+  board_.Update([this](CellSnapshot& s) { ShowRecorder(recorder_->counters(), s); });
   alarms_.Look(board_.Get());
   // New settings would take a correction that waits away; it ends by itself.
   if (!correction_waits) TakeHangUp();

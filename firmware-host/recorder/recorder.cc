@@ -25,6 +25,10 @@ constexpr auto kCommitInterval = std::chrono::milliseconds(250);
 // How often the age of what is not safe yet is looked at, when nothing comes.
 constexpr auto kLookPeriod = std::chrono::milliseconds(50);
 
+// How often a disk is looked at that nothing is written to: what fills it, or gives it back, is
+// often somebody else.
+constexpr auto kDiskPeriod = std::chrono::seconds(2);
+
 // Sessions that may wait for the disk. Each brings some KB that no other bound counts.
 constexpr std::size_t kMostSessions = 64;
 
@@ -244,6 +248,7 @@ void Recorder::Run() {
       if (stop_) break;
       lock.unlock();
       KeepSafe(session);
+      LookAtSpace();
       lock.lock();
       continue;
     }
@@ -381,10 +386,21 @@ void Recorder::MakeRoom(const std::string& name) {
 
 void Recorder::LookAtDisk() {
   const std::uint64_t bytes = BytesOfSessions(options_.directory);
+  {
+    const std::lock_guard lock(mutex_);
+    counters_.sessions_bytes = bytes;
+  }
+  space_due_ = {};
+  LookAtSpace();
+}
+
+void Recorder::LookAtSpace() {
+  const auto now = clock_.Now();
+  if (now < space_due_) return;
+  space_due_ = now + kDiskPeriod;
   const std::optional<FreeSpace> free = FreeSpaceAt(options_.directory);
-  const std::lock_guard lock(mutex_);
-  counters_.sessions_bytes = bytes;
   if (!free) return;
+  const std::lock_guard lock(mutex_);
   counters_.free = *free;
   counters_.knows_disk = true;
 }

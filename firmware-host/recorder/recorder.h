@@ -50,7 +50,7 @@ struct RecorderCounters {
   std::uint64_t queued_points = 0;
   std::uint64_t queued_items = 0;
   std::uint64_t sessions_bytes = 0;  // on the disk, when a session last began or ended
-  FreeSpace free;                    // if knows_disk
+  FreeSpace free;                    // if knows_disk: now, or a few seconds ago
   bool knows_disk = false;           // it was looked at
   std::string last_error;            // "" while all is well
 };
@@ -121,6 +121,7 @@ class Recorder {
   void KeepSafe(std::unique_ptr<Session>& session);
   void Fail(const std::string& what);
   void LookAtDisk();
+  void LookAtSpace();
   void MakeRoom(const std::string& name);
 
   const RecorderOptions options_;
@@ -142,6 +143,7 @@ class Recorder {
   bool gap_for_disk_ = false;  // why: either, or both
   bool gap_for_memory_ = false;
   std::int64_t last_t_ns_ = 0;
+  std::chrono::nanoseconds space_due_{0};  // on the clock; the recorder's thread's own
   std::thread thread_;
 };
 

@@ -18,7 +18,8 @@ struct FreeSpace {
 // Fewer than a recording, its side files and its result take, some ten times.
 inline constexpr std::uint64_t kLeastFreeNames = 64;
 
-// Of the file system that has `place`; empty where that cannot be told.
+// Of the file system that has `place`, or would have it if it were made; empty where that cannot be
+// told.
 std::optional<FreeSpace> FreeSpaceAt(const std::filesystem::path& place);
 
 }  // namespace bendloop::host

@@ -42,10 +42,14 @@ RigidMotion Turning(int parameter, const Eigen::Vector3d& at_mm, const Eigen::Ve
 }
 
 // The first five parameters. `R`: the start frame's orientation.
-std::vector<RigidMotion> MotionsOfStart(const Eigen::Matrix3d& R, const Eigen::Vector3d& start_mm) {
-  return {Sliding(0, start_mm, R.col(1)), Sliding(1, start_mm, R.col(2)),
-          Turning(2, start_mm, R.col(0)), Turning(3, start_mm, R.col(1)),
-          Turning(4, start_mm, R.col(2))};
+// `rolls`: not about itself where nothing feels that. A straight's roll would be what rounding
+// makes of nothing, and its frame another one on each processor.
+std::vector<RigidMotion> MotionsOfStart(const Eigen::Matrix3d& R, const Eigen::Vector3d& start_mm,
+                                        bool rolls) {
+  std::vector<RigidMotion> motions{Sliding(0, start_mm, R.col(1)), Sliding(1, start_mm, R.col(2)),
+                                   Turning(3, start_mm, R.col(1)), Turning(4, start_mm, R.col(2))};
+  if (rolls) motions.push_back(Turning(2, start_mm, R.col(0)));
+  return motions;
 }
 
 Eigen::Vector3d Inward(const hal::SpineSegment& arc) { return arc.normal.cross(arc.tangent); }
@@ -199,7 +203,7 @@ std::vector<TubeParameters::Turn> TubeParameters::TurnsAt(const Eigen::VectorXd&
 hal::Tube TubeParameters::TubeAt(const Eigen::VectorXd& parameters) const {
   hal::Tube tube = reference_;
   const std::vector<Turn> turns = TurnsAt(parameters);
-  const double roll = bends_ > 0 ? turns[0].azimuth_change : parameters[2];
+  const double roll = bends_ > 0 ? turns[0].azimuth_change : 0.0;
   const Eigen::Quaterniond turn = Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX()) *
                                   Eigen::AngleAxisd(parameters[3], Eigen::Vector3d::UnitY()) *
                                   Eigen::AngleAxisd(parameters[4], Eigen::Vector3d::UnitZ());
@@ -245,8 +249,8 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
 
 std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(const EasedSpine& spine) const {
   const auto& segments = spine.segments;
-  std::vector<RigidMotion> motions =
-      MotionsOfStart(reference_.X_WT.orientation.toRotationMatrix(), segments.front().start_mm);
+  std::vector<RigidMotion> motions = MotionsOfStart(reference_.X_WT.orientation.toRotationMatrix(),
+                                                    segments.front().start_mm, bends_ > 0);
   std::vector<Eigen::MatrixXd> derivatives;
   derivatives.reserve(segments.size());
   const Easing within = EasingWithin(reference_.program, easing_);

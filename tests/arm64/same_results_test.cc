@@ -137,6 +137,23 @@ void WriteTaperedPipe(const std::filesystem::path& path) {
   }
 }
 
+// A straight has no roll that its points would tell: its frame, and what is looked at in that
+// frame, must not be what rounding made of it while a part with a bend was tried.
+TEST_F(SameResults, StraightWhereThePartHasABend) {
+  const auto cloud = scratch_ / "straight.xyz";
+  std::ofstream points(cloud);
+  for (int i = 0; i < 3000; ++i) {
+    const double around = 0.7 * i, r = 5.0 + 0.01 * std::sin(7.3 * i);
+    points << 0.036 * i << " " << r * std::cos(around) << " " << r * std::sin(around) << "\n";
+  }
+  points.close();
+  const auto part = scratch_ / "part.toml";
+  std::ofstream(part) << "schema = \"bendloop.part/1\"\nname = \"short\"\npart_number = 1\n"
+                         "pipe_radius_mm = 5.0\nbend_radius_mm = 15.0\n"
+                         "[[row]]\nlength_mm = 50\nangle_deg = 20\n[[row]]\nlength_mm = 53\n";
+  ExpectTheSame("reconstruct " + cloud.string() + " --part " + part.string());
+}
+
 // Ceres' free spine.
 TEST_F(SameResults, TaperedPipe) {
   const auto cloud = scratch_ / "tapered.xyz";

@@ -275,6 +275,25 @@ TEST(Appliance, AFullDiskIsToldAndSurvived) {
   ExpectSurvived(cell, disk, &SmallDisk::FillBytes, {"BL5001"});
 }
 
+// Also of a scanner that is not there, and with no part before, between or after.
+TEST(Appliance, ADiskThatFillsWithNobodyAtWorkIsToldAndOverByItself) {
+  LiveCell cell("[storage]\nreport_every_parts = 0\n");
+  const SmallDisk disk(cell.scratch() / "state", "size=400m,nr_inodes=400");
+  if (!disk.is_mounted()) GTEST_SKIP() << "mounting a file system needs root";
+  cell.StartDaemon();
+  disk.FillNames();
+  ASSERT_TRUE(cell.HasAlarm("BL5006")) << cell.log();
+  disk.Free();
+  ASSERT_TRUE(cell.HasAlarm("BL5006", "alarms_ended")) << cell.log();
+  cell.StopScanner();
+  ASSERT_TRUE(cell.HasAlarm("BL1001")) << cell.log();
+  disk.FillNames();
+  ASSERT_TRUE(cell.HasAlarm("BL5006")) << cell.log();
+  disk.Free();
+  ASSERT_TRUE(cell.LosesAlarm("BL5006")) << cell.log();
+  cell.StopDaemon();
+}
+
 TEST(Appliance, ADiskWithoutInodesIsToldAndSurvived) {
   LiveCell cell("[storage]\nreport_every_parts = 0\n");
   const SmallDisk disk(cell.scratch() / "state", "size=400m,nr_inodes=400");

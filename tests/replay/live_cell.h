@@ -89,7 +89,7 @@ class MovedTubeSource final : public hal::ProfileSource {
 // wire protocol, TCP), all over loopback.
 class LiveCell {
  public:
-  static constexpr std::chrono::seconds kPatience{120};
+  static constexpr std::chrono::seconds kPatience{120 * kSlowness};
   // Coarser scans are quicker ones, and see less of the ends.
   double profile_spacing_mm = 1;
 
@@ -109,7 +109,7 @@ class LiveCell {
       while (!stop_) {
         {
           const std::lock_guard lock(mutex_);
-          (void)scanner_->Poll(std::chrono::milliseconds(1));
+          if (scanner_) (void)scanner_->Poll(std::chrono::milliseconds(1));
         }
         std::this_thread::yield();
       }
@@ -140,7 +140,7 @@ class LiveCell {
   }
   void StopDaemon() {
     ASSERT_TRUE(daemon_);
-    EXPECT_EQ(daemon_->Stop(std::chrono::seconds(60)), 0) << log();
+    EXPECT_EQ(daemon_->Stop(std::chrono::seconds(60 * kSlowness)), 0) << log();
     daemon_.reset();
   }
   // As a power cut does.
@@ -218,6 +218,11 @@ class LiveCell {
     scanner_->device().Trigger(std::move(source), drivers::ScanPace::kMax);
     return profiles;
   }
+  // The scanner is switched off.
+  void StopScanner() {
+    const std::lock_guard lock(mutex_);
+    scanner_.reset();
+  }
   // The scanner is switched off and on; the daemon finds it again.
   void RestartScanner() {
     {
@@ -270,14 +275,10 @@ class LiveCell {
   }
   // Until the status has this alarm among the "alarms" or the "alarms_ended".
   bool HasAlarm(const std::string& code, const char* where = "alarms") {
-    return Until([&] {
-      const auto status = host::FetchStatus(scratch_ / "state/status.json");
-      if (!status || !status->contains(where)) return false;
-      for (const host::Json& alarm : status->at(where)) {
-        if (alarm.at("code") == code) return true;
-      }
-      return false;
-    });
+    return Until([&] { return Shows(code, where) == true; });
+  }
+  bool LosesAlarm(const std::string& code) {
+    return Until([&] { return Shows(code, "alarms") == false; });
   }
   // That the scanner has sent to their end.
   std::size_t ScansFinished() {
@@ -315,6 +316,16 @@ class LiveCell {
   const host::PartPlan& plan() const { return plan_; }
 
  private:
+  // Whether `where` has it; nullopt: the daemon does not answer.
+  std::optional<bool> Shows(const std::string& code, const char* where) const {
+    const auto status = host::FetchStatus(scratch_ / "state/status.json");
+    if (!status || !status->contains(where)) return std::nullopt;
+    for (const host::Json& alarm : status->at(where)) {
+      if (alarm.at("code") == code) return true;
+    }
+    return false;
+  }
+
   static constexpr std::uint32_t kRays = 200;
   inline static const drivers::WireIdentity kScanner{"simulated", "1", "1", "none", kRays};
 

@@ -25,6 +25,13 @@ inline std::string Slurp(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
+// How much longer a processor that is emulated takes for the same, and more where it has company.
+#ifdef BENDLOOP_EMULATED
+inline constexpr int kSlowness = 8;
+#else
+inline constexpr int kSlowness = 1;
+#endif
+
 // A folder that goes with the test.
 class Scratch {
  public:
@@ -39,7 +46,7 @@ class Scratch {
   Ran Bendloop(const std::string& arguments, int seconds = 120) const {
     const auto out = path_ / ".out";
     const auto err = path_ / ".err";
-    const std::string line = "timeout -k 5 " + std::to_string(seconds) +
+    const std::string line = "timeout -k 5 " + std::to_string(kSlowness * seconds) +
                              " " BENDLOOP_BIN_DIR "/bendloop " + arguments + " >" + out.string() +
                              " 2>" + err.string() + " </dev/null";
     const int status = std::system(line.c_str());

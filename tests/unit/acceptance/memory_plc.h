@@ -27,6 +27,11 @@ class MemoryPlc final : public host::HandSteps {
 
   drivers::BenderMemory& memory() { return memory_; }
   hal::ManualClock& clock() { return clock_; }
+  // After each such number of exchanges this machine does nothing for so long, and the PLC goes on.
+  void Stall(std::size_t each, std::chrono::nanoseconds by) {
+    stalls_each_ = each;
+    stalls_by_ = by;
+  }
   // From the exchange with this number on nothing arrives any more.
   void CutAfterWrites(std::size_t writes) { writes_left_ = writes; }
   bool is_cut() const { return cut_; }
@@ -106,15 +111,26 @@ class MemoryPlc final : public host::HandSteps {
         return hal::Fail(hal::ErrorKind::kDevice,
                          "illegal data address " + std::to_string(range.address));
       }
-      if (!write) {
+      if (write) {
+        ++writes_;
+        std::copy_n(there, range.count, here);
+        if (memory_.AfterWrite(range)) memory_.HandleCommit(0);
+      } else {
         std::copy_n(here, range.count, there);
-        continue;
       }
-      ++writes_;
-      std::copy_n(there, range.count, here);
-      if (memory_.AfterWrite(range)) memory_.HandleCommit(0);
+      if (stalls_each_ > 0 && ++exchanges_ % stalls_each_ == 0) {
+        Plan();
+        clock_.Advance(stalls_by_);
+      }
     }
     return {};
+  }
+
+  // What the memory puts off is due from now on.
+  void Plan() {
+    for (auto& later : memory_.TakeLater()) {
+      deeds_.emplace_back(clock_.Now() + later.after, std::move(later.deed));
+    }
   }
 
   void Tick() {
@@ -122,9 +138,7 @@ class MemoryPlc final : public host::HandSteps {
     if (beats_)
       heartbeat_ = static_cast<std::uint32_t>(clock_.Now() / std::chrono::milliseconds(10));
     memory_.SetState({.mode = mode_, .heartbeat = heartbeat_});
-    for (auto& later : memory_.TakeLater()) {
-      deeds_.emplace_back(clock_.Now() + later.after, std::move(later.deed));
-    }
+    Plan();
     for (std::size_t i = 0; i < deeds_.size();) {
       if (deeds_[i].first > clock_.Now()) {
         ++i;
@@ -146,6 +160,9 @@ class MemoryPlc final : public host::HandSteps {
   bool cut_ = false;
   std::size_t writes_left_ = ~std::size_t{0};
   std::size_t writes_ = 0;
+  std::size_t exchanges_ = 0;
+  std::size_t stalls_each_ = 0;
+  std::chrono::nanoseconds stalls_by_{0};
 };
 
 }  // namespace bendloop::test

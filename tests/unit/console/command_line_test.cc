@@ -116,6 +116,12 @@ TEST(Wrap, BreaksLinesThatAreSetUnderTheirWords) {
             "Faults:\n  late N    answers so many\n            milliseconds late\n  crash\n");
   EXPECT_EQ(WrapLines("words and more words to break", 22), "words and more words\nto break");
   EXPECT_EQ(WrapLines("", 80), "");
+  EXPECT_EQ(WrapProse("a sentence that is too wide\nfor its lines goes on.\nAnother.\n", 20),
+            "a sentence that is\ntoo wide for its\nlines goes on.\nAnother.\n");
+  EXPECT_EQ(WrapProse("a sentence that is too wide\n\n  command  what it does\n", 20),
+            "a sentence that is\ntoo wide\n\n  command  what it does\n");
+  EXPECT_EQ(WrapProse("it ends. And once more it does end.\nAnother one", 20),
+            "it ends. And once\nmore it does end.\nAnother one");
 }
 
 TEST(Message, IsOnOneLineOrBrokenAndCannotMoveTheCursor) {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <mutex>
 #include <new>
+#include <thread>
 
 #include "drivers/session/session_reader.h"
 #include "tests/support/hand_clock.h"
@@ -297,6 +298,26 @@ TEST_F(RecorderTest, AFullDiskOrAnExistingFileIsTold) {
   recorder.Flush();
   EXPECT_THAT(recorder.counters().last_error, ::testing::HasSubstr("part-0001.session"));
   EXPECT_EQ(recorder.counters().dropped_sessions, 1u);
+}
+
+// A disk that fills, or is given back, while no part comes: who asks must hear of it.
+TEST_F(RecorderTest, TheDiskIsLookedAtAlsoWhileNothingIsRecorded) {
+  tests::HandClock clock;
+  const fs::path in_the_way = directory_ / "later";
+  fs::create_directories(directory_);
+  std::ofstream(in_the_way) << "no folder";
+  Recorder recorder({in_the_way / "sessions"}, clock);
+  const auto knows = [&] { return recorder.counters().knows_disk; };
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  EXPECT_FALSE(knows());  // there is none to be looked at
+  fs::remove(in_the_way);
+  const auto until = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+  while (!knows() && std::chrono::steady_clock::now() < until) {
+    clock.Advance(std::chrono::seconds(1));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  EXPECT_TRUE(knows());
+  EXPECT_GT(recorder.counters().free.bytes, 0u);
 }
 
 TEST_F(RecorderTest, WritesEverythingBeforeItEnds) {
