@@ -24,6 +24,30 @@ bool Insists(BowedTube& tube) {
   return true;
 }
 
+// How many of the points show whether straights bow: what few do not show may still be many times
+// what all say that they know.
+struct Look {
+  std::size_t seen = 0;
+  bool insists = false;
+};
+Look LookForBows(std::span<const PointBlock> blocks, const OwnedBlocks& few, double sigma_mm,
+                 BowedTube& straight) {
+  straight.Take(few, sigma_mm);
+  const Look first{few.point_count(), Insists(straight)};
+  const std::size_t points = CountPoints(blocks);
+  if (first.insists || points == first.seen) return first;
+  const OwnedBlocks many = Thinned(blocks, StrideTo(points, kBowed.many_points));
+  straight.Take(many, sigma_mm);
+  return {many.point_count(), Insists(straight)};
+}
+
+// Without bows: bends that ease into the middle of a straight turn its best-fit line all the same.
+void MoveToLines(const SurfaceFit& before, BowedTubeState state, std::span<const PointBlock> few,
+                 const SurfaceFitOptions& options, SurfaceFit& fit) {
+  EndWithPoints(few, options.reach_mm, state);
+  BowedTube(before, std::move(state), std::nullopt, options).MoveToLines(fit);
+}
+
 }  // namespace
 
 BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
@@ -36,23 +60,10 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
   const OwnedBlocks few = Thinned(blocks, StrideTo(points, kBowed.few_points));
   const SurfaceFit before = fit;
   BowedTube straight(before, no_bows, std::nullopt, options);
-  straight.Take(few, fit.sigma_mm);
-  std::size_t seen = few.point_count();
-  bool insists = Insists(straight);
-  if (!insists && points > seen) {
-    // What few do not show may still be many times what all say that they know.
-    const OwnedBlocks many = Thinned(blocks, StrideTo(points, kBowed.many_points));
-    straight.Take(many, fit.sigma_mm);
-    seen = many.point_count();
-    insists = Insists(straight);
-  }
+  const auto [seen, insists] = LookForBows(blocks, few, fit.sigma_mm, straight);
   if (!insists) {
     straight.Doubt(false, fit);
-    if (!fit.easing.empty()) {
-      BowedTubeState with_ends = no_bows;
-      EndWithPoints(few, options.reach_mm, with_ends);
-      BowedTube(before, std::move(with_ends), std::nullopt, options).MoveToLines(fit);
-    }
+    if (!fit.easing.empty()) MoveToLines(before, no_bows, few, options, fit);
     return {no_bows, straight.noise_mm(), straight.worth(), straight.IsPulledAside()};
   }
   const OwnedBlocks enough = Thinned(blocks, StrideTo(points, kBowed.enough_points));
