@@ -160,11 +160,12 @@ std::shared_ptr<const drivers::VirtualScan> ScanOf(const hal::Tube& tube,
 }
 
 TEST(FeaturesCell, EndsHolesSlotAndDentAreMeasuredThroughTheDaemon) {
+  constexpr std::uint64_t kParts = 12;
   LiveCell cell;
   WritePart(cell);
   cell.StartDaemon();
   AllErrors errors;
-  for (std::uint64_t part = 1; part <= 4; ++part) {
+  for (std::uint64_t part = 1; part <= kParts; ++part) {
     SCOPED_TRACE(part);
     const hal::Tube tube{cell.plan().pipe_radius_mm, cell.Bend(), {}};
     const double length_mm = hal::SpineLength(tube.program);
@@ -186,7 +187,7 @@ TEST(FeaturesCell, EndsHolesSlotAndDentAreMeasuredThroughTheDaemon) {
     EXPECT_EQ(judged[0].state, pipeline::OpeningState::kFound);
     EXPECT_EQ(judged[1].state, pipeline::OpeningState::kMissing);
   }
-  EXPECT_EQ(errors.count(), 4 * 21);
+  EXPECT_EQ(errors.count(), kParts * 21);
   EXPECT_LT(errors.Rms(), 1.15);
   EXPECT_GT(errors.Rms(), 0.7);
   cell.StopDaemon();
