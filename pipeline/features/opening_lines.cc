@@ -38,8 +38,9 @@ struct MissedSettings {
   // [of the distance of rays] How well it is known.
   double known = 0.1;
   // [of the distance of rays] Of the distance of neighbours: 1 sigma of rays that are all there is
-  // a tenth, of lines that were thinned four.
-  double most_uneven = 0.25;
+  // a tenth, and what noise adds, [of its 1 sigma] so much at most; of lines that were thinned
+  // four.
+  double most_uneven = 0.25, of_noise = 1.0;
   std::size_t most_missing = 400;  // of one line, one after the other: there nobody looked
 };
 constexpr MissedSettings kMissed;
@@ -99,7 +100,7 @@ std::optional<double> EvenGap(const Strip& strip) {
 class Pass {
  public:
   // `hits`: sorted along.
-  explicit Pass(std::vector<Hit> hits) : hits_(std::move(hits)) {
+  Pass(std::vector<Hit> hits, double noise_mm) : hits_(std::move(hits)), noise_mm_(noise_mm) {
     low_mm_ = 1e300, high_mm_ = -1e300;
     for (const Hit& hit : hits_) {
       low_mm_ = std::min(low_mm_, hit.place_mm.y());
@@ -206,7 +207,7 @@ class Pass {
     }
     constexpr double kPerMedian = 1.4826;  // 1 sigma of normal errors over the median of their size
     uneven_mm_ = kPerMedian * Median(std::move(uneven.front()));
-    return uneven_mm_ < kMissed.most_uneven * Median(pitch_mm_);
+    return uneven_mm_ < kMissed.most_uneven * Median(pitch_mm_) + kMissed.of_noise * noise_mm_;
   }
 
   // The first and the last line that reach each place round the tube, less than half a ray wide.
@@ -301,6 +302,7 @@ class Pass {
   double PitchAt(double y_mm) const { return pitch_mm_[PartOf(y_mm, pitch_mm_.size())]; }
 
   std::vector<Hit> hits_;
+  double noise_mm_;
   double low_mm_ = 0, high_mm_ = 0;  // round the tube
   double gap_mm_ = 0;                // of its lines
   std::vector<Line> lines_;          // sorted along
@@ -311,7 +313,7 @@ class Pass {
 
 }  // namespace
 
-MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
+MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm, double noise_mm,
                       const Eigen::Vector3d& outward, const Eigen::Vector3d& sideways) {
   std::map<unsigned, std::vector<Hit>> passes;
   for (const WallSample& sample : wall) {
@@ -322,7 +324,7 @@ MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
   for (auto& [number, hits] : passes) {
     std::sort(hits.begin(), hits.end(),
               [](const Hit& a, const Hit& b) { return a.place_mm.x() < b.place_mm.x(); });
-    if (Pass(std::move(hits)).AddMissed(missed.rays)) {
+    if (Pass(std::move(hits), noise_mm).AddMissed(missed.rays)) {
       missed.has_lines = true;
     } else {
       missed.scattered.push_back(number);

@@ -36,10 +36,11 @@ struct MissedRays {
   std::vector<unsigned> scattered;
   bool has_lines = false;  // some pass does
 };
-// Of all passes that come in lines across the tube. `outward`, `sideways`: directions of the wall's
-// normal at the place and of y in W. Rays that come in flat along the wall are left out.
+// Of all passes that come in lines across the tube. `noise_mm`: 1 sigma of the points; `outward`,
+// `sideways`: directions of the wall's normal at the place and of y in W. Rays that come in flat
+// along the wall are left out.
 constexpr double kLeastRayCosine = 0.35;  // to the wall's normal; flatter ones may return nothing
-MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm,
+MissedRays FindMissed(std::span<const WallSample> wall, double pipe_radius_mm, double noise_mm,
                       const Eigen::Vector3d& outward, const Eigen::Vector3d& sideways);
 
 }  // namespace bendloop::pipeline

@@ -30,9 +30,10 @@ struct LookSettings {
   double most_hidden = 0.03, deep = 0.1;
   // Of the samples of the wall: from so many on whose pass is known the passes are.
   double known = 0.5;
-  // Of the sides of the part of an opening that a pass of scattered samples looked through: so many
-  // have its samples. A shadow of what nobody knows of has them on two sides.
-  double least_sides = 0.75;
+  // Of an opening: so much of it a pass of scattered samples looks through, or its density tells
+  // nothing; and of the sides of that part so many have its samples. A shadow of what nobody knows
+  // of has them on two sides.
+  double least_part = 0.4, least_sides = 0.75;
   int places = 9;  // of it that are asked for, each way
 };
 constexpr LookSettings kLook;
@@ -182,7 +183,9 @@ class PassViews {
     const double clear_mm = 0.1 * about.width_mm;
     const BorderSides sides = SidesOf(about, places, clear_mm, 2.0 * gap_mm + clear_mm);
     const double part = PartSeen(pass, about);
-    if (!(part > 0) || sides.with_samples < kLook.least_sides * part * sides.all) return;
+    if (part < kLook.least_part || sides.with_samples < kLook.least_sides * part * sides.all) {
+      return;
+    }
     found.scattered.insert(found.scattered.end(), places.begin(), places.end());
     found.scattered_part += part;
   }
@@ -247,7 +250,8 @@ PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
     const SpineFoot foot = NearestFoot(sample.point_mm, segments, frames, own);
     wall.push_back({views.unrolled().PlaceOf(sample.point_mm, foot), sample.to_sensor});
   }
-  const MissedRays missed = FindMissed(wall, pipe_radius_mm, frame.outward, frame.sideways());
+  const MissedRays missed =
+      FindMissed(wall, pipe_radius_mm, noise_mm, frame.outward, frame.sideways());
   found.has_lines = missed.has_lines;
   for (const MissedRay& ray : missed.rays) {
     const Eigen::Vector3d place = views.unrolled().PointAt(ray.place_mm);

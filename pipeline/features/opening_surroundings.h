@@ -45,7 +45,7 @@ struct PassSurroundings {
 
 // A tube with its points, looked at place by place. Another object holds what the spans show.
 struct LookedAtTube {
-  double pipe_radius_mm = 0;
+  double pipe_radius_mm = 0, noise_mm = 0;  // noise: 1 sigma of the points
   std::span<const hal::SpineSegment> segments;
   std::span<const SegmentFrame> frames;  // of these
   std::span<const PointBlock> blocks;

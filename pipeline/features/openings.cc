@@ -281,7 +281,7 @@ std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easi
   if (places.empty()) return openings;
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
   const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
-  const LookedAtTube looked_at{tube.pipe_radius_mm, spine.segments, frames, blocks};
+  const LookedAtTube looked_at{tube.pipe_radius_mm, sigma_mm, spine.segments, frames, blocks};
   const Candidate candidate(looked_at, segments, sigma_mm);
   // The same one is seen at several sizes of cells.
   const auto is_known = [&](const Eigen::Vector3d& position_mm) {

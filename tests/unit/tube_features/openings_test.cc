@@ -197,7 +197,7 @@ TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
     for (const WallSample& sample : samples) wall.push_back(sample.place_mm);
     std::vector<MissedPlace> missed;
     for (const MissedRay& ray :
-         FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY()).rays) {
+         FindMissed(samples, 20, 0.01, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY()).rays) {
       EXPECT_LT(hole.DistanceMm(ray.place_mm), 0.05);
       missed.push_back({ray.place_mm, ray.sideways_sigma_mm});
     }
@@ -222,7 +222,7 @@ TEST(OpeningLines, AGapBetweenPassesMissesNothing) {
   OpeningBorder none;  // of no size
   const auto samples = LinesOn(none, 1.5, random);
   const MissedRays missed =
-      FindMissed(samples, 20, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY());
+      FindMissed(samples, 20, 0.01, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY());
   EXPECT_TRUE(missed.has_lines);
   EXPECT_TRUE(missed.rays.empty());
 }
