@@ -42,7 +42,7 @@ double GapBeside(const OpeningBorder& border, const PlaneSamples& present, doubl
 }
 
 BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
-                    double clear_mm, double reach_mm) {
+                    double clear_mm, double reach_mm, double least_side_mm) {
   std::vector<double> turns;
   for (const Eigen::Vector2d& place : wall) {
     const double off_mm = border.DistanceMm(place);
@@ -53,9 +53,12 @@ BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d
     const double x = (c * from.x() + s * from.y()) * border.width_mm / border.length_mm;
     turns.push_back(std::atan2(c * from.y() - s * from.x(), x) / (2.0 * std::numbers::pi) + 0.5);
   }
-  const int sides =
-      std::clamp(static_cast<int>(static_cast<double>(turns.size()) / kBeside.of_side),
-                 kBeside.least_sides, kBeside.most_sides);
+  const double around_mm =
+      std::numbers::pi * border.width_mm + 2.0 * (border.length_mm - border.width_mm);
+  const double most = std::min(static_cast<double>(turns.size()) / kBeside.of_side,
+                               around_mm / std::max(least_side_mm, 1e-9));
+  const int sides = std::clamp(static_cast<int>(std::min<double>(most, kBeside.most_sides)),
+                               kBeside.least_sides, kBeside.most_sides);
   std::vector<bool> has(static_cast<std::size_t>(sides), false);
   for (const double turn : turns) {
     has[std::min(static_cast<std::size_t>(turn * sides), has.size() - 1)] = true;

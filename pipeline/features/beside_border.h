@@ -20,8 +20,8 @@ struct BorderSides {
   int with_samples = 0, all = 0;
 };
 // By the samples up to `reach_mm` outside of it and `clear_mm` inside; the more there are, the more
-// sides.
+// sides, of `least_side_mm` at least.
 BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
-                    double clear_mm, double reach_mm);
+                    double clear_mm, double reach_mm, double least_side_mm);
 
 }  // namespace bendloop::pipeline

@@ -181,7 +181,7 @@ class PassViews {
     for (const SeenWall* sample : passes_[pass]) places.push_back(sample->place_mm);
     const double gap_mm = GapBeside(about, PlaneSamples(places), r_mm_);
     const double clear_mm = 0.1 * about.width_mm;
-    const BorderSides sides = SidesOf(about, places, clear_mm, 2.0 * gap_mm + clear_mm);
+    const BorderSides sides = SidesOf(about, places, clear_mm, 2.0 * gap_mm + clear_mm, 0.0);
     const double part = PartSeen(pass, about);
     if (part < kLook.least_part || sides.with_samples < kLook.least_sides * part * sides.all) {
       return;

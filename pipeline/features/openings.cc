@@ -120,7 +120,9 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSu
     through_mm2 += border.DistanceMm(passes.missed[i].place_mm) < 0 ? passes.cell_mm2[i] : 0;
   }
   if (passes.are_known && through_mm2 < kOpening.least_through * border.AreaMm2()) return false;
-  const BorderSides sides = SidesOf(border, around.wall, clear_mm, 2.0 * gap_mm + clear_mm);
+  // Where rays are known to have passed, sides need be no shorter than lines lie apart.
+  const BorderSides sides = SidesOf(border, around.wall, clear_mm, 2.0 * gap_mm + clear_mm,
+                                    passes.are_known ? 2.0 * gap_mm : 0.0);
   return missing >= kOpening.least_missing &&
          inside <= std::max(1.0, kOpening.most_inside * missing) &&
          sides.with_samples + 1 >= sides.all;
