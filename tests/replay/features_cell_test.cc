@@ -64,7 +64,7 @@ void WritePart(const LiveCell& cell) {
       << "\n[[hole]]\nfrom_start_mm = 30\naround_deg = 60\ndiameter_mm = 3\n"
          "around_tolerance_deg = 8\n"
          "\n[[hole]]\nfrom_start_mm = 45\naround_deg = 150\n"
-         "diameter_mm = 3\n";
+         "diameter_mm = 4\n";
   std::string toml = Slurp(cell.cell_file());
   toml.replace(toml.find(shipped), shipped.size(), "part.toml");
   std::ofstream(cell.cell_file()) << toml;
@@ -160,7 +160,7 @@ std::shared_ptr<const drivers::VirtualScan> ScanOf(const hal::Tube& tube,
 }
 
 TEST(FeaturesCell, EndsHolesSlotAndDentAreMeasuredThroughTheDaemon) {
-  constexpr std::uint64_t kParts = 12;
+  constexpr std::uint64_t kParts = 10;
   LiveCell cell;
   WritePart(cell);
   cell.StartDaemon();

@@ -29,10 +29,11 @@ drivers::VirtualScanOptions AllAround(std::uint64_t seed) {
   return options;
 }
 
-Measurement Measure(const hal::Tube& tube, const drivers::VirtualScanOptions& options) {
+Measurement Measure(const hal::Tube& tube, const drivers::VirtualScanOptions& options,
+                    const ReconstructionOptions& kept = {}) {
   const drivers::VirtualScan scan(tube, options);
   const hal::ManualClock clock;
-  Reconstruction reconstruction({}, clock);
+  Reconstruction reconstruction(kept, clock);
   hal::LaserProfile profile(scan.max_points());
   for (std::size_t i = 0; i < scan.profile_count(); ++i) {
     scan.Make(i, profile);
@@ -135,6 +136,59 @@ TEST(CutScan, LeavesLengthsRotationsAndAnglesAlone) {
       EXPECT_LT(std::abs(Turn(row.rotation_deg, truth.rotation_deg)),
                 3.5 * std::abs(sigma.rotation_deg));
     }
+  }
+}
+
+// A part with legs that hide each other's walls, scanned at 0.5 mm lines; of its points as many are
+// kept as the daemon keeps, so that lines have lost three rays in four.
+Measurement MeasureThinned(std::uint64_t seed, const hal::TubeFeatures& features) {
+  const hal::Tube part{4,
+                       {{{85, 0, 45, 20.0},
+                         {60, 70, 90, 20.0},
+                         {110, -40, 30, 20.0},
+                         {75, 155, 62, 20.0},
+                         {140, 0, 0, std::nullopt}}},
+                       {}};
+  drivers::VirtualScanOptions options = AllAround(seed);
+  options.rays = 160;
+  options.fan_half_angle_deg = 6;
+  options.path.jitter_mm = options.path.jitter_deg = 0.1;
+  options.features = features;
+  ReconstructionOptions kept;
+  kept.max_points = 50'000;
+  kept.nominal = part.program;
+  return Measure(drivers::LayOnTable(part, seed), options, kept);
+}
+
+TEST(ThinnedScan, HasNoOpeningWhereALegHidesTheWall) {
+  for (const std::uint64_t seed : {1, 4, 6, 14}) {
+    SCOPED_TRACE(seed);
+    const Measurement m = MeasureThinned(seed, {});
+    ASSERT_EQ(m.tube.program.rows.size(), 5U);
+    EXPECT_TRUE(m.features.openings.empty())
+        << m.features.openings.front().opening.along_mm << " mm, "
+        << m.features.openings.front().opening.width_mm << " mm wide";
+  }
+}
+
+// Where the slots lie no pass sees all of them.
+TEST(ThinnedScan, FindsWhatIsCut) {
+  for (const std::uint64_t seed : {3, 12, 18}) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures cut;
+    cut.openings = {
+        {30, 60, 3, 3, 0}, {489, seed == 3 ? 85.0 : -165.0, 7.4, 2.8, 40}, {520, 120, 3, 3, 0}};
+    const Measurement m = MeasureThinned(seed, cut);
+    ASSERT_EQ(m.features.openings.size(), 3U);
+    int slots = 0;
+    for (const OpeningFound& found : m.features.openings) {
+      const double true_mm = found.opening.is_hole() ? 3 : 2.8;
+      EXPECT_NEAR(found.opening.width_mm, true_mm, 3.5 * found.sigma.width_mm);
+      if (found.opening.is_hole()) continue;
+      slots += 1;
+      EXPECT_NEAR(found.opening.length_mm, 7.4, 3.5 * found.sigma.length_mm);
+    }
+    EXPECT_EQ(slots, 1);
   }
 }
 
