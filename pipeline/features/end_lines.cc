@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 
 #include "pipeline/math/quantiles.h"
@@ -39,16 +40,26 @@ struct LineSettings {
 };
 constexpr LineSettings kLines;
 
+// A sample of a strip, by its place among all.
+struct Placed {
+  double at_mm = 0;  // beyond the end
+  std::uint32_t index = 0;
+};
+
 // A line in a strip: mean place of its samples.
 struct LineCrossing {
   double at_mm = 0;
   std::size_t first = 0, samples = 0;  // of the strip
 };
 
-double OneLineMm(std::span<const double> at) {
+double AtMm(double at_mm) { return at_mm; }
+double AtMm(const Placed& sample) { return sample.at_mm; }
+
+template <class At>
+double OneLineMm(std::span<const At> at) {
   double sum = 0, sum2 = 0;
   for (std::size_t i = 1; i < at.size(); ++i) {
-    const double gap = at[i] - at[i - 1];
+    const double gap = AtMm(at[i]) - AtMm(at[i - 1]);
     sum += gap;
     sum2 += gap * gap;
   }
@@ -91,33 +102,59 @@ class Strips {
     from_one_side_ = view.norm() > kLines.one_sided * static_cast<double>(samples.size());
     view.normalize();
     if (narrowest < 1.0) LookAtTip(samples, view, directions, narrowest);
+    Part(samples, view, directions);
+  }
+  // The samples of strip `k` of `count`, by place along the tube; until the next is asked for.
+  std::span<const Placed> Of(std::size_t k, std::size_t count) {
+    const std::size_t together = kNarrowest / count, first = k * together;
+    for (std::size_t i = first; i < first + together; ++i) Sort(i);
+    if (together == 1) return {placed_.data() + begin_[k], begin_[k + 1] - begin_[k]};
+    merged_.assign(placed_.begin() + begin_[first], placed_.begin() + begin_[first + together]);
+    other_.resize(merged_.size());
+    // Neighbours in pairs, then these.
+    for (std::size_t width = 1; width < together; width *= 2) {
+      for (std::size_t i = 0; i < together; i += 2 * width) {
+        const auto at = [&](std::size_t strip) {
+          return static_cast<std::ptrdiff_t>(begin_[first + std::min(strip, together)] -
+                                             begin_[first]);
+        };
+        std::merge(merged_.begin() + at(i), merged_.begin() + at(i + width),
+                   merged_.begin() + at(i + width), merged_.begin() + at(i + 2 * width),
+                   other_.begin() + at(i), IsBefore);
+      }
+      merged_.swap(other_);
+    }
+    return merged_;
+  }
+
+ private:
+  static bool IsBefore(const Placed& a, const Placed& b) { return a.at_mm < b.at_mm; }
+  // The samples by strips, one behind the other.
+  void Part(std::span<const EndSample> samples, const Eigen::Vector2d& view,
+            std::span<const Eigen::Vector2d> directions) {
+    std::vector<std::uint8_t> strip_of(samples.size(), kNarrowest);
+    std::array<std::uint32_t, kNarrowest + 1> count{};
     for (std::size_t i = 0; i < samples.size(); ++i) {
       const double place = PlaceOf(samples[i], view, directions[i]);
       if (place < 0) continue;
       const auto k = static_cast<std::size_t>(place * static_cast<double>(kNarrowest));
-      strips_[std::min(k, kNarrowest - 1)].push_back(samples[i]);
+      strip_of[i] = static_cast<std::uint8_t>(std::min(k, kNarrowest - 1));
+      ++count[strip_of[i]];
+    }
+    for (std::size_t k = 0; k < kNarrowest; ++k) begin_[k + 1] = begin_[k] + count[k];
+    placed_.resize(begin_[kNarrowest]);
+    std::array<std::uint32_t, kNarrowest + 1> next = begin_;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      if (strip_of[i] == kNarrowest) continue;
+      placed_[next[strip_of[i]]++] = {samples[i].beyond_mm, static_cast<std::uint32_t>(i)};
     }
   }
-  // The samples of strip `k` of `count`, by place along the tube.
-  std::vector<EndSample> Of(std::size_t k, std::size_t count) {
-    const std::size_t together = kNarrowest / count;
-    std::vector<EndSample> strip = Sorted(k * together);
-    for (std::size_t i = 1; i < together; ++i) {
-      const std::vector<EndSample>& next = Sorted(k * together + i);
-      const auto middle = static_cast<std::ptrdiff_t>(strip.size());
-      strip.insert(strip.end(), next.begin(), next.end());
-      std::inplace_merge(strip.begin(), strip.begin() + middle, strip.end(), IsBefore);
-    }
-    return strip;
-  }
-
- private:
-  static bool IsBefore(const EndSample& a, const EndSample& b) { return a.beyond_mm < b.beyond_mm; }
   // When they are asked for: of scattered samples the first few say that they are no lines.
-  const std::vector<EndSample>& Sorted(std::size_t k) {
-    if (!is_sorted_[k]) std::sort(strips_[k].begin(), strips_[k].end(), IsBefore);
+  void Sort(std::size_t k) {
+    if (!is_sorted_[k]) {
+      std::sort(placed_.begin() + begin_[k], placed_.begin() + begin_[k + 1], IsBefore);
+    }
     is_sorted_[k] = true;
-    return strips_[k];
   }
   // [of r_P] Rays lie evenly across the view, also where the wall has come in.
   static double Aside(const EndSample& sample, const Eigen::Vector2d& view,
@@ -149,21 +186,23 @@ class Strips {
 
   bool from_one_side_ = true;
   double limb_ = kLines.limb;
-  std::array<std::vector<EndSample>, kNarrowest> strips_;
+  std::vector<Placed> placed_;                         // strip by strip
+  std::array<std::uint32_t, kNarrowest + 1> begin_{};  // of each
   std::array<bool, kNarrowest> is_sorted_{};
+  std::vector<Placed> merged_, other_;
 };
 
 // Lines of a strip, the last ones only. `strip`: by place along the tube.
-std::vector<LineCrossing> CrossingsOf(std::span<const EndSample> strip) {
-  std::vector<double> at;
-  at.reserve(strip.size());
-  for (const EndSample& sample : strip) at.push_back(sample.beyond_mm);
-  const double one_line_mm = OneLineMm(at);
+std::vector<LineCrossing> CrossingsOf(std::span<const Placed> strip) {
+  const double one_line_mm = OneLineMm(strip);
   std::vector<LineCrossing> crossings;
+  crossings.reserve(kLines.most_lines);
   for (std::size_t i = strip.size(); i > 0 && crossings.size() < kLines.most_lines;) {
     LineCrossing crossing;
     std::size_t k = i;
-    for (; k > 0 && (k == i || at[k] - at[k - 1] < one_line_mm); --k) crossing.at_mm += at[k - 1];
+    for (; k > 0 && (k == i || strip[k].at_mm - strip[k - 1].at_mm < one_line_mm); --k) {
+      crossing.at_mm += strip[k - 1].at_mm;
+    }
     crossing.first = k;
     crossing.samples = i - k;
     crossing.at_mm /= static_cast<double>(crossing.samples);
@@ -175,12 +214,14 @@ std::vector<LineCrossing> CrossingsOf(std::span<const EndSample> strip) {
 }
 
 // Around: the mean of its samples, from the last of them, so that no turn ends within.
-double AroundRad(const LineCrossing& crossing, std::span<const EndSample> strip) {
+double AroundRad(const LineCrossing& crossing, std::span<const Placed> strip,
+                 std::span<const EndSample> samples) {
   const std::size_t end = crossing.first + crossing.samples;
-  const double zero_rad = strip[end - 1].around_rad;
+  const double zero_rad = samples[strip[end - 1].index].around_rad;
   double sum = 0;
   for (std::size_t k = end; k > crossing.first; --k) {
-    sum += std::remainder(strip[k - 1].around_rad - zero_rad, 2.0 * std::numbers::pi);
+    const double around_rad = samples[strip[k - 1].index].around_rad;
+    sum += std::remainder(around_rad - zero_rad, 2.0 * std::numbers::pi);
   }
   return zero_rad + sum / static_cast<double>(crossing.samples);
 }
@@ -210,20 +251,22 @@ std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings) {
   return Sweep{usual_mm + mean, std::sqrt(std::max(0.0, square / count - mean * mean))};
 }
 
-std::optional<LineBracket> BracketOf(std::span<const EndSample> strip, double smear_mm) {
+std::optional<LineBracket> BracketOf(std::span<const Placed> strip,
+                                     std::span<const EndSample> samples, double smear_mm) {
   const std::vector<LineCrossing> crossings = CrossingsOf(strip);
   const auto sweep = SweepOf(crossings);
   if (!sweep) return std::nullopt;
   const LineCrossing& last = crossings.back();
   LineBracket bracket;
-  bracket.last_rad = AroundRad(last, strip);
+  bracket.last_rad = AroundRad(last, strip, samples);
   bracket.last_mm = last.at_mm;
   // Even lines say that noise does not move them as far as it might.
   bracket.last_sigma_mm = std::min(smear_mm / std::sqrt(static_cast<double>(last.samples)),
                                    sweep->scatter_mm / std::numbers::sqrt2);
   double around = 0;
   for (const LineCrossing& crossing : crossings) {
-    around += std::remainder(AroundRad(crossing, strip) - bracket.last_rad, 2.0 * std::numbers::pi);
+    around += std::remainder(AroundRad(crossing, strip, samples) - bracket.last_rad,
+                             2.0 * std::numbers::pi);
   }
   bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());
   bracket.next_mm = last.at_mm + sweep->gap_mm;
@@ -274,16 +317,16 @@ std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, do
     const double most_uneven = (1.0 - kLines.least_even) * static_cast<double>(count);
     for (std::size_t k = 0; k < count; ++k) {
       if (static_cast<double>(with_samples - brackets.size()) > most_uneven) break;
-      const std::vector<EndSample> strip = strips.Of(k, count);
+      const std::span<const Placed> strip = strips.Of(k, count);
       if (strip.empty()) continue;
-      const double from_mm = strip.back().beyond_mm - window_mm;
-      const auto first = std::find_if(strip.begin(), strip.end(), [&](const EndSample& sample) {
-        return sample.beyond_mm >= from_mm;
+      const double from_mm = strip.back().at_mm - window_mm;
+      const auto first = std::find_if(strip.begin(), strip.end(), [&](const Placed& sample) {
+        return sample.at_mm >= from_mm;
       });
-      const std::span<const EndSample> own(first, strip.end());
+      const std::span<const Placed> own(first, strip.end());
       if (own.size() < kLines.least_lines) continue;
       ++with_samples;
-      if (const auto bracket = BracketOf(own, smear_mm)) brackets.push_back(*bracket);
+      if (const auto bracket = BracketOf(own, samples, smear_mm)) brackets.push_back(*bracket);
     }
     if (static_cast<double>(brackets.size()) >=
         kLines.least_even * static_cast<double>(with_samples)) {

@@ -77,14 +77,17 @@ struct CellLoop {
   double rows_per_mm = 0, rows = 0, columns = 0;
 };
 
-// Less than 0: in none. Without a branch, so that several points are taken at once.
+// What is in none is in the row behind the last. Without a branch, so that several points are taken
+// at once.
 BENDLOOP_LOOP void FindCellsBody(const CellLoop& of, const LocalLanes& local,
-                                 const double* along_mm, std::size_t count, double* cell) {
+                                 const double* along_mm, std::size_t count, std::int32_t* cell) {
   constexpr double kPerTurn = 0.5 / std::numbers::pi;
   // Of its own, so that nobody thinks that `cell` changes them.
   const auto [r_mm, from_start_mm, bend_mm, turned, rows_per_mm, rows, columns] = of;
   const double inside_mm = -kCells.inside * r_mm, outside_mm = kCells.outside * r_mm;
-  const double last = columns - 1.0;
+  const auto whole_columns = static_cast<std::int32_t>(columns);
+  const std::int32_t last = whole_columns - 1;
+  const double none = of.rows;  // the row behind the last takes what is in no cell
   const double of_arc = bend_mm > 0 ? 1.0 : 0.0, of_line = 1.0 - of_arc;
   for (std::size_t i = 0; i < count; ++i) {
     const double off_mm = local.distance[i] - r_mm;
@@ -96,22 +99,22 @@ BENDLOOP_LOOP void FindCellsBody(const CellLoop& of, const LocalLanes& local,
     double turn = RoughTurn(outward, local.z[i]) * kPerTurn + turned;
     turn = turn < 0 ? turn + 1.0 : turn;
     turn = turn < 1 ? turn : turn - 1.0;
-    const double column = static_cast<double>(static_cast<int>(turn * columns));
-    double at = row >= 0 ? row : -1.0;
-    at = row < rows ? at : -1.0;
-    at = off_mm > inside_mm ? at : -1.0;
-    at = off_mm < outside_mm ? at : -1.0;
-    const double before = static_cast<double>(static_cast<int>(at)) * columns;
-    const double whole = column < last ? column : last;
-    cell[i] = before + whole;
+    const auto column = static_cast<std::int32_t>(turn * columns);
+    double at = row >= 0 ? row : none;
+    at = row < rows ? at : none;
+    at = off_mm > inside_mm ? at : none;
+    at = off_mm < outside_mm ? at : none;
+    const std::int32_t whole = column < last ? column : last;
+    cell[i] = static_cast<std::int32_t>(at) * whole_columns + whole;
   }
 }
 BENDLOOP_MULTIVERSION(void, FindCells,
                       (const CellLoop& of, const LocalLanes& local, const double* along_mm,
-                       std::size_t count, double* cell),
+                       std::size_t count, std::int32_t* cell),
                       (of, local, along_mm, count, cell))
 
 using BatchNumbers = std::array<double, kBatch>;  // of the points of a batch
+using BatchCells = std::array<std::int32_t, kBatch>;
 
 // Counts the points of blocks.
 class Counter {
@@ -122,6 +125,7 @@ class Counter {
         r_mm_(tube.pipe_radius_mm),
         frames_(SegmentFrames(hal::SpineSegments(tube.program, tube.X_WT), r_mm_)),
         grid_(std::move(grid)) {
+    grid_.count.resize(grid_.count.size() + static_cast<std::size_t>(grid_.columns));
     const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
     // Each segment's own normal, in the turn that goes on over all of them.
     double turn_deg = 0;
@@ -157,13 +161,19 @@ class Counter {
         FindCells(loops_[k], local, is_arc ? along_mm_.data() : local.x.data(), count,
                   cells_[c].data());
       }
-      for (std::size_t i = 0; i < count; ++i) {
-        const double cell = cells_[nearest_.Candidate(i)][i];
-        if (cell >= 0) ++grid_.count[static_cast<std::size_t>(cell)];
+      // Most blocks lie beside one segment alone.
+      std::uint32_t* cells = grid_.count.data();
+      if (candidates_.size() == 1) {
+        for (std::size_t i = 0; i < count; ++i) ++cells[cells_.front()[i]];
+      } else {
+        for (std::size_t i = 0; i < count; ++i) ++cells[cells_[nearest_.Candidate(i)][i]];
       }
     }
   }
-  Grid TakeGrid() { return std::move(grid_); }
+  Grid TakeGrid() {
+    grid_.count.resize(grid_.count.size() - static_cast<std::size_t>(grid_.columns));
+    return std::move(grid_);
+  }
 
  private:
   std::size_t stride_, next_ = 0;  // in the next block
@@ -175,7 +185,7 @@ class Counter {
   NearestLanes nearest_;
   std::vector<Eigen::Vector3d> taken_;
   BatchNumbers along_mm_{};
-  std::vector<BatchNumbers> cells_;
+  std::vector<BatchCells> cells_;
 };
 
 // Cells that touch each other and are empty.
