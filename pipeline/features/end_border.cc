@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "pipeline/math/arc_tangents.h"
 #include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
@@ -201,13 +202,20 @@ Posterior Walked(const BorderLikelihood& likelihood, const Posterior& rough) {
 // The samples about an end, in columns of the turn.
 class BandColumns {
  public:
-  BandColumns(std::span<const EndSample> samples, const Eigen::Vector3d& plane_mm, double band_mm,
+  BandColumns(std::span<const BandSample> samples, const Eigen::Vector3d& plane_mm, double band_mm,
               double deep_mm)
       : band_mm_(band_mm), deep_mm_(deep_mm), deep_(kEndBorder.columns), near_(kEndBorder.columns) {
-    for (const EndSample& sample : samples) {
-      const BorderSample own{RowAt(sample.around_rad), sample.beyond_mm};
+    std::vector<double> cosine, sine, around_rad(samples.size());
+    cosine.reserve(samples.size()), sine.reserve(samples.size());
+    for (const BandSample& sample : samples) {
+      cosine.push_back(sample.cosine);
+      sine.push_back(sample.sine);
+    }
+    ArcTangents(sine, cosine, around_rad);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      const BorderSample own{{1.0, cosine[i], sine[i]}, samples[i].beyond_mm};
       const double level_mm = own.at_mm - own.row.dot(plane_mm);
-      const double turn = sample.around_rad / (2.0 * std::numbers::pi);
+      const double turn = around_rad[i] / (2.0 * std::numbers::pi);
       const double part = (turn - std::floor(turn)) * static_cast<double>(kEndBorder.columns);
       const auto k = std::min(kEndBorder.columns - 1, static_cast<std::size_t>(part));
       if (level_mm < -band_mm_) {
@@ -294,7 +302,7 @@ std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band
   if (!(deep_mm > 0) || !(band_mm < r_mm)) return std::nullopt;
   const double about = 2.0 * rough.per_mm2 * turn_mm * rough.smear_mm;
   if (about < kEndBorder.enough_about && !rough.is_thinned) return std::nullopt;
-  const std::vector<EndSample> samples = band(plane_mm, band_mm + deep_mm, band_mm);
+  const std::vector<BandSample> samples = band(plane_mm, band_mm + deep_mm, band_mm);
   const BandColumns columns(samples, plane_mm, band_mm, deep_mm);
   if (!columns.AreScattered(rough.smear_mm)) return std::nullopt;
   Eigen::Vector3d missing;

@@ -6,15 +6,18 @@
 #include <optional>
 #include <vector>
 
-#include "pipeline/features/end_lines.h"
 #include "pipeline/features/posterior.h"
 
 namespace bendloop::pipeline {
 
+// A sample about an end: its direction from the axis, and how far it lies beyond the end along it.
+struct BandSample {
+  double cosine = 1, sine = 0, beyond_mm = 0;
+};
 // The samples from `below_mm` before a plane to `above_mm` beyond it, all of them; a plane is where
 // it meets the axis, and how far it rises towards cosine and sine [mm].
-using EndBand = std::function<std::vector<EndSample>(const Eigen::Vector3d& plane_mm,
-                                                     double below_mm, double above_mm)>;
+using EndBand = std::function<std::vector<BandSample>(const Eigen::Vector3d& plane_mm,
+                                                      double below_mm, double above_mm)>;
 
 // What is known of an end before all samples about its border are looked at.
 struct RoughEnd {

@@ -374,12 +374,14 @@ class CutSearch {
 std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
                                     double window_mm, double sigma_mm) {
   const EndBand band = [&](const Eigen::Vector3d& plane_mm, double below_mm, double above_mm) {
-    std::vector<EndSample> taken;
+    std::vector<BandSample> taken;
     for (const EndSample& sample : samples) {
-      const double off_mm = sample.beyond_mm - plane_mm[0] -
-                            plane_mm[1] * std::cos(sample.around_rad) -
-                            plane_mm[2] * std::sin(sample.around_rad);
-      if (off_mm > -below_mm && off_mm < above_mm) taken.push_back(sample);
+      const double cosine = std::cos(sample.around_rad), sine = std::sin(sample.around_rad);
+      const double off_mm =
+          sample.beyond_mm - plane_mm[0] - plane_mm[1] * cosine - plane_mm[2] * sine;
+      if (off_mm > -below_mm && off_mm < above_mm) {
+        taken.push_back({cosine, sine, sample.beyond_mm});
+      }
     }
     return taken;
   };

@@ -64,7 +64,6 @@ double GreatestError(double columns) {
 std::vector<EndSample> Levelled(std::span<const EndSample> samples,
                                 const Eigen::Vector2d& slope_mm) {
   std::vector<EndSample> level(samples.begin(), samples.end());
-  if (slope_mm.isZero()) return level;
   for (EndSample& sample : level) {
     sample.beyond_mm -=
         slope_mm[0] * std::cos(sample.around_rad) + slope_mm[1] * std::sin(sample.around_rad);
@@ -167,7 +166,9 @@ std::optional<EndEvidence> LookAtEndColumns(std::span<const EndSample> samples, 
                                             Eigen::Vector2d& slope_mm) {
   std::optional<EndEvidence> evidence;
   for (int pass = 0; pass < 3; ++pass) {
-    const EndColumns columns(Levelled(samples, slope_mm), window_mm, smear_mm);
+    std::vector<EndSample> level;
+    if (!slope_mm.isZero()) level = Levelled(samples, slope_mm);
+    const EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm);
     if (!columns.AreEnough()) return std::nullopt;
     evidence.emplace();
     for (const EndColumn& column : columns.seen()) {

@@ -3,11 +3,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <numbers>
 
 #include "hal/tube_features.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/math/arc_tangents.h"
+#include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -21,6 +23,47 @@ struct NearSettings {
   int hide = 3;
 };
 constexpr NearSettings kNear;
+
+// `frame`: the end, and the directions of x, y and along the tube from it.
+BENDLOOP_LOOP void FindPlacesBody(const double* points, const Eigen::Vector3d* frame,
+                                  std::size_t count, double* x, double* y, double* at,
+                                  double* square) {
+  const double end0 = frame[0][0], end1 = frame[0][1], end2 = frame[0][2];
+  const double x0 = frame[1][0], x1 = frame[1][1], x2 = frame[1][2];
+  const double y0 = frame[2][0], y1 = frame[2][1], y2 = frame[2][2];
+  const double at0 = frame[3][0], at1 = frame[3][1], at2 = frame[3][2];
+#pragma omp simd
+  for (std::size_t i = 0; i < count; ++i) {
+    const double a = points[3 * i] - end0, b = points[3 * i + 1] - end1,
+                 c = points[3 * i + 2] - end2;
+    const double of_x = a * x0 + b * x1 + c * x2, of_y = a * y0 + b * y1 + c * y2;
+    x[i] = of_x;
+    y[i] = of_y;
+    at[i] = a * at0 + b * at1 + c * at2;
+    square[i] = of_x * of_x + of_y * of_y;
+  }
+}
+BENDLOOP_MULTIVERSION(void, FindPlaces,
+                      (const double* points, const Eigen::Vector3d* frame, std::size_t count,
+                       double* x, double* y, double* at, double* square),
+                      (points, frame, count, x, y, at, square))
+
+// Points of a block, as an end sees them.
+struct EndPlaces {
+  std::vector<double> x, y, at, square;
+
+  void Find(std::span<const Eigen::Vector3d> points, const Eigen::Vector3d& end,
+            const Eigen::Vector3d& zero, const Eigen::Vector3d& quarter,
+            const Eigen::Vector3d& outward) {
+    if (points.empty()) return;
+    for (std::vector<double>* numbers : {&x, &y, &at, &square}) {
+      numbers->resize(std::max(numbers->size(), points.size()));
+    }
+    const std::array<Eigen::Vector3d, 4> frame = {end, zero, quarter, outward};
+    FindPlaces(points.front().data(), frame.data(), points.size(), x.data(), y.data(), at.data(),
+               square.data());
+  }
+};
 
 }  // namespace
 
@@ -46,15 +89,20 @@ SamplesNearEnd::SamplesNearEnd(const hal::Tube& tube, bool at_start, const EndAx
   const double inner_mm = kNear.innermost * r_mm_, outer_mm = kNear.outermost * r_mm_;
   const double from_mm = std::max(-window_mm - r_mm_, -segments[at].length_mm);
   const double beside_mm = std::max(from_mm, -kNear.before * r_mm_);
-  for (const PointBlock& block : blocks) {
+  const auto is_near = [&](const PointBlock& block) {
     const double near_mm = around_mm + block.half_diagonal_mm;
-    if ((block.center_mm - end).squaredNorm() > near_mm * near_mm) continue;
+    return (block.center_mm - end).squaredNorm() <= near_mm * near_mm;
+  };
+  EndPlaces places;
+  std::size_t most = 0;
+  for (const PointBlock& block : blocks) most += is_near(block) ? block.points.size() : 0;
+  wall_.reserve(most);
+  for (const PointBlock& block : blocks) {
+    if (!is_near(block)) continue;
+    places.Find(block.points, end, zero, quarter, outward);
     for (std::size_t i = 0; i < block.points.size(); ++i) {
-      const Eigen::Vector3d from = block.points[i] - end;
-      const double at_mm = from.dot(outward);
+      const double at_mm = places.at[i], square = places.square[i];
       if (at_mm < from_mm || at_mm > beyond_mm) continue;
-      const double x = from.dot(zero), y = from.dot(quarter);
-      const double square = x * x + y * y;
       const bool is_in = square<least_mm * least_mm, is_out = square> most_mm * most_mm;
       if ((is_in || is_out) &&
           (at_mm < beside_mm || square < inner_mm * inner_mm || square > outer_mm * outer_mm)) {
@@ -65,21 +113,24 @@ SamplesNearEnd::SamplesNearEnd(const hal::Tube& tube, bool at_start, const EndAx
       (is_in    ? inside_
        : is_out ? outside_
                 : wall_)
-          .push_back({x, y, at_mm, known ? PassOf(block.to_sensor[i]) : kMostPasses});
+          .push_back(
+              {places.x[i], places.y[i], at_mm, known ? PassOf(block.to_sensor[i]) : kMostPasses});
     }
   }
 }
 
 double SamplesNearEnd::DepthMm() const {
-  if (wall_.empty()) return 0.0;
-  const auto [low, high] =
-      std::minmax_element(wall_.begin(), wall_.end(),
-                          [](const NearEnd& a, const NearEnd& b) { return a.at_mm < b.at_mm; });
-  return high->at_mm - low->at_mm;
+  double low_mm = 1e300, high_mm = -1e300;
+  for (const NearEnd& near : wall_) {
+    low_mm = std::min(low_mm, near.at_mm);
+    high_mm = std::max(high_mm, near.at_mm);
+  }
+  return wall_.empty() ? 0.0 : high_mm - low_mm;
 }
 
 std::vector<EndSample> SamplesNearEnd::Every(std::size_t stride) const {
   std::vector<double> x, y;
+  x.reserve(wall_.size() / stride + 1), y.reserve(x.capacity());
   for (std::size_t i = 0; i < wall_.size(); i += stride) {
     x.push_back(wall_[i].x);
     y.push_back(wall_[i].y);
@@ -95,16 +146,18 @@ std::vector<EndSample> SamplesNearEnd::Every(std::size_t stride) const {
   return samples;
 }
 
-std::vector<EndSample> SamplesNearEnd::Band(const Eigen::Vector3d& plane_mm, double below_mm,
-                                            double above_mm) const {
-  std::vector<EndSample> samples;
+std::vector<BandSample> SamplesNearEnd::Band(const Eigen::Vector3d& plane_mm, double below_mm,
+                                             double above_mm) const {
+  std::vector<BandSample> samples;
   // However the plane rises, most are further off.
   const double rise_mm = plane_mm.tail<2>().norm();
   for (const NearEnd& near : wall_) {
     const double level_mm = near.at_mm - plane_mm[0];
     if (level_mm < -below_mm - rise_mm || level_mm > above_mm + rise_mm) continue;
     const double off_mm = near.BeyondMm(plane_mm);
-    if (off_mm > -below_mm && off_mm < above_mm) samples.push_back(near.Sample());
+    if (!(off_mm > -below_mm && off_mm < above_mm)) continue;
+    const double out = 1.0 / std::sqrt(near.x * near.x + near.y * near.y);
+    samples.push_back({near.x * out, near.y * out, near.at_mm});
   }
   return samples;
 }

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/features/end_border.h"
 #include "pipeline/features/end_lines.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
@@ -32,7 +33,6 @@ struct NearEnd {
     const double out = 1.0 / std::sqrt(x * x + y * y);
     return at_mm - plane_mm[0] - out * (plane_mm[1] * x + plane_mm[2] * y);
   }
-  EndSample Sample() const { return {AroundRad(), at_mm, pass, of_radius}; }
 };
 
 // Samples of the tube near one of its ends, all of them; how far around the tube is asked only of
@@ -45,12 +45,13 @@ class SamplesNearEnd {
 
   std::size_t size() const { return wall_.size(); }
   bool knows_passes() const { return knows_passes_; }  // any of them
-  double DepthMm() const;                              // how far along the tube they reach
+  // How far along the tube they reach.
+  double DepthMm() const;
   // Every so many of those on the wall.
   std::vector<EndSample> Every(std::size_t stride) const;
   // Those on the wall, from `below_mm` before a plane to `above_mm` beyond it.
-  std::vector<EndSample> Band(const Eigen::Vector3d& plane_mm, double below_mm,
-                              double above_mm) const;
+  std::vector<BandSample> Band(const Eigen::Vector3d& plane_mm, double below_mm,
+                               double above_mm) const;
   // Where something above the wall hides that it goes on.
   EndSectors Hidden(const Eigen::Vector3d& plane_mm) const;
 
