@@ -41,7 +41,8 @@ struct ReviseSettings {
   double bow = 1.0 / 220.0;
   // A bend more must explain so many times the logarithm of the points' number, as in the search.
   double price = 4.0;
-  // [of r_P] As much again where no clamp holds what is between it and the one that it may be.
+  // [of r_P] As much again where no clamp holds what is between it and the one that it may be, and
+  // that eases or is dented.
   double clamp = 1.0;
   // [of r_P] Where easing begins, and [sigma] from which on samples insist on it (easing_fit.cc).
   double easing = 0.3, insist = 4.0;
@@ -410,6 +411,11 @@ double PriceOfBend(std::span<const PointBlock> blocks) {
   return kRevise.price * std::log(points);
 }
 
+// Whether bends of this tube may look like two.
+bool ExplainsParted(const BowedSolution& solution) {
+  return !solution.fit.easing.empty() || solution.undented;
+}
+
 }  // namespace
 
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
@@ -440,8 +446,8 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
-      const double advantage = AdvantageOf(other, solution, blocks, options.reach_mm) +
-                               change.unmade * PriceOfBend(blocks);
+      double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
+      if (ExplainsParted(other)) advantage += change.unmade * PriceOfBend(blocks);
       if (!std::isfinite(advantage)) continue;
       margin = std::min(margin, std::abs(advantage));
       // What lost a part of the tube is no other tube.
