@@ -44,10 +44,14 @@ std::size_t LeastMadeBends(const SurfaceFit& found) {
     for (std::size_t k = from_segment; k < to_segment; ++k) samples += found.segment_samples[k];
     return samples < few_samples;
   };
-  std::size_t least = first.size();
-  if (least > 0 && is_at_end(2 * first.back() + 1, 2 * bends + 1)) --least;
-  if (least > 0 && is_at_end(0, first.size() > 1 ? 2 * first[1] : 2 * bends)) --least;
-  return least;
+  // From the ends on.
+  std::size_t last = first.size(), begin = 0;
+  while (last > 0 && is_at_end(2 * first[last - 1] + 1, 2 * bends + 1)) --last;
+  while (begin < last &&
+         is_at_end(0, begin + 1 < first.size() ? 2 * first[begin + 1] : 2 * bends)) {
+    ++begin;
+  }
+  return last - begin;
 }
 
 }  // namespace bendloop::pipeline
