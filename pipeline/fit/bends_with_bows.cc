@@ -41,6 +41,9 @@ struct ReviseSettings {
   double bow = 1.0 / 220.0;
   // A bend more must explain so many times the logarithm of the points' number, as in the search.
   double price = 4.0;
+  // [of r_P] As much again where no clamp holds what is between it and the one that it may be, and
+  // that eases or is dented.
+  double clamp = 1.0;
   // [of r_P] Where easing begins, and [sigma] from which on samples insist on it (easing_fit.cc).
   double easing = 0.3, insist = 4.0;
   // [of r_P] Beside bows so little may be none, and bows looked like it.
@@ -140,25 +143,37 @@ double RadiusOf(const hal::BendProgram& program, const Run& run) {
 struct Change {
   ControlPolygon corners;
   bool is_certain = false;  // whatever the points say
+  double unmade = 0;        // bends that it takes away and no machine makes
 };
 
 // Bends that follow each other as one, those of all places at once before those of one: bends that
 // ease are alike in that, and one that does not for once hides it of the others.
-std::vector<ControlPolygon> WithRunsMerged(const SurfaceFit& fit, const ControlPolygon& polygon) {
+std::vector<Change> WithRunsMerged(const SurfaceFit& fit, const ControlPolygon& polygon) {
   const std::vector<Run> runs = Runs(fit);
   const auto merged = [&fit](const ControlPolygon& from, const Run& run) {
     return Merged(from, run.first + 1, run.last + 1, RadiusOf(fit.tube.program, run));
   };
-  std::vector<ControlPolygon> list;
+  const auto unmade = [&fit](const Run& run) {
+    double count = 0;
+    for (std::size_t i = run.first + 1; i <= run.last; ++i) {
+      const double between_mm = fit.tube.program.rows[i].length_mm;
+      count += between_mm < kRevise.clamp * fit.tube.pipe_radius_mm ? 1.0 : 0.0;
+    }
+    return count;
+  };
+  std::vector<Change> list;
   if (runs.size() > 1) {
     // From the last on, so that those before it keep their places.
-    list.push_back(polygon);
-    for (std::size_t i = runs.size(); i-- > 0;) list.front() = merged(list.front(), runs[i]);
+    list.push_back({polygon});
+    for (std::size_t i = runs.size(); i-- > 0;) {
+      list.front().corners = merged(list.front().corners, runs[i]);
+      list.front().unmade += unmade(runs[i]);
+    }
   }
-  for (const Run& run : runs) list.push_back(merged(polygon, run));
+  for (const Run& run : runs) list.push_back({merged(polygon, run), false, unmade(run)});
   for (const Run& run : runs) {
     for (std::size_t i = run.first; run.last > run.first + 1 && i < run.last; ++i) {
-      list.push_back(merged(polygon, {i, i + 1}));
+      list.push_back({merged(polygon, {i, i + 1}), false, unmade({i, i + 1})});
     }
   }
   return list;
@@ -187,24 +202,24 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
   const std::size_t bends = now.fit.tube.program.bend_count();
   const bool fewer = !nominal_bends || bends > *nominal_bends,
              more = !nominal_bends || bends < *nominal_bends;
-  const auto add = [&](ControlPolygon corners, bool is_certain) {
-    const std::size_t then = corners.bend_radii_mm.size();
+  const auto add = [&](Change change) {
+    const std::size_t then = change.corners.bend_radii_mm.size();
     if (then < bends && nominal_bends && then < *nominal_bends) return;
-    changes.push_back({std::move(corners), is_certain});
+    changes.push_back(std::move(change));
   };
   if (fewer) {
-    for (auto& corners : WithRunsMerged(now.fit, *polygon)) add(std::move(corners), false);
+    for (Change& change : WithRunsMerged(now.fit, *polygon)) add(std::move(change));
   }
   const std::vector<std::size_t> slight = SlightBends(now);
   if (fewer && slight.size() > 1) {
     // From the last on, so that those before it keep their places.
     ControlPolygon without = *polygon;
     for (std::size_t i = slight.size(); i-- > 0;) without = Without(without, slight[i] + 1);
-    add(std::move(without), false);
+    add({std::move(without)});
   }
   for (std::size_t i = 0; fewer && i < slight.size(); ++i) {
     const bool is_none = rows[slight[i]].angle_deg < kRevise.least_deg;
-    add(Without(*polygon, slight[i] + 1), is_none);
+    add({Without(*polygon, slight[i] + 1), is_none});
   }
   const EasedSpine spine = SpineOf(now.bows.state);
   double radius_mm = kFar;
@@ -214,9 +229,9 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
   for (std::size_t k = 0; more && k < now.bows.state.bows.size(); ++k) {
     const Bow& bow = now.bows.state.bows[k];
     const double height_mm = 1.5 * bow.modes_mm.head<2>().norm();
-    if (bow.is_none() || height_mm < kRevise.bow * bow.LengthMm(spine.segments[k].length_mm))
-      continue;
-    add(Bent(*polygon, spine.row(k), spine.segments[k], bow, radius_mm), false);
+    const double length_mm = bow.LengthMm(spine.segments[k].length_mm);
+    if (bow.is_none() || height_mm < kRevise.bow * length_mm) continue;
+    add({Bent(*polygon, spine.row(k), spine.segments[k], bow, radius_mm)});
   }
   return changes;
 }
@@ -391,6 +406,17 @@ BowedSolution OfOneDie(const BowedSolution& solution, std::span<const PointBlock
   return SharpOrEased(*start, blocks, options, std::nullopt);
 }
 
+// [variances]
+double PriceOfBend(std::span<const PointBlock> blocks) {
+  const auto points = static_cast<double>(std::min(CountPoints(blocks), kRevise.points));
+  return kRevise.price * std::log(points);
+}
+
+// Whether bends of this tube may look like two.
+bool ExplainsParted(const BowedSolution& solution) {
+  return !solution.fit.easing.empty() || solution.undented;
+}
+
 }  // namespace
 
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
@@ -409,8 +435,7 @@ double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
   const double more = static_cast<double>(a.fit.tube.program.bend_count()) -
                       static_cast<double>(b.fit.tube.program.bend_count());
   const double worth = std::max(1.0, std::max(a.bows.worth, b.bows.worth));
-  const auto points = static_cast<double>(std::min(CountPoints(blocks), kRevise.points));
-  return GainOf(a, b, blocks, reach_mm) / worth - more * kRevise.price * std::log(points);
+  return GainOf(a, b, blocks, reach_mm) / worth - more * PriceOfBend(blocks);
 }
 
 double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
@@ -422,7 +447,8 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
-      const double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
+      double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
+      if (ExplainsParted(other)) advantage += change.unmade * PriceOfBend(blocks);
       if (!std::isfinite(advantage)) continue;
       margin = std::min(margin, std::abs(advantage));
       // What lost a part of the tube is no other tube.

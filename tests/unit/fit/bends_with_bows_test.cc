@@ -16,10 +16,11 @@ class BendsWithBows : public testing::Test {
  protected:
   BendsWithBows() { Scan(1.0 / 500, 0.05); }
   // `bow`: of its straights.
-  void Scan(double bow, double noise_mm) {
+  void Scan(double bow, double noise_mm) { Scan({.bow = bow}, noise_mm); }
+  void Scan(const tests::Form& form, double noise_mm) {
     std::mt19937_64 random(3);
-    cloud_ = tests::ScanRealTube(ThreeBends(), {.bow = bow},
-                                 {.points = 12'000, .noise_mm = noise_mm}, random);
+    cloud_ =
+        tests::ScanRealTube(ThreeBends(), form, {.points = 12'000, .noise_mm = noise_mm}, random);
     blocks_ = {{Eigen::Vector3d::Zero(), 1e3, cloud_.points_W}};
   }
   // Begun from these corners.
@@ -48,6 +49,19 @@ TEST_F(BendsWithBows, TwoBendsForOneBecomeOne) {
   corners.bend_radii_mm.emplace_back(6);
   EXPECT_EQ(BendsFrom(corners, std::nullopt), 3U);
   EXPECT_EQ(BendsFrom(corners, 3), 3U);
+}
+
+// A dent that two bends explain better than one: no clamp holds the half millimetre between them.
+TEST_F(BendsWithBows, TwoThatADentMakesOfOneBecomeOne) {
+  Scan({.dents = {{.along = 0.62, .around_rad = 0.5, .depth_r = 0.055, .width_r = 1.2}}}, 0.05);
+  ControlPolygon corners = *PolygonFromTube(ThreeBends());
+  const Eigen::Vector3d at = corners.points_mm[2];
+  corners.points_mm[2] = at + 4 * (corners.points_mm[1] - at).normalized();
+  corners.points_mm.insert(corners.points_mm.begin() + 3,
+                           at + 4 * (corners.points_mm[3] - at).normalized());
+  corners.bend_radii_mm[1] = 6;
+  corners.bend_radii_mm.insert(corners.bend_radii_mm.begin() + 2, 6);
+  EXPECT_EQ(BendsFrom(corners, std::nullopt), 3U);
 }
 
 // Far from other bends each, and beside a noise that makes them hundreds of sigma.
