@@ -30,9 +30,9 @@ struct CellSettings {
   // Of the cells around it: so many have points.
   double least_around_it = 0.85;
   std::size_t most_places = 40;
-  // For each pipe radius of the tube's length so many points tell of any hole: one of 0.18 pipe
-  // radii lacks twelve of them.
-  double enough_points = 3'000.0;
+  // For each pipe radius of the tube's length so many points tell of any hole: one of a tenth of a
+  // pipe radius lacks twelve of them.
+  double enough_points = 10'000.0;
   // Of the walk: least points of a round, and most rounds, each with cells of its own. By trial.
   std::size_t points_of_round = 8192, most_rounds = 4;
 };
