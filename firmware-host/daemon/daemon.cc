@@ -52,6 +52,10 @@ std::atomic<bool> g_hung_up{false};
 // Shorter than a look at the bender takes to come round.
 constexpr auto kReportPeriod = 50ms;
 
+// What a full disk did not take is tried again; each look at a disk that takes nothing costs some
+// work.
+constexpr auto kPayPeriod = 5s;
+
 // A reload's old settings are taken up again for less than the watchdog waits.
 constexpr int kMostTries = 20;
 constexpr auto kTryAgain = 200ms;
@@ -107,6 +111,7 @@ class Daemon::Impl {
   void TellPlc();
   std::string BetweenParts(bool correction_waits);
   void TakeHangUp();
+  void PayDebts();
   void ShowLot();
   void ShowLock();
 
@@ -128,6 +133,7 @@ class Daemon::Impl {
   std::optional<DaemonSettings> next_;  // read, and good
   std::optional<DaemonSettings> before_;
   std::chrono::nanoseconds reported_{0};
+  std::chrono::nanoseconds debts_due_{0};
   std::unique_ptr<BenderDesk> desk_;
   std::unique_ptr<Recorder> recorder_;
   std::unique_ptr<StatusServer> server_;
@@ -287,6 +293,7 @@ int Daemon::Impl::Run() {
   loop.reset();
   board_.Update([](CellSnapshot& s) { s.phase = CellPhase::kStopping; });
   HasMemoryFor([this] { keeper_.KeepAlarms(alarms_.TakeNews()); });
+  keeper_.TryAgain();
   const bool is_kept = recorder_->FlushWithin(kDiskBound) && keeper_.FlushWithin(kDiskBound);
   HasMemoryFor([this] { ::unlink(store_.status().c_str()); });
   if (is_kept) return scanner_.exit_code();
@@ -347,7 +354,17 @@ std::string Daemon::Impl::BetweenParts(bool correction_waits) {
   if (served.any) ShowLot();
   ShowLock();
   keeper_.KeepAlarms(alarms_.TakeNews());
+  PayDebts();
   return served.in_the_way_of;
+}
+
+// What the disk did not take and takes by now.
+void Daemon::Impl::PayDebts() {
+  const auto now = clock_.Now();
+  if (now < debts_due_) return;
+  debts_due_ = now + kPayPeriod;
+  keeper_.TryAgain();
+  board_.Update([this](CellSnapshot& s) { s.problem = keeper_.problem(); });
 }
 
 // Somebody wants the settings to be read again: between two parts, while nothing waits. Files that

@@ -29,6 +29,9 @@ constexpr std::size_t kReportParts = 20;
 constexpr std::uintmax_t kMostLogBytes = 1u << 20;
 // Of each damaged database: who looks into them looks at the latest.
 constexpr std::size_t kMostMovedAside = 5;
+// Beginnings and ends of alarms that wait for a history that cannot be written; results of scans
+// that failed.
+constexpr std::size_t kMostOwed = 256;
 
 // `passes part=part-0007 count=2 furthest=2 apart_mm=0.061 apart_deg=0.004 limit_mm=0.424
 // limit_deg=0.170 moved_mm=0.031,0.030 turned_deg=0.002,0.002`: by what each pass of the scan was
@@ -182,24 +185,82 @@ void PartKeeper::Judge(AlarmCode code, const hal::Result<void>& kept) {
 }
 
 void PartKeeper::KeepAlarms(const std::vector<Alarm>& news) {
-  for (const Alarm& alarm : news) {
-    Note([&](History& history) { return history.NoteAlarm(alarm); });
+  HasMemoryFor([&] { owed_alarms_.insert(owed_alarms_.end(), news.begin(), news.end()); });
+  while (owed_alarms_.size() > kMostOwed) owed_alarms_.pop_front();
+  // Else TryAgain does, which is not called as often.
+  if (!alarms_.IsActive(AlarmCode::kHistoryNotKept)) NoteAlarms();
+}
+
+void PartKeeper::NoteAlarms() {
+  while (!owed_alarms_.empty() &&
+         Note([this](History& history) { return history.NoteAlarm(owed_alarms_.front()); })) {
+    owed_alarms_.pop_front();
   }
 }
 
-void PartKeeper::WriteResult(const std::string& session, const std::function<std::string()>& json) {
+void PartKeeper::Owe(const std::string& session, Owed owed) {
+  if (!owed.result && !owed.history) {
+    owed_.erase(session);
+    return;
+  }
+  HasMemoryFor([&] { owed_[session] = std::move(owed); });
+  if (owed_.size() > kMostOwed) owed_.erase(owed_.begin());
+}
+
+void PartKeeper::Pay(const std::string& session, const Owed& owed) {
+  Owed left = owed;
+  if (!owed.failure.empty()) {
+    left.result = !WriteResult(session, [&] { return owed.failure; });
+    return Owe(session, std::move(left));
+  }
+  const auto of_it = [&](const RunResult& result) { return result.session == session; };
+  const auto result = std::find_if(recent_.begin(), recent_.end(), of_it);
+  if (result == recent_.end()) return Owe(session, {});  // too long ago
+  left.result = owed.result && !WriteResult(session, [&] { return WriteResultJson(*result); });
+  left.history = owed.history && !NoteResult(*result, owed.part_number);
+  Owe(session, std::move(left));
+}
+
+void PartKeeper::TryAgain() {
+  HasMemoryFor([this] {
+    for (const auto& [session, owed] : std::map(owed_)) Pay(session, owed);
+    for (const std::uint32_t part_number : std::set(owed_lots_)) WriteLot(part_number);
+  });
+  NoteAlarms();
+  if (alarms_.IsActive(AlarmCode::kReportNotWritten)) WriteReport();
+}
+
+bool PartKeeper::WriteResult(const std::string& session, const std::function<std::string()>& json) {
   const auto written = OrOutOfMemory(
       session, [&] { return WriteOutputFile(store_.results() / (session + ".json"), json()); });
   problem_ = written ? "" : "result not kept: " + written.error().message;
   Judge(AlarmCode::kResultNotKept, written);
+  return written.has_value();
 }
 
 void PartKeeper::KeepResult(const RunResult& result, std::uint32_t part_number) {
-  WriteResult(result.session, [&] { return WriteResultJson(result); });
+  Owed owed{.part_number = part_number, .failure = ""};
+  owed.result = !WriteResult(result.session, [&] { return WriteResultJson(result); });
+  owed.history = !NoteResult(result, part_number);
+  Owe(result.session, std::move(owed));
+}
+
+bool PartKeeper::NoteResult(const RunResult& result, std::uint32_t part_number) {
   const auto lot = lots_.find(part_number);
   std::optional<std::int64_t> number;
   if (lot != lots_.end() && lot->second.state) number = lot->second.state->number;
-  Note([&](History& history) { return history.AddOrReplace(result, number); });
+  return Note([&](History& history) { return history.AddOrReplace(result, number); });
+}
+
+bool PartKeeper::WriteLot(std::uint32_t part_number) {
+  const KeptLot& kept = lots_[part_number];
+  owed_lots_.erase(part_number);
+  if (!kept.state) return true;  // its file was removed: a new lot begins
+  const auto written =
+      OrOutOfMemory("lot", [&] { return store_.KeepLot(*kept.state, kept.key, kept.file); });
+  Judge(AlarmCode::kLotNotKept, written);
+  if (!written) HasMemoryFor([&] { owed_lots_.insert(part_number); });
+  return written.has_value();
 }
 
 void PartKeeper::Keep(PartOutcome outcome) {
@@ -209,8 +270,7 @@ void PartKeeper::Keep(PartOutcome outcome) {
     // Whether it is held a setter says; the PLC's hold is of the moment.
     outcome.next->held = kept.state && kept.state->held;
     kept.state = outcome.next;
-    Judge(AlarmCode::kLotNotKept,
-          OrOutOfMemory("lot", [&] { return store_.KeepLot(*kept.state, kept.key, kept.file); }));
+    WriteLot(outcome.part_number);
   }
   KeepResult(result, outcome.part_number);
   std::string verdict = VerdictLine(result, false);
@@ -232,7 +292,10 @@ void PartKeeper::Keep(PartOutcome outcome) {
   }
   if (!recent_.empty() && recent_.back().session == result.session) recent_.pop_back();
   recent_.push_back(std::move(outcome.result));
-  if (recent_.size() > kReportParts) recent_.pop_front();
+  if (recent_.size() > kReportParts) {
+    owed_.erase(recent_.front().session);
+    recent_.pop_front();
+  }
   report_is_old_ = true;
   ++parts_;
   if (storage_.report_every_parts > 0 && parts_ % storage_.report_every_parts == 0) WriteReport();
@@ -273,12 +336,15 @@ bool PartKeeper::FlushWithin(std::chrono::nanoseconds patience) {
 
 void PartKeeper::KeepFailure(const FailedScan& failed) {
   spdlog::warn("{}: not measured: {}", failed.identity.session, failed.error.message);
-  WriteResult(failed.identity.session, [&] {
+  Owed owed;
+  owed.result = !WriteResult(failed.identity.session, [&] {
     const Json json = {{"schema", kFailedScanSchema},   {"session", failed.identity.session},
                        {"time", failed.identity.start}, {"software", kSoftware},
                        {"profiles", failed.profiles},   {"error", failed.error.message}};
-    return Dump(json, 2) + "\n";
+    owed.failure = Dump(json, 2) + "\n";
+    return owed.failure;
   });
+  Owe(failed.identity.session, std::move(owed));
 }
 
 RunResult PartKeeper::Lost(const std::string& session, const CommitReport& report) const {

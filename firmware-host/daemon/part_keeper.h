@@ -55,6 +55,9 @@ class PartKeeper {
   void KeepLost(const CommitAttempt& attempt);
   // Into the history.
   void KeepAlarms(const std::vector<Alarm>& news);
+  // What the disk did not take, as long as it is at hand: results, what the lot has learnt, the
+  // history's rows, the report. Ends their alarms when it takes them.
+  void TryAgain();
   // What of the latest part could not be kept, and why; "": all of it was.
   const std::string& problem() const { return problem_; }
   // What the history knows of long ago goes, but pinned parts and those `in_hand`; false where that
@@ -66,8 +69,11 @@ class PartKeeper {
  private:
   void WriteReport();
   // What became of a scan: the one that is not kept is the problem until one is.
-  void WriteResult(const std::string& session, const std::function<std::string()>& json);
+  bool WriteResult(const std::string& session, const std::function<std::string()>& json);
   void KeepResult(const RunResult& result, std::uint32_t part_number);
+  bool NoteResult(const RunResult& result, std::uint32_t part_number);
+  bool WriteLot(std::uint32_t part_number);
+  void NoteAlarms();
   // Of a part that is in no history.
   RunResult Lost(const std::string& session, const CommitReport& report) const;
   // The history, opened where it is not: a disk that was away may be back. A damaged one is moved
@@ -87,6 +93,15 @@ class PartKeeper {
     std::optional<pipeline::LotState> state;
   };
 
+  // Of a scan, what the disk did not take.
+  struct Owed {
+    std::uint32_t part_number = 0;
+    bool result = false, history = false;
+    std::string failure;  // the result of one that failed
+  };
+  void Owe(const std::string& session, Owed owed);
+  void Pay(const std::string& session, const Owed& owed);
+
   StateStore& store_;
   std::filesystem::path sessions_;
   config::StorageConfig storage_;
@@ -102,6 +117,9 @@ class PartKeeper {
   std::uint64_t parts_ = 0;
   unsigned last_number_ = 0;
   std::string problem_;
+  std::map<std::string, Owed> owed_;  // by session; of measured ones, those of recent_
+  std::set<std::uint32_t> owed_lots_;
+  std::deque<Alarm> owed_alarms_;
 };
 
 }  // namespace bendloop::host

@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <sys/mount.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -256,6 +257,12 @@ void ExpectSurvived(LiveCell& cell, const SmallDisk& disk, void (SmallDisk::*fil
   for (const std::string& alarm : alarms) ASSERT_TRUE(cell.HasAlarm(alarm)) << cell.log();
   ASSERT_TRUE(cell.Becomes("/state", "waiting for a scan")) << cell.log();
   disk.Free();
+  // With nobody at work: what was at hand is written, and is no alarm any more.
+  for (const char* kept : {"BL5001", "BL5002", "BL5003", "BL5006"}) {
+    if (std::find(alarms.begin(), alarms.end(), kept) == alarms.end()) continue;
+    ASSERT_TRUE(cell.LosesAlarm(kept)) << kept << cell.log();
+  }
+  EXPECT_TRUE(cell.Result(2));
   cell.Scan(cell.Bend(), 3, "committed");
   cell.Scan(cell.Bend(), 4,
             "");  // the recording of the second was known to lack after it was judged
@@ -266,6 +273,9 @@ void ExpectSurvived(LiveCell& cell, const SmallDisk& disk, void (SmallDisk::*fil
   const auto history = host::History::Open(cell.scratch() / "state/history.db");
   ASSERT_TRUE(history) << history.error().message;
   EXPECT_EQ(history->Last(1)->front().result.session, "part-0004");
+  for (const char* session : {"part-0001", "part-0002", "part-0003"}) {
+    EXPECT_TRUE(history->Has(session).value_or(false)) << session;
+  }
 }
 
 TEST(Appliance, AFullDiskIsToldAndSurvived) {
