@@ -227,6 +227,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
                tube->blocks, measurement.dents);
   SayDeepDents(measurement);
+  SayUnsureBends(measurement);
   LookBeyondEnds(ends, final.noise_mm, measurement);
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,

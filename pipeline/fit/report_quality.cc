@@ -42,6 +42,8 @@ struct Doubts {
   double along_sides = 2.5;
   // [of r_P] Dents deeper than this are told as doubtful: on tubes that are sold they are less.
   double deep_dent = 0.21;
+  // [sigma] A bend of a smaller angle may be none.
+  double least_bend = 1.5;
 };
 constexpr Doubts kDoubts;
 
@@ -346,6 +348,18 @@ void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurem
   }
   measurement.pipe_radius_sigma_mm =
       std::hypot(measurement.pipe_radius_sigma_mm, std::sqrt(form.sides_mm2));
+}
+
+void SayUnsureBends(Measurement& measurement) {
+  const auto& rows = measurement.tube.program.rows;
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    const double sigma_deg = measurement.sigma.rows[i].angle_deg;
+    if (!(rows[i].angle_deg < kDoubts.least_bend * sigma_deg)) continue;
+    measurement.warnings.push_back("bend " + std::to_string(i + 1) + " turns by " +
+                                   Fixed(rows[i].angle_deg, 2) + " +- " + Fixed(sigma_deg, 2) +
+                                   " degrees: it may be none; compare the number of bends with "
+                                   "the drawing, or scan again with more points");
+  }
 }
 
 void SayDeepDents(Measurement& measurement) {

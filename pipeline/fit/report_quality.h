@@ -40,6 +40,9 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
 // `radii_alike`: the bends are of one die.
 void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurement);
 
+// Bends that are hardly known to be any.
+void SayUnsureBends(Measurement& measurement);
+
 // A dent, as measured, that is too deep for one: what looks so pressed in may be what a bend that
 // was not found would have explained.
 void SayDeepDents(Measurement& measurement);

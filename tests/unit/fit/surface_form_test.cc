@@ -9,6 +9,7 @@
 #include <random>
 #include <string>
 
+#include "pipeline/fit/report_quality.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
 #include "tests/support/synthetic_cloud.h"
@@ -157,6 +158,21 @@ TEST(EndForms, BeadsAndFlaresBeginWhereTheirFlanksDo) {
     EXPECT_NEAR(found.tube.program.rows[row].length_mm, cloud.truth.program.rows[2].length_mm,
                 5 * found.sigma.rows[row].length_mm);
   }
+}
+
+// Where bows are not found a slight bend may stand for them, and be as uncertain as it is slight.
+TEST(ReportQuality, ABendThatIsHardlyKnownIsToldToBeDoubtful) {
+  Measurement measurement;
+  measurement.tube = ThreeBends();
+  measurement.sigma = ThreeBends().program;
+  for (hal::BendRow& row : measurement.sigma.rows) row.angle_deg = 0.1;
+  SayUnsureBends(measurement);
+  EXPECT_TRUE(measurement.warnings.empty());
+  measurement.tube.program.rows[1].angle_deg = 1.4;
+  measurement.sigma.rows[1].angle_deg = 1.7;
+  SayUnsureBends(measurement);
+  ASSERT_EQ(measurement.warnings.size(), 1U);
+  EXPECT_NE(measurement.warnings.front().find("bend 2 turns by 1.40 +- 1.70"), std::string::npos);
 }
 
 // The tube's first straight ends 13 mm beside its fourth bend.
