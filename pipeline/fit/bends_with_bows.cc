@@ -11,7 +11,6 @@
 #include "pipeline/fit/bowed_tube.h"
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/one_die.h"
-#include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/fit/without_dents.h"
@@ -54,10 +53,10 @@ struct ReviseSettings {
   // Times that points of dents are left out; [of the points before] once more only where no more
   // than these are left.
   int most_undented = 6;
+  double undented = 0.999;
   // Times that samples of a place are worth less: what makes them disagree so much may be a dent
   // that its bend has taken in.
   double disagree = 4.0;
-  double undented = 0.999;
 };
 constexpr ReviseSettings kRevise;
 constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -238,17 +237,12 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
 
 double CostOf(const BowedTubeState& state, std::span<const PointBlock> blocks, double reach_mm,
               double sigma_mm) {
-  const double r_mm = state.tube.pipe_radius_mm;
-  const EasedSpine spine = SpineOf(state);
-  SurfaceAssignment points;
-  AssignPoints(SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm, blocks, reach_mm,
-               points);
+  const SurfaceAssignment points =
+      PointsOf(state, SpineOf(state), kBeyond * state.tube.pipe_radius_mm, blocks, reach_mm);
   // Of all points: a tube that lost its way has few near it.
   double cost = static_cast<double>(CountPoints(blocks) - points.distances_mm.size()) *
                 RobustSum(reach_mm, sigma_mm);
-  for (std::size_t k = 0; k < points.segments.size(); ++k) {
-    SegmentPoints& of = points.segments[k];
-    if (k < state.bows.size()) Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, of);
+  for (const SegmentPoints& of : points.segments) {
     cost += RobustSum(std::span(of.distance.data(), of.size), sigma_mm);
   }
   return cost;

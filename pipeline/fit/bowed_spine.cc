@@ -8,6 +8,7 @@
 
 #include "hal/angles.h"
 #include "hal/spine.h"
+#include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/math/quantiles.h"
@@ -20,6 +21,7 @@ struct MiddleSettings {
   double beside_bend = 0.125, most = 0.4;
   // [easing lengths] A Gaussian's curvature is gone to 2 % there.
   double eased = 2.0;
+  // That stand for it.
   int places = 40;
 };
 constexpr MiddleSettings kMiddle;
@@ -218,6 +220,17 @@ Eigen::Matrix<double, kLocalState, 1> TailsOf(const EasedSpine& spine, const Bow
   motion[4] = -slope[1];
   motion[5] = slope[0];
   return motion;
+}
+
+SurfaceAssignment PointsOf(const BowedTubeState& state, const EasedSpine& spine, double beyond_mm,
+                           std::span<const PointBlock> blocks, double reach_mm) {
+  const double r_mm = state.tube.pipe_radius_mm;
+  SurfaceAssignment points;
+  AssignPoints(SegmentFrames(spine, beyond_mm, state.flattening), r_mm, blocks, reach_mm, points);
+  for (std::size_t k = 0; k < points.segments.size() && k < state.bows.size(); ++k) {
+    Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, points.segments[k]);
+  }
+  return points;
 }
 
 void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTubeState& state) {

@@ -14,6 +14,8 @@
 
 namespace bendloop::pipeline {
 
+struct SurfaceAssignment;  // surface_pass.h
+
 // A tube whose straights bow: each begins as what is before it ends, bows from there, and all that
 // is behind it goes on from where it ends.
 struct BowedTubeState {
@@ -49,6 +51,11 @@ std::vector<BowHinge> BowHinges(const EasedSpine& spine, const Easing& within, c
 // a motion of its frame. `spine`: as if no straight bowed.
 Eigen::Matrix<double, kLocalState, 1> TailsOf(const EasedSpine& spine, const Bow& straight,
                                               std::size_t segment);
+
+// Points near the tube's surface by segment of `spine`, which is the state's; those of straights as
+// if these did not bow. `beyond_mm`: of the tube's ends.
+SurfaceAssignment PointsOf(const BowedTubeState& state, const EasedSpine& spine, double beyond_mm,
+                           std::span<const PointBlock> blocks, double reach_mm);
 
 // Lets the first and last straight begin and end where points do, as far as these lie near them.
 void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTubeState& state);

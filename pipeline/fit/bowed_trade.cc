@@ -54,11 +54,9 @@ bool BowedTube::MoveTo(SurfaceFit& fit) const {
   return true;
 }
 
-bool BowedTube::MoveToLines(SurfaceFit& fit) const {
+void BowedTube::MoveToLines(SurfaceFit& fit) const {
   const Eigen::VectorXd to = TradeAt(Eigen::VectorXd::Zero(size_));
-  if (!to.allFinite()) return false;
-  fit.tube = TradeTube(parameters_, state_.tube, to);
-  return true;
+  if (to.allFinite()) fit.tube = TradeTube(parameters_, state_.tube, to);
 }
 
 void BowedTube::Doubt(bool would_move, SurfaceFit& fit) const {

@@ -151,7 +151,7 @@ class BowedTube {
   bool MoveTo(SurfaceFit& fit) const;
 
   // As it is, to the straights' best-fit lines: bends that ease into their middles turn these.
-  bool MoveToLines(SurfaceFit& fit) const;
+  void MoveToLines(SurfaceFit& fit) const;
 
   // The tube stays; what places disagree by makes it less certain, and where it would rather be.
   void Doubt(bool would_move, SurfaceFit& fit) const;

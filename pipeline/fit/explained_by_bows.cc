@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 
 namespace bendloop::pipeline {
@@ -13,17 +12,12 @@ constexpr std::size_t kEnoughPoints = 20'000;  // for a mean square
 
 double MeanSquareMm2(const BowedTubeState& state, std::span<const PointBlock> blocks,
                      double reach_mm) {
-  const double r_mm = state.tube.pipe_radius_mm;
-  const EasedSpine spine = SpineOf(state);
-  SurfaceAssignment points;
-  AssignPoints(SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm, blocks, reach_mm,
-               points);
+  const SurfaceAssignment points =
+      PointsOf(state, SpineOf(state), kBeyond * state.tube.pipe_radius_mm, blocks, reach_mm);
   // Those out of reach are as bad as those that just are not.
   const auto all = static_cast<double>(CountPoints(blocks));
   double sum_mm2 = (all - static_cast<double>(points.distances_mm.size())) * reach_mm * reach_mm;
-  for (std::size_t k = 0; k < points.segments.size(); ++k) {
-    SegmentPoints& of = points.segments[k];
-    if (k < state.bows.size()) Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, of);
+  for (const SegmentPoints& of : points.segments) {
     for (const double d_mm : of.distance.head(static_cast<Eigen::Index>(of.size))) {
       sum_mm2 += std::min(d_mm * d_mm, reach_mm * reach_mm);
     }

@@ -10,7 +10,6 @@
 
 #include "hal/tube_features.h"
 #include "pipeline/fit/long_bends.h"
-#include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/circle_sectors.h"
 #include "pipeline/math/dense_solve.h"
@@ -347,11 +346,7 @@ SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
   const double r_mm = state.tube.pipe_radius_mm;
   const EasedSpine spine = SpineOf(state);
   const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kForm.enough_points));
-  SurfaceAssignment points;
-  AssignPoints(SegmentFrames(spine, 0.0, state.flattening), r_mm, few, reach_mm, points);
-  for (std::size_t k = 0; k < state.bows.size(); ++k) {
-    Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, points.segments[k]);
-  }
+  const SurfaceAssignment points = PointsOf(state, spine, 0.0, few, reach_mm);
   SurfaceForm form;
   std::vector<StretchForm> stretches;
   stretches.reserve(spine.segments.size());

@@ -31,6 +31,7 @@ bool TrimBorders(ArcLineSpline& spline, double pipe_radius_mm);
 // Where a tube has less than so many samples a length it is as good as unseen. `segments`: of the
 // fit's tube.
 double FewSamplesPerMm(const SurfaceFit& fit, std::span<const hal::SpineSegment> segments);
+// As many as its segments have in the middle of all.
 double UsualSamplesPerMm(const SurfaceFit& fit);
 
 // Without a first or last bend that no samples show: they are missing on the outer straight, and on
