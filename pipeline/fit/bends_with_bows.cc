@@ -40,6 +40,9 @@ struct ReviseSettings {
   double bow = 1.0 / 220.0;
   // A bend more must explain so many times the logarithm of the points' number, as in the search.
   double price = 4.0;
+  // [variances] And each number of bows and easings, of which some explain noise, twice what they
+  // explain of it (Akaike's criterion).
+  double number_price = 2.0;
   // [of r_P] As much again where no clamp holds what is between it and the one that it may be, and
   // that eases or is dented.
   double clamp = 1.0;
@@ -406,6 +409,27 @@ double PriceOfBend(std::span<const PointBlock> blocks) {
   return kRevise.price * std::log(points);
 }
 
+// How many numbers say how far the tube is from lines and arcs.
+double FormNumbers(const BowedSolution& solution) {
+  const auto& bows = solution.bows.state.bows;
+  const auto bowed =
+      std::count_if(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
+  return static_cast<double>(kBowModes * bowed) +
+         static_cast<double>(solution.fit.easing.variance_mm2.size());
+}
+
+// How much better the points, and the numbers of bends and of form, speak for `a` [twice the
+// logarithm of the odds].
+double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
+                   std::span<const PointBlock> blocks, double reach_mm) {
+  const double more_bends = static_cast<double>(a.fit.tube.program.bend_count()) -
+                            static_cast<double>(b.fit.tube.program.bend_count());
+  // Samples of a place that agree with either disagree with the other because of its bends.
+  const double worth = std::max(1.0, std::min(a.bows.worth, b.bows.worth));
+  return GainOf(a, b, blocks, reach_mm) / worth - more_bends * PriceOfBend(blocks) -
+         kRevise.number_price * (FormNumbers(a) - FormNumbers(b));
+}
+
 // Whether bends of this tube may look like two.
 bool ExplainsParted(const BowedSolution& solution) {
   return !solution.fit.easing.empty() || solution.undented;
@@ -426,10 +450,7 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
 
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm) {
-  const double more = static_cast<double>(a.fit.tube.program.bend_count()) -
-                      static_cast<double>(b.fit.tube.program.bend_count());
-  const double worth = std::max(1.0, std::max(a.bows.worth, b.bows.worth));
-  return GainOf(a, b, blocks, reach_mm) / worth - more * PriceOfBend(blocks);
+  return GainOf(a, b, blocks, reach_mm) / std::max({1.0, a.bows.worth, b.bows.worth});
 }
 
 double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
@@ -441,7 +462,7 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
-      double advantage = AdvantageOf(other, solution, blocks, options.reach_mm);
+      double advantage = EvidenceFor(other, solution, blocks, options.reach_mm);
       if (ExplainsParted(other)) advantage += change.unmade * PriceOfBend(blocks);
       if (!std::isfinite(advantage)) continue;
       margin = std::min(margin, std::abs(advantage));

@@ -23,7 +23,7 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
                             const SurfaceFitOptions& options,
                             std::optional<SurfaceFit> straight = std::nullopt);
 
-// How much better the points, and the number of bends, speak for `a` [twice the logarithm of the
+// How much better the points speak for `a`, of as many bends as `b` [twice the logarithm of the
 // odds].
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);

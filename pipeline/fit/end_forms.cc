@@ -106,16 +106,17 @@ FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
     standing_mm = std::max(standing_mm, along.standing_mm[i]);
   }
   if (std::count(seen.begin(), seen.end(), true) < kEndForms.least_sides) return found;
-  // The outermost few may be fliers; points stop within a few gaps of where it ends.
+  // The outermost few may be fliers. The third from the end lies three gaps before it, to the root
+  // of three, as points are spread by chance.
   const std::size_t beyond = std::min<std::size_t>(2, ends.size() - 1);
   std::nth_element(ends.begin(), ends.end() - 1 - static_cast<std::ptrdiff_t>(beyond), ends.end());
   const double end_mm = ends[ends.size() - 1 - beyond];
   if (end_mm < kEndForms.least_length * r_mm) return found;
   const double per_point_mm =
       (end_mm + kEndForms.overlap * r_mm) / static_cast<double>(ends.size());
-  found.form.length_mm = end_mm + 2.0 * per_point_mm;
+  found.form.length_mm = end_mm + 3.0 * per_point_mm;
   found.form.outside_mm = standing_mm;
-  found.sigma_mm = std::hypot(3.0 * per_point_mm, noise_mm);
+  found.sigma_mm = std::hypot(std::sqrt(3.0) * per_point_mm, noise_mm);
   return found;
 }
 

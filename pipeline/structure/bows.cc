@@ -12,7 +12,7 @@ namespace {
 struct BowSettings {
   // [degrees] Bends that may be bows: those of L / 100, the worst that are straightened, look like
   // one of less.
-  double slight_deg = 5.0;
+  double slight_deg = 5.0, wide_deg = 2.8;
   // Twice the logarithm of the odds against a bow.
   double kink_odds = 12;
   // [of r_P] A die for slight bends has less.
@@ -52,7 +52,7 @@ bool IsBow(const SurfaceFit& fit, std::size_t bend, std::span<const PointBlock> 
   // Straights that bow beside it make a bend look wide.
   const double evidence = KinkEvidence(fit, bend, widest_mm, blocks, reach_mm, form);
   if (std::isinf(evidence)) {
-    return least_mm > widest_mm ||
+    return (row.angle_deg < kBows.wide_deg && least_mm > widest_mm) ||
            (row.angle_deg < kBows.eased_deg && form.across > kBows.eased_across);
   }
   return evidence < kBows.kink_odds;

@@ -31,8 +31,9 @@ struct MoveSettings {
   // [of r_P] and [sigma] 1 sigma of an outermost bend's samples, and of them together with those
   // beyond it: fittings and caps leave 0.07 and more, and 0.19; a dent in the bend leaves less.
   double unexplained = 0.06, unexplained_beyond = 0.1, unexplained_sigmas = 5.0;
-  // [of r_P] So much of a tube from an arc on is no fitting.
-  double fitting = 8.0;
+  // [of r_P] So much of a tube from an arc on is no fitting, nor what leads so far away from the
+  // straight before it in a bend so wide: fittings sit about the tube's axis.
+  double fitting = 8.0, fitting_aside = 2.0, fitting_bend = 4.0;
   // [of r_P] A bend radius of less stands where the fit holds it (FitBounds).
   double tight = 1.05;
   // A small bend that is put into a line. [rad] Its angle.
@@ -252,9 +253,19 @@ bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
         of_arc == 0 || arc_mm2 > std::pow(std::max(least_mm, kMoves.unexplained * r_mm), 2);
     return bends && both_mm2 > std::pow(std::max(least_mm, kMoves.unexplained_beyond * r_mm), 2);
   };
+  const auto leads_aside = [&](const SplineArc& arc, const Eigen::Vector3d& end_mm,
+                               const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction) {
+    return arc.radius_mm > kMoves.fitting_bend * r_mm &&
+           (end_mm - from_mm).cross(direction).norm() > kMoves.fitting_aside * r_mm;
+  };
+  const SplineArc &first_arc = spline.arcs.front(), &last_arc = spline.arcs.back();
   const std::size_t last = fit.segment_samples.size() - 1;
-  const bool drop_last = is_unexplained(last - 1, last);
-  const bool drop_first = is_unexplained(1, 0) && (!drop_last || spline.arcs.size() > 1);
+  const bool drop_last =
+      is_unexplained(last - 1, last) &&
+      !leads_aside(last_arc, spline.end_mm, last_arc.begin_mm, last_arc.tangent_in);
+  const bool drop_first =
+      is_unexplained(1, 0) && (!drop_last || spline.arcs.size() > 1) &&
+      !leads_aside(first_arc, spline.start_mm, first_arc.end_mm, first_arc.tangent_out);
   // Straight on; where the samples stop is found later.
   const double short_mm = kMoves.tight_border * r_mm;
   if (drop_last) {

@@ -7,8 +7,11 @@
 #include <vector>
 
 #include "hal/spine.h"
+#include "pipeline/spline/arc_line_spline.h"
+#include "pipeline/structure/bows.h"
 #include "pipeline/structure/makeable_bends.h"
 #include "pipeline/structure/neighbour_separation.h"
+#include "pipeline/structure/structure_moves.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -49,6 +52,32 @@ TEST(MadeBends, HaveTubeBeyondThem) {
                                    {0, 90, 40, 5},
                                    {3, 0, 0, std::nullopt}}})),
             1U);
+}
+
+// Samples of a clamp lie as far off a bend as those of a nut do, but no nut is where it leads to.
+TEST(MadeBends, AreThoseThatLeadAwayFromTheTubesAxis) {
+  const auto is_dropped = [](const hal::BendProgram& program) {
+    SurfaceFit fit = FitOf(program);
+    fit.sigma_mm = 0.05;
+    fit.segment_mean_square_mm2.assign(fit.segment_samples.size(), 0.01);
+    fit.segment_mean_square_mm2[3] = fit.segment_mean_square_mm2[4] = 1.0;
+    ArcLineSpline spline = SplineFromTube(fit.tube);
+    return DropUnexplained(spline, fit);
+  };
+  EXPECT_TRUE(is_dropped({{{50, 0, 40, 15}, {50, 70, 20, 10}, {6, 0, 0, std::nullopt}}}));
+  EXPECT_FALSE(is_dropped({{{50, 0, 40, 15}, {50, 70, 40, 25}, {14, 0, 0, std::nullopt}}}));
+}
+
+// Beside another bend no straight tells a bow from a slight bend: one that is wider than a die is
+// a bow where it turns by no more than bows do.
+TEST(MadeBends, TurnByMoreThanBowsDo) {
+  const auto bow = [](double angle_deg) {
+    SurfaceFit fit = FitOf(
+        {{{50, 0, 40, 15}, {50, -50, angle_deg, 270}, {0, 150, 6, 20}, {50, 0, 0, std::nullopt}}});
+    return FindBow(fit, {}, 1.0, {}, 0.5);
+  };
+  EXPECT_EQ(bow(4.3), std::nullopt);
+  EXPECT_EQ(bow(2.0), 1U);
 }
 
 // A joint to a neighbour is as tight as the fit lets it be; so may any bend be for which the form

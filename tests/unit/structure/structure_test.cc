@@ -40,6 +40,50 @@ TEST(Structure, TellsSlightBendsWithoutAStraightBetween) {
   EXPECT_EQ(FoundIn(points).bend_count(), 5U);
 }
 
+// What the points say of them is little beside a bow of a hundredth of a millimetre in every
+// straight, which one bend in their place would ask for.
+TEST(Structure, TakesNoBowsForSlightBendsWithoutAStraightBetween) {
+  struct Case {
+    double pipe_radius_mm, noise_mm;
+    std::size_t points;
+    std::vector<hal::BendRow> rows;
+  };
+  const std::vector<Case> cases = {
+      {10.8,
+       0.09,
+       9400,
+       {{161, 0, 8.0, 34},
+        {66, 120, 3.7, 49},
+        {58, -40, 9.2, 44},
+        {0, 56, 3.0, 32},
+        {145, 0, 0, std::nullopt}}},
+      {5.0,
+       0.047,
+       5700,
+       {{21, 0, 5.1, 26}, {0, 33, 9.6, 26}, {15, -141, 5.6, 26}, {67, 0, 0, std::nullopt}}},
+      {6.1,
+       0.03,
+       5800,
+       {{64, 0, 2.3, 19},
+        {21, 94, 3.5, 19},
+        {63, 114, 4.3, 19},
+        {0, -38, 5.9, 19},
+        {39, 155, 9.7, 19},
+        {52, 0, 0, std::nullopt}}}};
+  for (const Case& of : cases) {
+    hal::Tube tube;
+    tube.pipe_radius_mm = of.pipe_radius_mm;
+    tube.program.rows = of.rows;
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      SCOPED_TRACE(testing::Message() << of.pipe_radius_mm << ", seed " << seed);
+      std::mt19937_64 random(seed);
+      const Points points =
+          tests::SyntheticCloud(tube, {.points = of.points, .noise_mm = of.noise_mm}, random);
+      EXPECT_EQ(FoundIn(points).bend_count(), tube.program.bend_count());
+    }
+  }
+}
+
 // A second tube begins beside the end of the first one, nearer than a clamp would hide: their nodes
 // connect, and only a bend that no machine makes tells that they are two.
 TEST(Structure, TakesANeighbourOff) {
