@@ -25,6 +25,7 @@
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/registration.h"
 #include "pipeline/fit/report_quality.h"
+#include "pipeline/fit/seam.h"
 #include "pipeline/fit/self_check.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_form.h"
@@ -80,6 +81,11 @@ struct FinalFit {
   SurfaceFit fit;
   BowedTubeState bowed;
   double noise_mm = 0;  // 1 sigma of the points
+  std::optional<SeamFound> seam;
+  std::optional<OwnedBlocks> beside_seam;  // the points that were fitted, if not all
+  std::span<const PointBlock> Fitted(std::span<const PointBlock> all) const {
+    return beside_seam ? std::span<const PointBlock>(*beside_seam) : all;
+  }
 };
 
 // [mm] From a piece of the spine; beside its ends there is none of it.
@@ -137,13 +143,16 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
                    .workers = workers};
   final.weights = WeighByIncidence(structure.tube, structure.flattening, structure.sigma_mm,
                                    final.options.reach_mm, tube.blocks, workers);
-  FoundEasing found = FindEasing(structure, tube.blocks, final.options);
+  final.seam = FindSeam(structure, tube.blocks, final.options.reach_mm);
+  if (final.seam) final.beside_seam = WithoutSeam(structure, *final.seam, tube.blocks);
+  const std::span<const PointBlock> blocks = final.Fitted(tube.blocks);
+  FoundEasing found = FindEasing(structure, blocks, final.options);
   final.options.easing = std::move(found.easing);
-  BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), tube.blocks,
+  BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), blocks,
                                          final.options, std::move(found.sharp));
   tube.structure.margin =
-      std::min(structure.margin, ReviseBends(tube.blocks, final.options, nominal_bends, solution));
-  TryOneDie(tube.blocks, final.options, solution);
+      std::min(structure.margin, ReviseBends(blocks, final.options, nominal_bends, solution));
+  TryOneDie(blocks, final.options, solution);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);
   if (!tube.registration.passes.empty()) {
@@ -212,16 +221,17 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");
   if (const auto shown = CheckShowsTube(fit); !shown) return hal::Fail(shown.error());
-  ReportQuality(tube->structure, fit, CompareHalves(fit, tube->blocks, final.options),
+  ReportQuality(tube->structure, fit, CompareHalves(fit, final.Fitted(tube->blocks), final.options),
                 NominalBends(), measurement);
+  measurement.seam = final.seam;
   timer.Done("self_check");
-  TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, tube->blocks, workers, &final.bowed);
+  const std::span<const PointBlock> fitted = final.Fitted(tube->blocks);
+  TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, fitted, workers, &final.bowed);
   const EndCuts cuts = FindEndCuts(final.noise_mm, tube->blocks, ends);
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
-  ReportForm(FormOf(final, measurement.tube, tube->blocks), fit.priors.radii_alike > 0,
-             measurement);
+  ReportForm(FormOf(final, measurement.tube, fitted), fit.priors.radii_alike > 0, measurement);
   measurement.bows_explain_mm2 =
       ExplainedByBowsMm2(final.bowed, measurement.tube, tube->blocks, final.options.reach_mm);
   MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,

@@ -270,6 +270,16 @@ std::string DentTable(std::span<const pipeline::DentFound> dents) {
   return html + "</tbody></table>";
 }
 
+std::string SeamTable(const std::optional<pipeline::SeamFound>& seam) {
+  if (!seam) return "";
+  return "<p>Weld seam; where it lies around is counted on the first straight</p>" +
+         HeadOf({"around <small>deg</small>", "&#177;", "height <small>mm</small>", "&#177;",
+                 "width <small>mm</small>"}) +
+         "<tr>" + Number(seam->around_deg, 1) + Number(seam->around_sigma_deg, 1) +
+         Number(seam->height_mm, 3) + Number(seam->sigma_mm, 3) + Number(seam->width_mm, 1) +
+         "</tr></tbody></table>";
+}
+
 // Bevels, burrs and borders that no plane is.
 std::string EdgeTable(const pipeline::TubeFeaturesFound& features) {
   std::string rows;
@@ -369,7 +379,8 @@ std::string OpeningTable(const pipeline::Measurement& m) {
 std::string FormBody(const RunResult& run) {
   const auto& m = run.measurement;
   return StraightnessTable(m.straights) + EasingTable(m.bend_easings) + EndTable(m.features) +
-         EndFormTable(m) + OpeningTable(m) + DentTable(m.dents) + UnrolledSvg(m);
+         EndFormTable(m) + OpeningTable(m) + DentTable(m.dents) + SeamTable(m.seam) +
+         UnrolledSvg(m);
 }
 
 std::string TimingBody(const RunResult& run) {

@@ -88,6 +88,13 @@ Json FormJson(const pipeline::Measurement& m) {
     }
     json["dents"] = std::move(list);
   }
+  if (m.seam) {
+    json["seam"] = {{"around_deg", Number(m.seam->around_deg)},
+                    {"around_sigma_deg", Number(m.seam->around_sigma_deg)},
+                    {"height_mm", Number(m.seam->height_mm)},
+                    {"height_sigma_mm", Number(m.seam->sigma_mm)},
+                    {"width_mm", Number(m.seam->width_mm)}};
+  }
   const auto is_plain = [](const pipeline::EndForm& end) {
     return end.length_mm == 0 && end.continues_mm == 0 && end.profile.empty();
   };
@@ -127,6 +134,12 @@ void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
                          item.NumberOr("along_sigma_mm", 0), item.NumberOr("around_sigma_deg", 0),
                          item.NumberOr("area_mm2", 0), item.NumberOr("area_sigma_mm2", 0)});
     }
+  }
+  if (json.Has("seam")) {
+    const JsonReader seam = json.At("seam");
+    m.seam = {seam.NumberOr("around_deg", 0), seam.NumberOr("around_sigma_deg", 0),
+              seam.NumberOr("height_mm", 0), seam.NumberOr("height_sigma_mm", 0),
+              seam.NumberOr("width_mm", 0)};
   }
   if (json.Has("first_end")) m.first_end = ReadEnd(json.At("first_end"));
   if (json.Has("last_end")) m.last_end = ReadEnd(json.At("last_end"));

@@ -74,6 +74,12 @@ std::string FormText(const pipeline::Measurement& m) {
               Fixed(dent.along_sigma_mm, 1) + " mm along the spine, " + Fixed(dent.around_deg, 1) +
               " +- " + Fixed(dent.around_sigma_deg, 1) + " degrees around");
   }
+  if (m.seam) {
+    out += Below("weld seam: " + Fixed(m.seam->height_mm, 3) + " +- " + Fixed(m.seam->sigma_mm, 3) +
+                 " mm high and " + Fixed(m.seam->width_mm, 1) + " mm wide, at " +
+                 Fixed(m.seam->around_deg, 1) + " +- " + Fixed(m.seam->around_sigma_deg, 1) +
+                 " degrees around on the first straight");
+  }
   for (std::size_t i = 0; i < m.passes.size(); ++i) {
     out += Below("pass " + std::to_string(i + 1) + ": moved by " +
                  Fixed(m.passes[i].move_mm.norm(), kDecimals) + " mm and " +

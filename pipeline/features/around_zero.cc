@@ -51,6 +51,7 @@ void AddAroundZero(const AroundZeroSigma& zero, Measurement& measurement) {
     add(found.opening.along_mm, found.sigma.around_deg);
   }
   for (DentFound& dent : measurement.dents) add(dent.along_mm, dent.around_sigma_deg);
+  if (measurement.seam) add(0.0, measurement.seam->around_sigma_deg);
   auto &first = measurement.features.first_end, &last = measurement.features.last_end;
   if (first) add(0.0, first->around_sigma_deg);
   if (last) add(hal::SpineLength(measurement.tube.program), last->around_sigma_deg);

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -79,6 +80,15 @@ struct DentFound {
   double area_sigma_mm2 = 0;
 };
 
+// A weld seam: a ridge all along the tube, at the same angle around, as a bender does not twist it.
+struct SeamFound {
+  double around_deg = 0;  // on the first straight, from the first bend's normal, as of dents there
+  double around_sigma_deg = 0;
+  double height_mm = 0;  // above the wall beside it
+  double sigma_mm = 0;   // 1 sigma of the height
+  double width_mm = 0;   // around, where it is half as high
+};
+
 // The radius all round the tube at a place near its end.
 struct RadiusAt {
   double from_end_mm = 0;  // along the axis, from the end of all into the tube
@@ -131,6 +141,7 @@ struct Measurement {
   // Of the mean square of the points' distances from this tube: what its straights' bows explain.
   double bows_explain_mm2 = 0;
   std::vector<DentFound> dents;
+  std::optional<SeamFound> seam;
   EndForm first_end, last_end;
   TubeFeaturesFound features;
   std::vector<PassOffset> passes;  // none: all points came in one, or in no order that is known

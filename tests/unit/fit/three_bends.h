@@ -7,6 +7,7 @@
 namespace bendloop::pipeline {
 
 inline const hal::SteadyClock kClock;
+inline constexpr double kReachMm = 1.0;  // of fits
 
 // A tube of 5 mm with three bends and straights of 6 to 10 radii.
 inline hal::Tube ThreeBends() {

@@ -14,8 +14,6 @@
 namespace bendloop::pipeline {
 namespace {
 
-constexpr double kReachMm = 1.0;
-
 TEST(WithoutDents, SlopesOfDentsPullNothing) {
   for (const double along : {0.2, 0.33, 0.5}) {
     SCOPED_TRACE(along);
