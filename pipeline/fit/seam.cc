@@ -19,7 +19,7 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kWholeTurn = 2.0 * std::numbers::pi;
-constexpr int kBins = 72, kParts = 8;  // of the turn, and of the spine's length
+constexpr int kBins = 144, kParts = 8;  // of the turn, and of the spine's length
 
 // By trial where nothing else is said.
 struct SeamSettings {
@@ -41,6 +41,7 @@ struct SeamSettings {
   // much of its height beside noise.
   int least_parts = 4;
   double agree = 0.75, about = 0.35, noise_sigmas = 3.0;
+  int steps = 6;  // of the fit of its place and width
   // [of the noise] So high the ridge may still be where points begin to count.
   double rim = 0.15;
 };
@@ -123,13 +124,56 @@ Ridge FitRidge(const Turn& turn, int first, int last, double around_rad, double 
 Ridge HighestRidge(const Turn& turn, double noise_mm) {
   Ridge best;
   for (const double width_rad : kSeam.widths) {
-    for (int step = 0; step < 2 * kBins; ++step) {
+    for (int step = 0; step < kBins; ++step) {
       const Ridge ridge =
-          FitRidge(turn, 0, kParts - 1, step * kWholeTurn / (2 * kBins), width_rad, noise_mm);
+          FitRidge(turn, 0, kParts - 1, step * kWholeTurn / kBins, width_rad, noise_mm);
       if (ridge.Sigmas() > best.Sigmas()) best = ridge;
     }
   }
   return best;
+}
+
+// The same with its place and width by least squares of the bins (Gauss-Newton), and 1 sigma of
+// both. As it was where that leads away.
+struct FittedRidge {
+  Ridge ridge;
+  double around_sigma_rad = 0;
+};
+FittedRidge Refined(const Turn& turn, const Ridge& start, double noise_mm) {
+  FittedRidge fitted{start, start.width_rad / start.Sigmas()};
+  for (int i = 0; i < kSeam.steps; ++i) {
+    Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
+    const Ridge& now = fitted.ridge;
+    for (std::size_t bin = 0; bin < kBins; ++bin) {
+      const double middle = (static_cast<double>(bin) + 0.5) * kWholeTurn / kBins;
+      const double off = std::remainder(middle - now.around_rad, kWholeTurn);
+      const double x = off / kSeam.beside, beside = off / now.width_rad;
+      if (std::abs(x) > 1.0) continue;
+      const double high = std::exp(-0.5 * beside * beside);
+      Eigen::Matrix<double, 6, 1> shapes;
+      shapes << 1.0, x, x * x, high, now.height_mm * high * beside / now.width_rad,
+          now.height_mm * high * beside * beside / now.width_rad;
+      for (std::size_t part = 0; part < kParts; ++part) {
+        const double count = turn.count[part][bin];
+        matrix += count * shapes * shapes.transpose();
+        right += (turn.sum_mm[part][bin] - count * now.height_mm * high) * shapes;
+      }
+    }
+    const Eigen::Matrix<double, 6, 6> inverse = matrix.inverse();
+    const Eigen::Matrix<double, 6, 1> step = inverse * right;
+    Ridge next = now;
+    next.height_mm += step[3];
+    next.around_rad += step[4];
+    next.width_rad += step[5];
+    next.sigma_mm = noise_mm * std::sqrt(inverse(3, 3));
+    const bool is_near = step.allFinite() && next.height_mm > 0.5 * start.height_mm &&
+                         next.width_rad > 0.5 * kSeam.widths.front() &&
+                         next.width_rad < 1.5 * kSeam.widths.back();
+    if (!is_near) return {start, start.width_rad / start.Sigmas()};
+    fitted = {next, noise_mm * std::sqrt(inverse(4, 4))};
+  }
+  return fitted;
 }
 
 // Whether it is there in all parts of the tube that can tell: a dent or what lies beside it is not.
@@ -173,12 +217,13 @@ std::optional<SeamFound> FindSeam(const SurfaceFit& fit, std::span<const PointBl
       !GoesAllAlong(turn, ridge, fit.sigma_mm)) {
     return std::nullopt;
   }
+  const auto [fitted, around_sigma_rad] = Refined(turn, ridge, fit.sigma_mm);
   SeamFound seam;
-  seam.around_deg = std::remainder(ridge.around_rad, kWholeTurn) / hal::kRadiansPerDegree;
-  seam.around_sigma_deg = ridge.width_rad / ridge.Sigmas() / hal::kRadiansPerDegree;
-  seam.height_mm = ridge.height_mm;
-  seam.sigma_mm = ridge.sigma_mm;
-  seam.width_mm = 2.0 * std::sqrt(2.0 * std::log(2.0)) * ridge.width_rad * fit.tube.pipe_radius_mm;
+  seam.around_deg = std::remainder(fitted.around_rad, kWholeTurn) / hal::kRadiansPerDegree;
+  seam.around_sigma_deg = around_sigma_rad / hal::kRadiansPerDegree;
+  seam.height_mm = fitted.height_mm;
+  seam.sigma_mm = fitted.sigma_mm;
+  seam.width_mm = 2.0 * std::sqrt(2.0 * std::log(2.0)) * fitted.width_rad * fit.tube.pipe_radius_mm;
   return seam;
 }
 
