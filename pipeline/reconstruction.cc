@@ -239,19 +239,21 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   SayDeepDents(measurement);
   SayUnsureBends(measurement);
   LookBeyondEnds(ends, final.noise_mm, measurement);
+  SayOtherPart(measurement);
+  timer.Done("ends");
+  WallCells cells = DescribeSamples(tube->blocks, intake_.grid().kept_count(), final.noise_mm,
+                                    measurement, workers);
+  timer.Done("description");
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
-                                       tube->blocks, workers)};
+                                       tube->blocks, std::move(cells))};
   // The plane of what sits on an end is not the tube's.
   if (measurement.first_end.length_mm > 0) measurement.features.first_end.reset();
   if (measurement.last_end.length_mm > 0) measurement.features.last_end.reset();
   AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);
-  SayOtherPart(measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.noise_mm = final.noise_mm;
-  timer.Done("ends");
-  DescribeSamples(tube->blocks, intake_.grid().kept_count(), final.noise_mm, measurement, workers);
-  timer.Done("description");
+  timer.Done("features");
   if (const auto units = CheckUnits(measurement.tube.pipe_radius_mm); !units) {
     return hal::Fail(units.error());
   }

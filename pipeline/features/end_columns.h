@@ -29,6 +29,10 @@ class EndStops {
   EndStops(std::vector<double> gaps, double smear, double columns_of_line);
   // The sum over several columns.
   double Sum(std::span<const double> beyond) const { return table_.Sum(beyond); }
+  // The same of a plane (EndSide) over columns.
+  double Sum(const PlaneLanes& columns, const double* x) const {
+    return table_.Sum(columns, x, 0.0);
+  }
 
  private:
   EvenTable table_;

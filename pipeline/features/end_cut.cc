@@ -19,7 +19,6 @@
 #include "pipeline/features/sampling.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
-#include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -58,63 +57,28 @@ struct EndCutSettings {
 };
 constexpr EndCutSettings kCut;
 
-// Numbers of several sides side by side, for loops that take some of them at once.
-struct SideLanes {
-  std::vector<double> cosine, sine, at, scale;  // scale: 1 / sigma, negative before the plane
-  std::vector<double> clear;                    // in sigmas, or mean gaps
-
-  void Add(double c, double s, double at_mm, double by) {
-    cosine.push_back(c);
-    sine.push_back(s);
-    at.push_back(at_mm);
-    scale.push_back(by);
-    clear.push_back(0.0);
-  }
-};
-BENDLOOP_LOOP void FindClearBody(double x0, double x1, double x2, double more, std::size_t count,
-                                 const double* cosine, const double* sine, const double* at,
-                                 const double* scale, double* clear) {
-  for (std::size_t i = 0; i < count; ++i) {
-    clear[i] = (x0 + cosine[i] * x1 + sine[i] * x2 - at[i]) * scale[i] + more;
-  }
-}
-BENDLOOP_MULTIVERSION(void, FindClear,
-                      (double x0, double x1, double x2, double more, std::size_t count,
-                       const double* cosine, const double* sine, const double* at,
-                       const double* scale, double* clear),
-                      (x0, x1, x2, more, count, cosine, sine, at, scale, clear))
-
 // The logarithm of the likelihood of planes.
 class PlaneLikelihood {
  public:
   // `blur_mm`: laser lines are as uncertain as this, at least.
   PlaneLikelihood(const EndEvidence& evidence, double blur_mm) : evidence_(evidence) {
     for (const EndSide& side : evidence.sides) {
-      const double scale = 1.0 / std::max(side.sigma_mm, blur_mm);
-      (side.is_beyond ? hits_ : missed_)
-          .Add(side.cosine, side.sine, side.at_mm, side.is_beyond ? scale : -scale);
+      AddSide(side, std::max(side.sigma_mm, blur_mm), sides_);
     }
     for (const EndStop& stop : evidence.columns) {
-      stops_.Add(stop.cosine, stop.sine, stop.last_mm, 1.0 / stop.mean_gap_mm);
+      stops_.Add(stop.cosine, stop.sine, stop.last_mm, 1.0 / stop.mean_gap_mm, 0);
     }
+    sides_.Fill();
+    stops_.Fill();
   }
-  double Log(const Eigen::VectorXd& x) {
-    const double greatest = evidence_.lines_greatest;
-    const double sum =
-        LogOfHits(ClearOf(hits_, x, greatest)) + LogOfMisses(ClearOf(missed_, x, greatest));
-    return evidence_.stops ? sum + evidence_.stops->Sum(ClearOf(stops_, x, 0.0)) : sum;
+  double Log(const Eigen::VectorXd& x) const {
+    const double sum = LogOfSides(sides_, x.data(), evidence_.lines_greatest);
+    return evidence_.stops ? sum + evidence_.stops->Sum(stops_, x.data()) : sum;
   }
 
  private:
-  static std::span<const double> ClearOf(SideLanes& lanes, const Eigen::VectorXd& x, double more) {
-    if (lanes.at.empty()) return {};
-    FindClear(x[0], x[1], x[2], more, lanes.at.size(), lanes.cosine.data(), lanes.sine.data(),
-              lanes.at.data(), lanes.scale.data(), lanes.clear.data());
-    return lanes.clear;
-  }
-
   const EndEvidence& evidence_;
-  SideLanes hits_, missed_, stops_;
+  PlaneLanes sides_, stops_;
 };
 
 // Without the sides that every plane of a density is far on the right side of: they say no more.
@@ -164,7 +128,7 @@ EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, doubl
                     WalkDice& dice, const BetterPlane& better = {}) {
   const double prior_mm = kCut.usual_slope * r_mm;
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
-    PlaneLikelihood likelihood(evidence, blur_mm);
+    const PlaneLikelihood likelihood(evidence, blur_mm);
     return SamplePosterior(from, walk, dice, [&](const Eigen::VectorXd& x) {
       const double steep = (x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm);
       return likelihood.Log(x) - 0.5 * steep;

@@ -46,6 +46,15 @@ EvenTable LogNormalCdf(double floor) {
   return table;
 }
 
+const EvenTable& TableOfHits() {
+  static const EvenTable table = LogNormalCdf(std::exp(-kEvidence.saturated));
+  return table;
+}
+const EvenTable& TableOfMisses() {
+  static const EvenTable table = LogNormalCdf(kEvidence.lost);
+  return table;
+}
+
 // The samples of so many columns are of one laser line, whose place they tell with errors of their
 // own: a plane beyond the line lies beyond the greatest of them no more often than not only where
 // that is taken for as far beyond the line as the greatest of so many errors is [sigma]. Without it
@@ -73,14 +82,25 @@ std::vector<EndSample> Levelled(std::span<const EndSample> samples,
 
 }  // namespace
 
-double LogOfHits(std::span<const double> clear) {
-  static const EvenTable table = LogNormalCdf(std::exp(-kEvidence.saturated));
-  return table.Sum(clear);
+double LogOfHits(std::span<const double> clear) { return TableOfHits().Sum(clear); }
+
+double LogOfMisses(std::span<const double> clear) { return TableOfMisses().Sum(clear); }
+
+void AddSide(const EndSide& side, double sigma_mm, PlaneLanes& lanes) {
+  const double scale = side.is_beyond ? 1.0 / sigma_mm : -1.0 / sigma_mm;
+  const auto misses = static_cast<std::int32_t>(TableOfHits().at.size());
+  lanes.Add(side.cosine, side.sine, side.at_mm, scale, side.is_beyond ? 0 : misses);
 }
 
-double LogOfMisses(std::span<const double> clear) {
-  static const EvenTable table = LogNormalCdf(kEvidence.lost);
-  return table.Sum(clear);
+double LogOfSides(const PlaneLanes& sides, const double* x, double more) {
+  static const EvenTable table = [] {
+    EvenTable both = TableOfHits();
+    both.size = both.at.size();
+    const EvenTable& misses = TableOfMisses();
+    both.at.insert(both.at.end(), misses.at.begin(), misses.at.end());
+    return both;
+  }();
+  return table.Sum(sides, x, more);
 }
 
 void EndEvidence::AddLines(const LineBracket& lines) {
@@ -131,13 +151,17 @@ Eigen::Vector3d RoughEndPlane(const EndEvidence& evidence, double r_mm) {
 std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, double r_mm,
                                           double window_mm, double smear_mm, double sigma_mm) {
   std::map<unsigned, std::vector<EndSample>> passes;
-  for (const EndSample& sample : samples) passes[sample.pass].push_back(sample);
+  std::vector<EndSample>* own = nullptr;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (i == 0 || samples[i].pass != samples[i - 1].pass) own = &passes[samples[i].pass];
+    own->push_back(samples[i]);
+  }
   EndEvidence evidence;
   EndSectors seen{};
   std::vector<double> gaps_mm;
   std::size_t most = 0;
-  for (const auto& [pass, own] : passes) {
-    const auto brackets = FindLineBrackets(own, window_mm, smear_mm);
+  for (const auto& [pass, of_pass] : passes) {
+    const auto brackets = FindLineBrackets(of_pass, window_mm, smear_mm);
     most = std::max(most, brackets.size());
     for (const LineBracket& lines : brackets) {
       evidence.AddLines(lines);

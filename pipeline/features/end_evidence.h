@@ -9,6 +9,7 @@
 
 #include "pipeline/features/end_columns.h"
 #include "pipeline/features/end_lines.h"
+#include "pipeline/features/even_table.h"
 
 namespace bendloop::pipeline {
 
@@ -35,6 +36,9 @@ struct EndStop {
 // each.
 double LogOfHits(std::span<const double> clear);    // samples that met the wall: it goes as far
 double LogOfMisses(std::span<const double> clear);  // lines that did not; some rays are lost
+// The same of both of a plane (EndSide), which is on the right side of each by `more`, too.
+void AddSide(const EndSide& side, double sigma_mm, PlaneLanes& lanes);
+double LogOfSides(const PlaneLanes& sides, const double* x, double more);
 
 // Where the border roughly is, by side or column.
 struct RoughEndPlace {

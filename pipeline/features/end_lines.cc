@@ -96,7 +96,7 @@ class Strips {
     Eigen::Vector2d view = Eigen::Vector2d::Zero();
     double narrowest = 1.0;
     for (const EndSample& sample : samples) {
-      view += directions.emplace_back(std::cos(sample.around_rad), std::sin(sample.around_rad));
+      view += directions.emplace_back(sample.Direction());
       narrowest = std::min(narrowest, sample.of_radius);
     }
     from_one_side_ = view.norm() > kLines.one_sided * static_cast<double>(samples.size());
@@ -221,7 +221,10 @@ double AroundRad(const LineCrossing& crossing, std::span<const Placed> strip,
   double sum = 0;
   for (std::size_t k = end; k > crossing.first; --k) {
     const double around_rad = samples[strip[k - 1].index].around_rad;
-    sum += std::remainder(around_rad - zero_rad, 2.0 * std::numbers::pi);
+    const double off_rad = around_rad - zero_rad;
+    // As the remainder has it, which costs as much as all the rest.
+    sum += std::abs(off_rad) <= std::numbers::pi ? off_rad
+                                                 : std::remainder(off_rad, 2.0 * std::numbers::pi);
   }
   return zero_rad + sum / static_cast<double>(crossing.samples);
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -17,6 +19,12 @@ struct EndSample {
   double beyond_mm = 0;
   unsigned pass = 0;
   double of_radius = 1;
+  Eigen::Vector2d direction = Eigen::Vector2d::Zero();  // from the axis; none: by `around_rad`
+
+  Eigen::Vector2d Direction() const {
+    return direction.isZero(0.0) ? Eigen::Vector2d(std::cos(around_rad), std::sin(around_rad))
+                                 : direction;
+  }
 };
 
 // Laser lines at one place around the end: the last that met the wall, and where the next would

@@ -135,13 +135,16 @@ std::vector<EndSample> SamplesNearEnd::Every(std::size_t stride) const {
     x.push_back(wall_[i].x);
     y.push_back(wall_[i].y);
   }
+  constexpr double kNoWhere = 1e-300;  // mm^2: on the axis
   std::vector<double> around_rad(x.size());
   ArcTangents(y, x, around_rad);
   std::vector<EndSample> samples;
   samples.reserve(x.size());
   for (std::size_t i = 0; i < x.size(); ++i) {
     const NearEnd& near = wall_[i * stride];
-    samples.push_back({around_rad[i], near.at_mm, near.pass, near.of_radius});
+    const double out = 1.0 / std::sqrt(std::max(kNoWhere, near.x * near.x + near.y * near.y));
+    samples.push_back(
+        {around_rad[i], near.at_mm, near.pass, near.of_radius, {out * near.x, out * near.y}});
   }
   return samples;
 }

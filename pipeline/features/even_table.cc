@@ -27,7 +27,56 @@ BENDLOOP_MULTIVERSION(double, SumTable,
                        std::size_t count, const double* places),
                       (table, last, from, per_step, count, places))
 
+struct PlaneTable {
+  const double* table;
+  double last, from, per_step;
+  double x0, x1, x2, more;
+};
+BENDLOOP_LOOP double SumPlaneBody(const PlaneTable& of, const PlaneLanes& lanes,
+                                  std::size_t count) {
+  const auto [table, last, from, per_step, x0, x1, x2, more] = of;
+  const double *cosine = lanes.cosine.data(), *sine = lanes.sine.data();
+  const double *at_mm = lanes.at.data(), *scale = lanes.scale.data();
+  const std::int32_t* begin = lanes.table.data();
+  double sum = 0;
+#pragma omp simd reduction(+ : sum) simdlen(4)
+  for (std::size_t i = 0; i < count; ++i) {
+    const double clear = (x0 + cosine[i] * x1 + sine[i] * x2 - at_mm[i]) * scale[i] + more;
+    double place = (clear - from) * per_step;
+    place = place > 0 ? place : 0.0;
+    place = place < last ? place : last;
+    const int step = static_cast<int>(place), at = begin[i] + step;
+    sum += table[at] + (place - step) * (table[at + 1] - table[at]);
+  }
+  return sum;
+}
+BENDLOOP_MULTIVERSION(double, SumPlane,
+                      (const PlaneTable& of, const PlaneLanes& lanes, std::size_t count),
+                      (of, lanes, count))
+
 }  // namespace
+
+void PlaneLanes::Add(double cosine_of, double sine_of, double at_mm, double by,
+                     std::int32_t table_of) {
+  cosine.push_back(cosine_of);
+  sine.push_back(sine_of);
+  at.push_back(at_mm);
+  scale.push_back(by);
+  table.push_back(table_of);
+}
+
+void PlaneLanes::Fill() {
+  constexpr double kFarMm = 1e100;  // beyond any table
+  for (; at.size() % 4 != 0; ++filled) Add(0.0, 0.0, -kFarMm, 1.0, 0);
+}
+
+double EvenTable::Sum(const PlaneLanes& lanes, const double* x, double more) const {
+  if (lanes.empty()) return 0.0;
+  const std::size_t one = size > 0 ? size : at.size();
+  const PlaneTable of{at.data(), static_cast<double>(one - 2), from, per_step, x[0], x[1], x[2],
+                      more};
+  return SumPlane(of, lanes, lanes.at.size()) - static_cast<double>(lanes.filled) * at[one - 1];
+}
 
 double EvenTable::Sum(std::span<const double> places) const {
   if (places.empty()) return 0.0;

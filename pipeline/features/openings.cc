@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "hal/angles.h"
 #include "pipeline/features/beside_border.h"
@@ -276,9 +277,9 @@ class Candidate {
 
 std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easing,
                                        const TubeEnds& ends, double sigma_mm,
-                                       std::span<const PointBlock> blocks, Workers* workers) {
+                                       std::span<const PointBlock> blocks, WallCells cells) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-  const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, blocks, workers);
+  const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, std::move(cells));
   std::vector<OpeningFound> openings;
   if (places.empty()) return openings;
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);

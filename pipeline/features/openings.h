@@ -7,7 +7,7 @@
 #include "hal/tube.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
-#include "pipeline/math/workers.h"
+#include "pipeline/fit/wall_cells.h"
 #include "pipeline/tube/easing.h"
 #include "pipeline/tube/tube_features.h"
 
@@ -16,10 +16,10 @@ namespace bendloop::pipeline {
 // Holes and slots through the wall: places where no sample lies, neither on the surface nor above
 // it, though they are dense all around, as densely as an opening of one clear border leaves them.
 // What the scanner did not reach, what a clamp hides and the gaps between laser lines are no holes.
-// `tube`: with all that is on its ends. `sigma_mm`: noise of the points.
+// `tube`: with all that is on its ends. `sigma_mm`: noise of the points. `cells`: where on the tube
+// they are.
 std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easing,
                                        const TubeEnds& ends, double sigma_mm,
-                                       std::span<const PointBlock> blocks,
-                                       Workers* workers = nullptr);
+                                       std::span<const PointBlock> blocks, WallCells cells);
 
 }  // namespace bendloop::pipeline

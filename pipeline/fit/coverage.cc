@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -33,6 +34,8 @@ struct DescriptionSettings {
   double most_bins = 1e5;
   // Of the walk: least points of a round, and most rounds, each with bins of its own. By trial.
   std::size_t points_of_round = 8192, most_rounds = 8;
+  // So many rounds at most run at a time: each with cells of the wall, of which there are many.
+  std::size_t most_parts = 4;
 };
 constexpr DescriptionSettings kDescription;
 
@@ -73,9 +76,10 @@ struct Description {
 
 class Describer {
  public:
-  // Every `sparse`-th point is kept for the surface.
+  // Every `sparse`-th point is kept for the surface. `cells`: counts the points on the wall; none:
+  // nobody asks.
   Describer(const EasedSpine& spine, double pipe_radius_mm, double sigma_mm, const Bins& bins,
-            std::size_t sparse, Description& description)
+            std::size_t sparse, WallCellCounter* cells, Description& description)
       : segments_(spine.segments),
         frames_(SegmentFrames(spine, kBeyond * pipe_radius_mm, {})),
         pipe_radius_mm_(pipe_radius_mm),
@@ -83,6 +87,8 @@ class Describer {
         reach_mm_(kDescription.outlier * sigma_mm),
         inverse_bin_(1.0 / bins.bin_mm),
         sparse_(sparse),
+        is_sharp_(spine.pieces == 1),
+        cells_(cells),
         out_(description) {
     out_.count.assign(bins.count, 0);
     out_.sum_mm.assign(bins.count, 0.0);
@@ -91,7 +97,12 @@ class Describer {
 
   // `index`: of the block's first point among all.
   void Add(const PointBlock& block, std::size_t index) {
-    CandidateSegments(block, frames_, 1.5 * pipe_radius_mm_, candidates_);
+    constexpr double kReach = 1.5;  // [of r_P]
+    const bool are_all =
+        CandidateSegments(block, frames_, kReach * pipe_radius_mm_, candidates_,
+                          (WallCellCounter::kNearSegment - kReach) * pipe_radius_mm_);
+    const bool shares = cells_ && is_sharp_ && are_all && cells_->Shares(block, candidates_);
+    if (cells_ && !shares) cells_->Add(block, index);
     if (candidates_.empty()) return;
     along_mm_.resize(std::max(along_mm_.size(), candidates_.size()));
     // Counted down: a division for each point would cost more than all the rest.
@@ -103,6 +114,7 @@ class Describer {
         const SegmentFrame& frame = frames_[static_cast<std::size_t>(candidates_[c])];
         if (frame.bend_radius_mm > 0) AlongArc(frame, nearest_.Local(c), count, along_mm_[c]);
       }
+      if (shares) cells_->AddShared(nearest_, candidates_, along_mm_, count, index + first);
       for (std::size_t i = 0; i < count; ++i) {
         const bool keep = until_kept == 0;
         until_kept = keep ? sparse_ - 1 : until_kept - 1;
@@ -140,15 +152,18 @@ class Describer {
   std::vector<SegmentFrame> frames_;
   double pipe_radius_mm_, length_mm_, reach_mm_, inverse_bin_;
   std::size_t sparse_;
+  bool is_sharp_;
+  WallCellCounter* cells_;
   Description& out_;
   std::vector<std::int32_t> candidates_;
   NearestLanes nearest_;
-  std::vector<std::array<double, kBatch>> along_mm_;
+  WallCellCounter::AlongArcs along_mm_;
 };
 
-// A walk over all points.
+// A walk over all points. `cells`: becomes where they are, if it has any.
 Description Describe(std::span<const PointBlock> blocks, const EasedSpine& spine,
-                     double pipe_radius_mm, double sigma_mm, const Bins& bins, Workers* workers) {
+                     const hal::Tube& tube, double sigma_mm, const Bins& bins,
+                     EmptyWallCells& cells, Workers* workers) {
   const std::size_t sparse = CountPoints(blocks) / kDescription.most_kept + 1;
   std::vector<std::size_t> first_index;
   std::size_t index = 0;
@@ -158,15 +173,31 @@ Description Describe(std::span<const PointBlock> blocks, const EasedSpine& spine
   }
   const std::vector<BlockRange> rounds =
       EvenRounds(blocks, kDescription.points_of_round, kDescription.most_rounds);
-  std::vector<Description> parts(rounds.size());
-  ParallelFor(workers, rounds.size(), [&](std::size_t round) {
-    Describer describer(spine, pipe_radius_mm, sigma_mm, bins, sparse, parts[round]);
-    for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
-      describer.Add(blocks[i], first_index[i]);
+  std::vector<Description> descriptions(rounds.size());
+  // Numbers of points add up to the same however the rounds are parted; what they sum does not.
+  const bool counts = !cells.cells.count.empty();
+  std::vector<WallCells> parts(workers ? std::min(rounds.size(), kDescription.most_parts) : 1);
+  ParallelFor(workers, parts.size(), [&](std::size_t part) {
+    std::optional<WallCellCounter> counter;
+    if (counts) counter.emplace(tube, cells);
+    const std::size_t end = (part + 1) * rounds.size() / parts.size();
+    for (std::size_t round = part * rounds.size() / parts.size(); round < end; ++round) {
+      Describer describer(spine, tube.pipe_radius_mm, sigma_mm, bins, sparse,
+                          counts ? &*counter : nullptr, descriptions[round]);
+      for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
+        describer.Add(blocks[i], first_index[i]);
+      }
     }
+    if (counts) parts[part] = counter->TakeCells();
   });
-  for (std::size_t round = 1; round < parts.size(); ++round) parts.front().Add(parts[round]);
-  return std::move(parts.front());
+  for (std::size_t round = 1; round < descriptions.size(); ++round) {
+    descriptions.front().Add(descriptions[round]);
+  }
+  for (std::size_t part = 0; counts && part < parts.size(); ++part) {
+    if (part == 0) cells.cells = std::move(parts.front());
+    if (part > 0) cells.cells.Add(parts[part]);
+  }
+  return std::move(descriptions.front());
 }
 
 void SetDistances(const Description& points, std::size_t all_samples, FitQuality& fit) {
@@ -251,17 +282,19 @@ void SetSpine(const Bins& bins, const std::vector<hal::SpineSegment>& segments,
 
 }  // namespace
 
-void DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples, double sigma_mm,
-                     Measurement& measurement, Workers* workers) {
+WallCells DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples,
+                          double sigma_mm, Measurement& measurement, Workers* workers) {
   const hal::Tube& tube = measurement.tube;
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, measurement.easing);
   const Bins bins(spine, tube.pipe_radius_mm);
-  Description points = Describe(blocks, spine, tube.pipe_radius_mm, sigma_mm, bins, workers);
+  EmptyWallCells cells = EmptyCellsOf(tube, blocks);
+  Description points = Describe(blocks, spine, tube, sigma_mm, bins, cells, workers);
   SetDistances(points, all_samples, measurement.fit);
   SayOutliers(bins, points, measurement);
   SetCoverage(bins, points.count, measurement);
   SetSpine(bins, spine.segments, points, measurement);
   measurement.surface = std::move(points.surface);
+  return std::move(cells.cells);
 }
 
 }  // namespace bendloop::pipeline

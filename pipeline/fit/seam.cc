@@ -25,7 +25,7 @@ constexpr int kBins = 144, kParts = 8;  // of the turn, and of the spine's lengt
 struct SeamSettings {
   // Points that tell of one; their design effect without a seam of a noise's height is less.
   std::size_t enough_points = 40'000;
-  double design_effect = 1.15;
+  double design_effect = 1.3;
   // [rad] 1 sigma of a Gaussian across: flash of two to six tenths of a wall.
   std::array<double, 5> widths = {0.05, 0.08, 0.12, 0.16, 0.2};
   // [rad] To both sides of its middle: the wall beside it that is looked at.

@@ -9,6 +9,9 @@
 namespace bendloop::bench {
 namespace {
 
+// [mm, degrees] Less is what rounding leaves of an information that is nearly singular.
+constexpr double kNoBound = 1e-6;
+
 // The sigmas of the same tube from its other end. They are no program: a last row has a sigma of
 // length only, as a program's has, and the rest moves as the values do.
 hal::BendProgram ReverseSigma(const hal::BendProgram& sigma) {
@@ -76,7 +79,7 @@ Comparison Compare(const hal::Tube& truth, const pipeline::Measurement& measured
       (result.over_sigma.*kind).Add(error / one_sigma);
       note(error / one_sigma, name, i);
     }
-    if (least <= 0) return;
+    if (least < kNoBound) return;
     (result.over_bound.*kind).Add(error / least);
     result.worst_over_bound = std::max(result.worst_over_bound, std::abs(error / least));
   };
