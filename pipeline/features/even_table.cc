@@ -34,7 +34,9 @@ struct PlaneTable {
 };
 BENDLOOP_LOOP double SumPlaneBody(const PlaneTable& of, const PlaneLanes& lanes,
                                   std::size_t count) {
-  const auto [table, last, from, per_step, x0, x1, x2, more] = of;
+  const double* const table = of.table;
+  const double last = of.last, from = of.from, per_step = of.per_step;
+  const double x0 = of.x0, x1 = of.x1, x2 = of.x2, more = of.more;
   const double *cosine = lanes.cosine.data(), *sine = lanes.sine.data();
   const double *at_mm = lanes.at.data(), *scale = lanes.scale.data();
   const std::int32_t* begin = lanes.table.data();
