@@ -166,11 +166,11 @@ hal::Result<void> Daemon::Impl::Prepare() {
   for (const std::string& remark : RemarksOn(cell_, TimesOfUnit())) {
     if (remark != off) alarms_.board().Begin(AlarmCode::kSettingsRemark, remark);
   }
-  ShowLock();
   SettleWhatIsOpen(*desk_, keeper_, alarms_.board());
   // From here on the ledger follows the bender: a tube that is bent now is seen. The second look
   // makes sure that the first one's state and program belong together.
   if (desk_->has_bender() && desk_->Look().facts) BenderHeard(desk_->Look());
+  ShowLock();  // what these looks have found, too, before anybody is told that all is ready
   RecorderOptions recorder;
   recorder.directory = cell_.record.directory;
   recorder.limits = {cell_.record.disk_budget_mb << 20, cell_.storage.min_free_mb << 20,
