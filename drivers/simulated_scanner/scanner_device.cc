@@ -95,6 +95,11 @@ void ScannerDevice::Trigger(std::unique_ptr<hal::ProfileSource> scan, ScanPace p
   scans_.push_back(std::move(active));
 }
 
+void ScannerDevice::GoOn() {
+  stalled_until_.reset();
+  mute_until_.reset();
+}
+
 void ScannerDevice::HostCame() {
   HostWent();
   decoder_.Reset();

@@ -39,6 +39,8 @@ class ScannerDevice {
   // profiles with more points than the identity says are not sent.
   void Trigger(std::unique_ptr<hal::ProfileSource> scan, ScanPace pace);
   void Misbehave(ScannerFault misbehaviour) { misbehaviours_.push_back(misbehaviour); }
+  // Ends a stall, and what makes it mute, before their time.
+  void GoOn();
   // From the next scan on its clock runs fast by so much [ppm]; negative: slow.
   void set_clock_drift_ppm(double ppm) { drift_ppm_ = ppm; }
 

@@ -52,8 +52,11 @@ class Operator {
       }
     } else if (verb == "misbehave") {
       Misbehave(words);
+    } else if (line == "go on") {
+      scanner_.device().GoOn();
+      std::cout << "ok" << std::endl;
     } else {
-      std::cout << "error \"" << verb << "\": expected scan FILE, misbehave FAULT or quit"
+      std::cout << "error \"" << verb << "\": expected scan FILE, misbehave FAULT, go on or quit"
                 << std::endl;
     }
     return true;
@@ -147,6 +150,7 @@ void Describe(CLI::App& app) {
       "host has started the scanner; prints \"scanning NAME N profiles\" and at its end \"scanned "
       "NAME\", or \"abandoned NAME\" if the host went away\n"
       "  misbehave FAULT [after N]  before the next profile, or N later; once (below)\n"
+      "  go on                end a stall, or being mute, before its time\n"
       "  quit                 or the end of input: switch off");
   app.footer("Faults:\n" + drivers::ScannerFaultHelp(false) +
              "Example:\n"

@@ -85,6 +85,8 @@ class Operator {
       done = Scan(file);
     } else if (verb == "misbehave") {
       done = Misbehave(words);
+    } else if (line == "go on") {
+      service_.WithDevice([](ScannerDevice& device) { device.GoOn(); });
     } else if (verb == "drift") {
       double ppm = 0;
       words >> ppm;
@@ -95,8 +97,8 @@ class Operator {
       done = service_.Plug();
     } else {
       done = Fail(ErrorKind::kUsage, "\"" + verb +
-                                         "\": expected scan FILE, misbehave FAULT, drift PPM, "
-                                         "unplug, plug or quit");
+                                         "\": expected scan FILE, misbehave FAULT, go on, "
+                                         "drift PPM, unplug, plug or quit");
     }
     if (!done) {
       std::cout << "error " << done.error().message << std::endl;
@@ -173,6 +175,7 @@ void Describe(CLI::App& app) {
       "\"scanning NAME\" and at its end \"scanned NAME\", or \"abandoned NAME\" if the host went "
       "away\n"
       "  misbehave FAULT [after N]  before the next profile, or N later; once (below)\n"
+      "  go on                end a stall, or being mute, before its time\n"
       "  drift PPM            its clock runs fast by so much\n"
       "  unplug, plug         the cable\n"
       "  quit                 or the end of input: unplug and remove the device");

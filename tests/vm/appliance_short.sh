@@ -10,16 +10,19 @@ cache=$(realpath "$2")
 export TMPDIR="$cache" # a disk of some hundred MB, which a /tmp in memory may not take
 here=$(dirname -- "$(realpath "$0")")
 work=$(mktemp -d)
+# shellcheck source=tests/vm/telling.sh
+. "$here/telling.sh"
 # shellcheck source=tests/vm/installed_root.sh
 . "$here/installed_root.sh"
 # shellcheck disable=SC2317  # called by the trap
 cleanup() {
+  code=$?
+  set +e
+  tell_end "$code"
   root_off
   rm -rf --one-file-system "$work"
 }
 trap cleanup EXIT
-began_s=$(date +%s)
-step() { echo "== [$(($(date +%s) - began_s)) s] $*"; }
 image=$("$here/appliance_image.sh" "$build" "$cache" "$work")
 
 step "apt install ./bendloop*.deb, in a bare Debian 12"

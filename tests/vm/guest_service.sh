@@ -1,12 +1,30 @@
 # shellcheck shell=sh
-# In a guest: what the scripts that try the service share. Read by them, in /root. Functions alone.
-step() { echo "== [$(cut -d ' ' -f 1 /proc/uptime) s] $*"; }
+# In a guest: what the scripts that try the service share. Read by them, in /root. Functions, and a trap that tells of what
+# fails.
+# A failure's last lines are what one sees of it: they say in which step it was, and what was awaited.
+now_step='its begin'
+failure=''
+up_s() { cut -d . -f 1 /proc/uptime; } # since the boot: the clock may be stepped
+step() {
+  now_step=$*
+  echo "== [$(cut -d ' ' -f 1 /proc/uptime) s] $*"
+}
 fail() {
-  echo "guest: failed: $*"
-  bendloop status 2>/dev/null || true
-  journalctl -b -u bendloopd --no-pager -n 40 2>/dev/null || true
+  failure=$*
+  echo "guest: $*" >&2 # what `$(...)` runs has a shell of its own, which tells nobody at its end
   exit 1
 }
+tell_end() { # tell_end CODE: of the script
+  [ "$1" != 0 ] || return 0
+  [ -n "$failure" ] || failure="a command of it ended with $1; what it said stands above"
+  echo "-- the service's last lines:"
+  journalctl -b -u bendloopd --no-pager -o cat -n 15 2>/dev/null | cut -c 1-300
+  echo "-- what the daemon says:"
+  bendloop status 2>&1 | grep -E '^(alarm|state|problem|bender|scan session|last part|.*no daemon)' | cut -c 1-200
+  echo "guest: failed after $(up_s) s, in step: $now_step"
+  echo "guest: failed: $failure"
+}
+trap 'tell_end $? || true' EXIT
 # page NAME: of the daemon's status server; bash alone, as `bendloop status` takes a guest in software half a second
 page() {
   bash -c "exec 3<>/dev/tcp/127.0.0.1/7480 && printf 'GET /$1 HTTP/1.0\r\nHost: localhost\r\n\r\n' >&3 && cat <&3" 2>/dev/null
@@ -14,12 +32,11 @@ page() {
 # state: what the daemon says that it does, or nothing
 state() { page status | sed -n '/^  "state": /{s/.*: "\(.*\)".*/\1/p;q}'; }
 await() { # await SECONDS WHAT COMMAND...: until it succeeds
-  # By the time since the boot: the clock may be stepped.
-  await_end=$(($(cut -d . -f 1 /proc/uptime) + $1))
-  awaited=$2
+  await_end=$(($(up_s) + $1))
+  awaited="$2 (awaited for $1 s)"
   shift 2
   until "$@"; do
-    [ "$(cut -d . -f 1 /proc/uptime)" -lt "$await_end" ] || fail "not seen: $awaited; state: $(state)"
+    [ "$(up_s)" -lt "$await_end" ] || fail "not seen: $awaited; state: $(state)"
     sleep 0.3
   done
 }
@@ -30,12 +47,28 @@ await_ready() { await 300 "a daemon that waits for a scan" is_ready; }
 alarmed() { page metrics | grep -q "^bendloop_alarm_active{code=\"$1\".* 1\$"; }
 alarm_ended() { page metrics | grep -q "^bendloop_alarm_active{code=\"$1\".* 0\$"; }
 results() { find /var/lib/bendloop/results -name '*.json' 2>/dev/null | wc -l; }
-has_more_results() { [ "$(results)" -gt "$1" ]; }
-await_result() { await 600 "a result" has_more_results "$1"; } # until there are more than $1
-newest_is_committed() {
-  # By their numbers: the clock is set back and forth.
+# A scan is over when the daemon says of it what became of it; its result may be written later, where a full disk did not
+# take it, and so may that of one before.
+last_told() { sed -n '/^  "last_part": /,/^  }/s/^    "session": "\(.*\)".*/\1/p' status.now; }
+look() { page status >status.now && grep -q '^  "state": ' status.now; }
+note_told() { # before a scan: which one it told of last
+  await 300 "what the daemon says" look
+  told=$(last_told)
+}
+is_told() { # it tells of another one, and waits for the next
+  look && grep -q '^  "state": "waiting for a scan"' status.now && now_told=$(last_told) &&
+    [ -n "$now_told" ] && [ "$now_told" != "$told" ]
+}
+await_told() { await 600 "what became of the scan" is_told; }
+outcome_of_newest() { # what became of its correction; by the results' numbers: the clock is set back and forth
   newest=$(find /var/lib/bendloop/results -name '*.json' | sort -V | tail -n 1)
-  grep -q '"outcome": *"committed"' "$newest" || fail "not committed: $(cat "$newest")"
+  sed -n '/"bender"/,$s/.*"outcome": *"\([a-z]*\)".*/\1/p' "$newest" | head -n 1
+}
+# A correction waits for a bender that did not answer in time, and is tried again.
+is_decided() { case $(outcome_of_newest) in waiting | unknown) return 1 ;; esac }
+newest_is_committed() {
+  await 300 "the end of a correction that waits" is_decided
+  [ "$(outcome_of_newest)" = committed ] || fail "not committed: $(outcome_of_newest), $(grep '"reason"' "$newest")"
 }
 said() { grep -q "$1" "$2"; } # said WORDS FILE
 # granted: the drop-in of the cell, so that the unit lets it have its devices and addresses
@@ -79,9 +112,9 @@ machines_on() {
   mkdir tray
   bendloop-simbender --port 1502 --map /etc/bendloop/register-maps/default.toml --tray tray --program "$1" \
     --part-number 7 --pipe-radius 4 --springback-20 1.2 --springback-120 3.6 --elongation 1.5 --scatter-angle 0.3 \
-    <bender.in >bender.out 2>&1 &
+    <bender.in >>bender.out 2>&1 &
   exec 3>bender.in
-  bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate "$2" <scanner.in >scanner.out 2>&1 &
+  bendloop-simscanner --port 7420 --spacing 1 --rays 160 --views 2 --rate "$2" <scanner.in >>scanner.out 2>&1 &
   exec 4>scanner.in
   await 300 "bender" said listening bender.out
   await 300 "scanner" said listening scanner.out
@@ -91,7 +124,16 @@ bend() { # the next part lies on the tray
   tube=$(printf 'tray/part-%04d.json' "$part")
   echo bend >&3
   await 300 "part $part on the tray" test -e "$tube"
-  sleep 1 # the daemon looks at the bender twice a second
+}
+# await_seen COUNT: the daemon has seen that the bender counts so many tubes; version 0.1.0 does not say
+is_seen() { look && { grep -q "\"parts_bent\": $1[^0-9]*\$" status.now || ! grep -q '"parts_bent"' status.now; }; }
+await_seen() {
+  await 300 "the count of $1, seen by the daemon" is_seen "$1"
+  grep -q '"parts_bent"' status.now || sleep 1 # it looks twice a second
+}
+bend_seen() {
+  bend
+  await_seen "$part"
 }
 scan() { echo "scan $tube" >&4; } # the part that was bent last
 sequence() { # of the bender's program
@@ -100,11 +142,21 @@ sequence() { # of the bender's program
   await 300 "the bender's answer" said sequence bender.out
   sed -n 's/.*sequence[^0-9]*\([0-9]*\).*/\1/p' bender.out | head -n 1
 }
-whole_part() { # bent, scanned, measured and corrected
+# part_scanned: the next one is bent and scanned, and it is known what became of it
+part_scanned() {
   await_ready
-  before=$(results)
-  bend
+  note_told
+  bend_seen
   scan
-  await_result "$before"
+  await_told
+}
+whole_part() { # bent, scanned, measured and corrected
+  part_scanned
   newest_is_committed
 }
+# scan_held: stands still in its middle until go_on
+scan_held() {
+  echo "misbehave stall 3600000 after 200" >&4
+  scan
+}
+go_on() { echo "go on" >&4; }

@@ -39,11 +39,13 @@ finish() { # hard, in the middle of whatever it does; the disk is then as after 
 # The journal of a disk that lies may have lost that a commit was sent: what the bender then holds looks like its PLC's
 # doing, and corrections are locked until somebody has looked.
 look_at_lock() {
-  status | grep -q '^alarm BL4002 ' || return 0
+  await 120 "what the daemon says" look
+  grep -q '^alarm BL4002 ' status.now || return 0
   locked=$((locked + 1))
   "$build/bin/bendloop" acknowledge --config cell.toml >/dev/null || fail "it cannot be acknowledged"
 }
 
+now_step="the first part; state: $kind"
 machines_on
 disk_on
 start
@@ -52,7 +54,7 @@ was=$sequence
 begun=$(now_ms)
 bend_and_scan
 is_sent() { ask && [ "$sequence" != "$was" ]; }
-await 60 "the first correction" is_sent
+await 120 "the first correction" is_sent
 whole_ms=$(($(now_ms) - begun))
 finish "$seed"
 judge_session state/sessions
@@ -63,12 +65,14 @@ locked=0
 i=0
 while [ "$i" -lt "$ends" ]; do
   i=$((i + 1))
+  now_step="end $i of $ends; state: $kind"
+  await 120 "a bender that has done all that was sent to it" has_done_all
   ask
   began="$sequence $accepted"
   start
   ask
   judge_start
-  ! status | grep -q '^alarm BL5009' || resettled=$((resettled + 1))
+  ! grep -q '^alarm BL5009' status.now || resettled=$((resettled + 1))
   if [ "$kind" = lying ]; then
     look_at_lock
     # What the ledger lost of the tubes before makes the next one uncertain: it is held (BL3007).
@@ -82,27 +86,23 @@ while [ "$i" -lt "$ends" ]; do
   sleep "$delay"
   cut=
   finish "$seed$i"
-  sleep 0.2
+  await 120 "a bender that has done all that was sent to it" has_done_all
   ask
   judge_program
   judge_session state/sessions
   echo "end $i, $delay s after the first profile: sequence $was -> $sequence, $lost_ms ms of its session lost${cut:+; $cut}"
 done
 
+now_step="a whole part after the last end; state: $kind"
 start
 if [ "$kind" = lying ]; then
   look_at_lock
   whole_part
 fi
-ask
-was=$accepted
-whole_part
-ask
-[ "$accepted" -gt "$was" ] || fail "the last part was not corrected"
-kill "$daemon"
-wait "$daemon" || fail "it did not stop well"
-daemon=
+corrected_part
+stop
 
+now_step="what is left, looked through; state: $kind"
 judge_state state
 [ "$locked" = 0 ] || echo "$locked times corrections were locked, and somebody had to look"
 echo "$ends ends, $kind: $((ends + 1)) starts, each ready by itself, $resettled settled a commit that was on its way;" \

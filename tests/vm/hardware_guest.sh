@@ -37,9 +37,10 @@ CELL
 }
 plug_seen() { [ -e /dev/bendloop/scanner-CELL3 ]; }
 scan() { # $1: as the gadget calls it, of a tube that the bender has just bent
-  before=$(results)
+  await_seen 1
+  note_told
   echo "scan $1" >&4
-  await_result "$before"
+  await_told
 }
 
 step "A scanner on USB, a bender on CANopen"
@@ -61,7 +62,6 @@ object_dictionary = "object-dictionaries/default.eds"
 register_map = "register-maps/canopen.toml"'
 echo bend >&3
 await 60 "a bent part" test -e tray/part-0001.json
-sleep 1
 scan part-0001.session
 newest_is_committed
 echo "measured from USB, corrected over CANopen"
@@ -82,7 +82,6 @@ cell 'link = "modbus-rtu"
 device = "/dev/ttyS1"
 register_map = "register-maps/default.toml"'
 echo "host: bend"
-sleep 3
 scan part-0001.session
 newest_is_committed
 echo "measured from USB, corrected over a serial line"

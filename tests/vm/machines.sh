@@ -3,6 +3,7 @@
 # bender and a scanner that go on, and the judging of what an end left. Sourced, with build, here, kind (killed, honest
 # or lying: daemon_cell.sh), rate (of the scanner, profiles per second) and log (what a failure shows, in work) set.
 # Exits with 77 where it cannot be had. Makes the folder work, which whoever sources it removes, and goes there.
+# Brings telling.sh along.
 PATH=$PATH:/usr/sbin:/sbin
 skip() {
   echo "############ NOT TRIED: $* ############" >&2
@@ -15,20 +16,21 @@ need() { # need TOOL...
 }
 need python3 sqlite3
 work=$(mktemp -d)
-bender_program='' scanner_program=''
-fail() {
-  echo "$(basename "$0"): $*"
-  tail -n 60 "$work/$log" 2>/dev/null || true
-  exit 1
-}
-await() { # await SECONDS WHAT COMMAND...: until it succeeds
-  end=$(($(date +%s) + $1))
-  what=$2
-  shift 2
-  until "$@"; do
-    [ "$(date +%s)" -lt "$end" ] || fail "$what: not seen"
+bender_program='' scanner_program='' bender_port=''
+# shellcheck source=tests/vm/telling.sh
+. "$here/telling.sh"
+# await SECONDS WHAT COMMAND...: until it succeeds. The command may await something in its turn, so that what is
+# remembered here lies in arguments.
+await() {
+  set -- $(($(date +%s) + $1)) "$@"
+  until await_once "$@"; do
+    [ "$(date +%s)" -lt "$1" ] || fail "awaited for $2 s, and not seen: $3"
     sleep 0.05
   done
+}
+await_once() { # await_once END SECONDS WHAT COMMAND...
+  shift 3
+  "$@"
 }
 said() { grep -q "$1" "$2"; } # said WORDS FILE
 now_ms() { date +%s%3N; }
@@ -46,7 +48,16 @@ bender_on() {
     --elongation 1.5 --scatter-angle 0.3 <bender.in >>bender.out 2>&1 &
   bender_program=$!
   exec 3>bender.in
-  await 60 "bender" said listening bender.out
+  await 120 "a bender that listens" said listening bender.out
+  bender_port=$(port_of bender)
+}
+# has_done_all: whoever talked with the bender has gone, and it has read, and done, all that they had sent. What was on its
+# way when the other end was killed is done when the bender comes to it, however long this machine keeps it waiting.
+has_done_all() {
+  awk -v port=":$(printf %04X "$bender_port")\$" '
+    BEGIN { listens = "0A"; was_closed = "06" }
+    $2 ~ port && $4 != listens && $4 != was_closed { is_open = 1 }
+    END { exit is_open }' /proc/net/tcp
 }
 scanner_on() { # scanner_on PORT (0: any)
   rm -f scanner.in
@@ -56,7 +67,7 @@ scanner_on() { # scanner_on PORT (0: any)
     >>scanner.out 2>&1 &
   scanner_program=$!
   exec 4>scanner.in
-  await 60 "scanner" said listening scanner.out
+  await 120 "a scanner that listens" said listening scanner.out
 }
 machines_off() { # for whoever cleans up
   for child in $bender_program $scanner_program; do kill -9 "$child" 2>/dev/null || true; done
@@ -65,7 +76,7 @@ machines_off() { # for whoever cleans up
 ask() {
   : >bender.out
   echo status >&3
-  await 60 "the bender's answer" said 'accepted [0-9]' bender.out
+  await 120 "the bender's answer" said 'accepted [0-9]' bender.out
   sequence=$(sed -n 's/.*sequence \([0-9]*\).*/\1/p' bender.out | head -n 1)
   rows=$(sed -n 's/.*rows \([0-9]*\).*/\1/p' bender.out | head -n 1)
   accepted=$(sed -n 's/.*accepted \([0-9]*\).*/\1/p' bender.out | head -n 1)
@@ -75,15 +86,24 @@ bend() {
   part=$((part + 1))
   tube=tray/part-$(printf %04d "$part").json
   echo bend >&3
-  await 60 "part $part on the tray" test -e "$tube"
+  await 120 "part $part on the tray" test -e "$tube"
 }
 scan() { # returns when the first profiles are on their way
   : >scanner.out
   echo "scan $tube" >&4
-  await 60 "scan of part $part" said scanning scanner.out
+  await 120 "scan of part $part" said scanning scanner.out
   scan_began_ms=$(now_ms)
   profiles=$(sed -n 's/^scanning .* \([0-9]*\) profiles$/\1/p' scanner.out)
 }
+
+# In the middle of a scan for as long as it takes: the scanner stands still there. Who does something to a scan that runs
+# comes too late where this machine keeps him waiting for a second.
+held_profiles=200
+scan_held() {
+  echo "misbehave stall 3600000 after $held_profiles" >&4
+  scan
+}
+go_on() { echo "go on" >&4; }
 
 # judge_start: what `ask` tells is as it was before the start, sequence and commits in `began`. A commit that was on its
 # way when the end came is settled, not sent again.

@@ -19,16 +19,15 @@ if bendloop status | grep -q '^alarm BL4002 '; then
   bendloop acknowledge --config /etc/bendloop/cell.toml >/dev/null || fail "it cannot be acknowledged"
   echo "guest: acknowledged"
 fi
-before=$(results)
-echo "guest: ready with $before results"
+note_told
+echo "guest: ready with $(results) results"
 [ -e last ] || exec sleep 3600
 
 parts=$(cat last)
 while [ "$parts" -gt 0 ]; do
   parts=$((parts - 1))
-  await_result "$before"
-  before=$(results)
-  await_ready
+  await_told
+  note_told
   echo "guest: $parts parts to come"
 done
 newest_is_committed

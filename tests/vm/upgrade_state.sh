@@ -17,16 +17,12 @@ for database in journal history; do sqlite3 "state/$database.db" <"$old/$databas
 cp "$old/lot.json" state
 cp "$old/part-0001.json" state/results
 was="$(version journal.db) $(version history.db)"
+now_step="today's daemon on it"
 start
-! status | grep -E '^alarm BL(501[01]|4002)' || fail "the old state was taken for damaged"
-ask
-taken=$accepted
-whole_part
-ask
-[ "$accepted" = $((taken + 1)) ] || fail "the part was not corrected"
-kill "$daemon"
-wait "$daemon" || fail "it did not stop well"
-daemon=
+! grep -E '^alarm BL(501[01]|4002)' status.now || fail "the old state was taken for damaged"
+corrected_part
+stop
+now_step="what it made of it"
 [ -s state/results/part-0002.json ] || fail "names do not count on: $(ls state/results)"
 journal() { sqlite3 state/journal.db "$1"; }
 [ "$(journal "SELECT count(*) FROM attempt WHERE session IN ('part-0001', 'part-0002')")" = 2 ] ||

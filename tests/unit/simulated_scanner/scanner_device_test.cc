@@ -60,5 +60,19 @@ TEST_F(ScannerDeviceTest, TimesThatGoBackAreDueAtOnce) {
   EXPECT_EQ(device_.scans_waiting(), 0u);
 }
 
+TEST_F(ScannerDeviceTest, WhatStallsOrIsMuteInTheMiddleOfAScanStandsStillUntilItIsToldToGoOn) {
+  for (const auto kind : {ScannerFault::Kind::kStall, ScannerFault::Kind::kMute}) {
+    constexpr std::uint32_t kHourMs = 3'600'000;
+    device_.Misbehave({kind, kHourMs, 2});
+    Play({0, 0, 0, 0});
+    EXPECT_EQ(device_.scans_waiting(), 1u);
+    EXPECT_GT(device_.UntilDue(), std::chrono::minutes(59));
+    device_.GoOn();
+    EXPECT_EQ(device_.UntilDue(), nanoseconds(0));
+    device_.Work();
+    EXPECT_EQ(device_.scans_waiting(), 0u);
+  }
+}
+
 }  // namespace
 }  // namespace bendloop::drivers
