@@ -90,7 +90,7 @@ TEST(Seam, LeavesRowsAsCertainAsTheyAreWithoutIt) {
   const Measurement plain = measure(0), seamed = measure(0.05);
   EXPECT_FALSE(plain.seam);
   ASSERT_TRUE(seamed.seam);
-  EXPECT_LT(seamed.pipe_radius_sigma_mm, 2 * plain.pipe_radius_sigma_mm);
+  EXPECT_LT(seamed.pipe_radius_sigma_mm, 0.003);
   EXPECT_NEAR(seamed.tube.pipe_radius_mm, 5, 4 * seamed.pipe_radius_sigma_mm);
   ASSERT_EQ(seamed.tube.program.bend_count(), 3U);
   for (std::size_t i = 0; i < 3; ++i) {
