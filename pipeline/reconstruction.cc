@@ -130,6 +130,12 @@ SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
   return beside_bows;
 }
 
+// The plane of what sits on an end is not the tube's.
+void DropPlanesOfFittings(Measurement& measurement) {
+  if (measurement.first_end.length_mm > 0) measurement.features.first_end.reset();
+  if (measurement.last_end.length_mm > 0) measurement.features.last_end.reset();
+}
+
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& drift,
                       std::optional<std::size_t> nominal_bends, Workers* workers) {
   const SurfaceFit& structure = tube.structure;
@@ -247,9 +253,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
                                        tube->blocks, std::move(cells))};
-  // The plane of what sits on an end is not the tube's.
-  if (measurement.first_end.length_mm > 0) measurement.features.first_end.reset();
-  if (measurement.last_end.length_mm > 0) measurement.features.last_end.reset();
+  DropPlanesOfFittings(measurement);
   AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
   measurement.noise_mm = final.noise_mm;
