@@ -227,11 +227,11 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");
   if (const auto shown = CheckShowsTube(fit); !shown) return hal::Fail(shown.error());
-  ReportQuality(tube->structure, fit, CompareHalves(fit, final.Fitted(tube->blocks), final.options),
-                NominalBends(), measurement);
+  const std::span<const PointBlock> fitted = final.Fitted(tube->blocks);
+  ReportQuality(tube->structure, fit, CompareHalves(fit, fitted, final.options), NominalBends(),
+                measurement);
   measurement.seam = final.seam;
   timer.Done("self_check");
-  const std::span<const PointBlock> fitted = final.Fitted(tube->blocks);
   TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, fitted, workers, &final.bowed);
   const EndCuts cuts = FindEndCuts(final.noise_mm, tube->blocks, ends);
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,

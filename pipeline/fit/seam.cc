@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <numeric>
 #include <vector>
 
 #include "hal/angles.h"
@@ -19,7 +18,8 @@ namespace bendloop::pipeline {
 namespace {
 
 constexpr double kWholeTurn = 2.0 * std::numbers::pi;
-constexpr int kBins = 144, kParts = 8;  // of the turn, and of the spine's length
+constexpr double kFullWidth = 2.3548200450309493;  // [sigma] where a Gaussian is half as high
+constexpr int kBins = 144, kParts = 8;             // of the turn, and of the spine's length
 
 // By trial where nothing else is said.
 struct SeamSettings {
@@ -42,6 +42,8 @@ struct SeamSettings {
   int least_parts = 4;
   double agree = 0.75, about = 0.35, noise_sigmas = 3.0;
   int steps = 6;  // of the fit of its place and width
+  // [of r_P] From the spine: what is further away is in no fit.
+  double reach = 1.5;
   // [of the noise] So high the ridge may still be where points begin to count.
   double rim = 0.15;
 };
@@ -140,7 +142,8 @@ struct FittedRidge {
   double around_sigma_rad = 0;
 };
 FittedRidge Refined(const Turn& turn, const Ridge& start, double noise_mm) {
-  FittedRidge fitted{start, start.width_rad / start.Sigmas()};
+  const FittedRidge as_it_was{start, start.width_rad / start.Sigmas()};
+  FittedRidge fitted = as_it_was;
   for (int i = 0; i < kSeam.steps; ++i) {
     Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
     Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
@@ -170,7 +173,7 @@ FittedRidge Refined(const Turn& turn, const Ridge& start, double noise_mm) {
     const bool is_near = step.allFinite() && next.height_mm > 0.5 * start.height_mm &&
                          next.width_rad > 0.5 * kSeam.widths.front() &&
                          next.width_rad < 1.5 * kSeam.widths.back();
-    if (!is_near) return {start, start.width_rad / start.Sigmas()};
+    if (!is_near) return as_it_was;
     fitted = {next, noise_mm * std::sqrt(inverse(4, 4))};
   }
   return fitted;
@@ -223,7 +226,7 @@ std::optional<SeamFound> FindSeam(const SurfaceFit& fit, std::span<const PointBl
   seam.around_sigma_deg = around_sigma_rad / hal::kRadiansPerDegree;
   seam.height_mm = fitted.height_mm;
   seam.sigma_mm = fitted.sigma_mm;
-  seam.width_mm = 2.0 * std::sqrt(2.0 * std::log(2.0)) * fitted.width_rad * fit.tube.pipe_radius_mm;
+  seam.width_mm = kFullWidth * fitted.width_rad * fit.tube.pipe_radius_mm;
   return seam;
 }
 
@@ -234,13 +237,15 @@ OwnedBlocks WithoutSeam(const SurfaceFit& fit, const SeamFound& seam,
   const auto frames = SegmentFrames(segments, kBeyond * r_mm, fit.flattening);
   const Untwisted untwisted(segments);
   const double middle_rad = seam.around_deg * hal::kRadiansPerDegree;
-  const double sigma_rad = seam.width_mm / (2.0 * std::sqrt(2.0 * std::log(2.0)) * r_mm);
+  const double sigma_rad = seam.width_mm / (kFullWidth * r_mm);
   const double rim = std::max(4.0, seam.height_mm / (kSeam.rim * fit.sigma_mm));
   const double half_rad = sigma_rad * std::sqrt(2.0 * std::log(rim));
-  std::vector<std::int32_t> all(segments.size());
-  std::iota(all.begin(), all.end(), 0);
-  const auto is_on_seam = [&](const Eigen::Vector3d& point) {
-    const SpineFoot foot = NearestFoot(point, segments, frames, all);
+  const PointBlock* of = nullptr;
+  std::vector<std::int32_t> near;
+  const auto is_on_seam = [&](const PointBlock& block, const Eigen::Vector3d& point) {
+    if (of != &block) CandidateSegments(block, frames, kSeam.reach * r_mm, near);
+    of = &block;
+    const SpineFoot foot = NearestFoot(point, segments, frames, near);
     if (foot.segment < 0) return false;
     const auto k = static_cast<std::size_t>(foot.segment);
     const hal::SpineSegment& segment = segments[k];
@@ -250,14 +255,7 @@ OwnedBlocks WithoutSeam(const SurfaceFit& fit, const SeamFound& seam,
     const double around_rad = untwisted.At(k, segment, from.x(), from.y(), from.z());
     return std::abs(std::remainder(around_rad - middle_rad, kWholeTurn)) < half_rad;
   };
-  OwnedBlocks left(CountPoints(blocks), AreWeighted(blocks));
-  for (const PointBlock& block : blocks) {
-    left.Begin(block.center_mm, block.half_diagonal_mm);
-    for (std::size_t i = 0; i < block.points.size(); ++i) {
-      if (!is_on_seam(block.points[i])) left.Add(block, i);
-    }
-  }
-  return left;
+  return PointsWithout(blocks, is_on_seam);
 }
 
 }  // namespace bendloop::pipeline

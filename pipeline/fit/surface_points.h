@@ -26,6 +26,7 @@ struct PointBlock {
   std::span<const float> certainties = {};
   std::span<const SensorDirection> to_sensor = {};  // one each, or none: not known
 };
+std::size_t CountPoints(std::span<const PointBlock> blocks);
 bool AreWeighted(std::span<const PointBlock> blocks);  // whether points have certainties
 
 // Blocks with their points.
@@ -57,6 +58,19 @@ class OwnedBlocks {
   std::vector<PointBlock> blocks_;
 };
 
+// The points that `leaves_out(block, point)` is false of.
+template <typename LeavesOut>
+OwnedBlocks PointsWithout(std::span<const PointBlock> blocks, const LeavesOut& leaves_out) {
+  OwnedBlocks left(CountPoints(blocks), AreWeighted(blocks));
+  for (const PointBlock& block : blocks) {
+    left.Begin(block.center_mm, block.half_diagonal_mm);
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
+      if (!leaves_out(block, block.points[i])) left.Add(block, i);
+    }
+  }
+  return left;
+}
+
 // Every so-manieth of `count` is to be taken for at most `enough`.
 inline std::size_t StrideTo(std::size_t count, std::size_t enough) {
   return count > enough ? (count - 1) / enough + 1 : 1;
@@ -69,7 +83,6 @@ OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride);
 // One of two halves of the points, drawn by lot (always the same), thinned to about `enough`.
 enum class Half { kFirst, kSecond };
 OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough);
-std::size_t CountPoints(std::span<const PointBlock> blocks);
 // Blocks [begin, end) of a list.
 struct BlockRange {
   std::size_t begin = 0, end = 0;

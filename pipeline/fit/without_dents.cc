@@ -103,7 +103,7 @@ std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double nois
   const std::size_t points = CountPoints(blocks), points_from = CountPoints(from);
   const std::vector<DentCircle> circles =
       CirclesOf(form.dents, spine, noise_mm, r_mm, points_from == points);
-  const auto is_dented = [&](const Eigen::Vector3d& point) {
+  const auto is_dented = [&](const PointBlock&, const Eigen::Vector3d& point) {
     std::optional<SurfacePlace> place;
     for (const DentCircle& circle : circles) {
       const double near_mm = circle.radius_mm + r_mm;
@@ -113,13 +113,7 @@ std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double nois
     }
     return false;
   };
-  OwnedBlocks left(points_from, AreWeighted(from));
-  for (const PointBlock& block : from) {
-    left.Begin(block.center_mm, block.half_diagonal_mm);
-    for (std::size_t i = 0; i < block.points.size(); ++i) {
-      if (!is_dented(block.points[i])) left.Add(block, i);
-    }
-  }
+  OwnedBlocks left = PointsWithout(from, is_dented);
   const auto out = static_cast<double>(points - left.point_count());
   if (out > kDents.most_points * static_cast<double>(points)) return std::nullopt;
   return left;
