@@ -40,7 +40,7 @@ struct EndCutSettings {
   double first_step = 0.1;
   // Samples of an end: so many tell where about the plane is, and then all that lie beside it are
   // asked (end_border.h); laser lines should have theirs whole.
-  std::size_t enough_samples = 12'000, enough_of_lines = 40'000;
+  std::size_t enough_samples = 9'000, enough_of_lines = 40'000;
   // [of the mean gap] Lines are blurred by so much, one after the other, before they are taken as
   // they are: what they leave free may be a needle, which a walk finds only by and by.
   std::array<double, 4> blurs = {0.3, 0.1, 0.03, 0.01};
@@ -61,7 +61,8 @@ constexpr EndCutSettings kCut;
 class PlaneLikelihood {
  public:
   // `blur_mm`: laser lines are as uncertain as this, at least.
-  PlaneLikelihood(const EndEvidence& evidence, double blur_mm) : evidence_(evidence) {
+  PlaneLikelihood(const EndEvidence& evidence, double blur_mm)
+      : evidence_(evidence), sides_(evidence.sides.size()), stops_(evidence.columns.size()) {
     for (const EndSide& side : evidence.sides) {
       AddSide(side, std::max(side.sigma_mm, blur_mm), sides_);
     }
@@ -184,11 +185,19 @@ bool Agrees(const EndPlane& plane, const EndEvidence& evidence, const Eigen::Vec
          kCut.most_wrong * static_cast<double>(evidence.sides.size() + evidence.columns.size());
 }
 
+// How far along the tube samples reach.
+double DepthMm(std::span<const EndSample> samples) {
+  if (samples.empty()) return 0.0;
+  const auto [low, high] = std::minmax_element(
+      samples.begin(), samples.end(),
+      [](const EndSample& a, const EndSample& b) { return a.beyond_mm < b.beyond_mm; });
+  return high->beyond_mm - low->beyond_mm;
+}
+
 // What is asked of all samples about an end.
 struct AllSamples {
   std::size_t count = 0;
-  double depth_mm = 0;        // how far along the tube they reach
-  bool knows_passes = false;  // of the scan
+  bool knows_passes = false;                                        // of the scan
   std::function<std::vector<EndSample>(std::size_t stride)> every;  // so many of them
   EndBand band;
   // Where something hides that the wall goes on beyond a plane.
@@ -230,11 +239,12 @@ class EndFit {
   }
 
   std::size_t OfLinesStride() const { return StrideTo(all_.count, kCut.enough_of_lines); }
-  std::optional<EndEvidence> LookAtColumns(Eigen::Vector2d& slope_mm) const {
+  std::optional<EndEvidence> LookAtColumns(Eigen::Vector2d& slope_mm) {
     const std::size_t stride = OfLinesStride();
     const std::size_t left = (all_.count + stride - 1) / stride;
-    return LookAtEndColumns(all_.every(stride * StrideTo(left, kCut.enough_samples)), r_mm_,
-                            window_mm_, smear_mm_, slope_mm);
+    const auto samples = all_.every(stride * StrideTo(left, kCut.enough_samples));
+    depth_mm_ = DepthMm(samples);
+    return LookAtEndColumns(samples, r_mm_, window_mm_, smear_mm_, slope_mm);
   }
 
   std::optional<EndPlane> OfLines() {
@@ -252,7 +262,7 @@ class EndFit {
     if (columns.sides.size() > columns.columns.size()) {
       return PlaneAmong(columns, slope_mm, r_mm_, dice_);
     }
-    const double seen_mm2 = 2.0 * std::numbers::pi * r_mm_ * all_.depth_mm;
+    const double seen_mm2 = 2.0 * std::numbers::pi * r_mm_ * depth_mm_;
     RoughEnd rough;
     rough.pipe_radius_mm = r_mm_;
     rough.smear_mm = smear_mm_;
@@ -278,6 +288,7 @@ class EndFit {
 
   AllSamples all_;
   double r_mm_, window_mm_, sigma_mm_, smear_mm_;
+  double depth_mm_ = 0;  // along the tube, of the samples of columns
   WalkDice& dice_;
 };
 
@@ -318,9 +329,7 @@ class CutSearch {
 
  private:
   std::optional<EndPlane> PlaneOfWall(const SamplesNearEnd& near) {
-    AllSamples all{near.size(),
-                   near.DepthMm(),
-                   near.knows_passes(),
+    AllSamples all{near.size(), near.knows_passes(),
                    [&](std::size_t stride) { return near.Every(stride); },
                    [&](const Eigen::Vector3d& plane_mm, double below_mm, double above_mm) {
                      return near.Band(plane_mm, below_mm, above_mm);
@@ -356,12 +365,9 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
   };
   if (samples.empty()) return std::nullopt;
   const auto hidden = [](const Eigen::Vector3d&) { return EndSectors{}; };
-  const auto [low, high] = std::minmax_element(
-      samples.begin(), samples.end(),
-      [](const EndSample& a, const EndSample& b) { return a.beyond_mm < b.beyond_mm; });
   WalkDice dice(3);
-  return EndFit({samples.size(), high->beyond_mm - low->beyond_mm, true, every, band, hidden},
-                pipe_radius_mm, window_mm, sigma_mm, dice)
+  return EndFit({samples.size(), true, every, band, hidden}, pipe_radius_mm, window_mm, sigma_mm,
+                dice)
       .Fit();
 }
 

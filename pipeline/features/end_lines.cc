@@ -91,18 +91,16 @@ class Strips {
   static constexpr std::size_t kNarrowest = 192;
 
   explicit Strips(std::span<const EndSample> samples) {
-    std::vector<Eigen::Vector2d> directions;
-    directions.reserve(samples.size());
     Eigen::Vector2d view = Eigen::Vector2d::Zero();
     double narrowest = 1.0;
     for (const EndSample& sample : samples) {
-      view += directions.emplace_back(sample.Direction());
+      view += sample.Direction();
       narrowest = std::min(narrowest, sample.of_radius);
     }
     from_one_side_ = view.norm() > kLines.one_sided * static_cast<double>(samples.size());
     view.normalize();
-    if (narrowest < 1.0) LookAtTip(samples, view, directions, narrowest);
-    Part(samples, view, directions);
+    if (narrowest < 1.0) LookAtTip(samples, view, narrowest);
+    Part(samples, view);
   }
   // The samples of strip `k` of `count`, by place along the tube; until the next is asked for.
   std::span<const Placed> Of(std::size_t k, std::size_t count) {
@@ -130,12 +128,11 @@ class Strips {
  private:
   static bool IsBefore(const Placed& a, const Placed& b) { return a.at_mm < b.at_mm; }
   // The samples by strips, one behind the other.
-  void Part(std::span<const EndSample> samples, const Eigen::Vector2d& view,
-            std::span<const Eigen::Vector2d> directions) {
+  void Part(std::span<const EndSample> samples, const Eigen::Vector2d& view) {
     std::vector<std::uint8_t> strip_of(samples.size(), kNarrowest);
     std::array<std::uint32_t, kNarrowest + 1> count{};
     for (std::size_t i = 0; i < samples.size(); ++i) {
-      const double place = PlaceOf(samples[i], view, directions[i]);
+      const double place = PlaceOf(samples[i], view);
       if (place < 0) continue;
       const auto k = static_cast<std::size_t>(place * static_cast<double>(kNarrowest));
       strip_of[i] = static_cast<std::uint8_t>(std::min(k, kNarrowest - 1));
@@ -157,31 +154,30 @@ class Strips {
     is_sorted_[k] = true;
   }
   // [of r_P] Rays lie evenly across the view, also where the wall has come in.
-  static double Aside(const EndSample& sample, const Eigen::Vector2d& view,
-                      const Eigen::Vector2d& direction) {
+  static double Aside(const EndSample& sample, const Eigen::Vector2d& view) {
+    const Eigen::Vector2d direction = sample.Direction();
     return (view.x() * direction.y() - view.y() * direction.x()) * sample.of_radius;
   }
   // Where the wall has come in, lines end further inward than before: beside that no strip tells
   // where the last one is.
   void LookAtTip(std::span<const EndSample> samples, const Eigen::Vector2d& view,
-                 std::span<const Eigen::Vector2d> directions, double narrowest) {
+                 double narrowest) {
     const double tip = narrowest + kLines.tip * (1.0 - narrowest);
     double reach = 0;
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      if (samples[i].of_radius > tip) continue;
-      reach = std::max(reach, std::abs(Aside(samples[i], view, directions[i])));
+    for (const EndSample& sample : samples) {
+      if (sample.of_radius > tip) continue;
+      reach = std::max(reach, std::abs(Aside(sample, view)));
     }
     limb_ = std::min(limb_, kLines.limb * reach);
   }
   // [0, 1): rays lie evenly there. Less than 0: at the limb.
-  double PlaceOf(const EndSample& sample, const Eigen::Vector2d& view,
-                 const Eigen::Vector2d& direction) const {
+  double PlaceOf(const EndSample& sample, const Eigen::Vector2d& view) const {
     if (!from_one_side_) {
       const double turn = sample.around_rad * 0.5 / std::numbers::pi;
       return turn - std::floor(turn);
     }
-    const double aside = Aside(sample, view, direction) / limb_;
-    return view.dot(direction) > 0 && std::abs(aside) < 1 ? 0.5 + 0.5 * aside : -1.0;
+    const double aside = Aside(sample, view) / limb_;
+    return view.dot(sample.Direction()) > 0 && std::abs(aside) < 1 ? 0.5 + 0.5 * aside : -1.0;
   }
 
   bool from_one_side_ = true;
@@ -192,11 +188,10 @@ class Strips {
   std::vector<Placed> merged_, other_;
 };
 
-// Lines of a strip, the last ones only. `strip`: by place along the tube.
-std::vector<LineCrossing> CrossingsOf(std::span<const Placed> strip) {
+// Lines of a strip, the last ones only. `strip`: by place along the tube; `crossings`: has room.
+void FindCrossings(std::span<const Placed> strip, std::vector<LineCrossing>& crossings) {
   const double one_line_mm = OneLineMm(strip);
-  std::vector<LineCrossing> crossings;
-  crossings.reserve(kLines.most_lines);
+  crossings.clear();
   for (std::size_t i = strip.size(); i > 0 && crossings.size() < kLines.most_lines;) {
     LineCrossing crossing;
     std::size_t k = i;
@@ -210,7 +205,12 @@ std::vector<LineCrossing> CrossingsOf(std::span<const Placed> strip) {
     i = k;
   }
   std::reverse(crossings.begin(), crossings.end());
-  return crossings;
+}
+
+// As the remainder has it, which costs more than all the rest.
+double LessThanHalfATurn(double off_rad) {
+  return std::abs(off_rad) <= std::numbers::pi ? off_rad
+                                               : std::remainder(off_rad, 2.0 * std::numbers::pi);
 }
 
 // Around: the mean of its samples, from the last of them, so that no turn ends within.
@@ -220,11 +220,7 @@ double AroundRad(const LineCrossing& crossing, std::span<const Placed> strip,
   const double zero_rad = samples[strip[end - 1].index].around_rad;
   double sum = 0;
   for (std::size_t k = end; k > crossing.first; --k) {
-    const double around_rad = samples[strip[k - 1].index].around_rad;
-    const double off_rad = around_rad - zero_rad;
-    // As the remainder has it, which costs as much as all the rest.
-    sum += std::abs(off_rad) <= std::numbers::pi ? off_rad
-                                                 : std::remainder(off_rad, 2.0 * std::numbers::pi);
+    sum += LessThanHalfATurn(samples[strip[k - 1].index].around_rad - zero_rad);
   }
   return zero_rad + sum / static_cast<double>(crossing.samples);
 }
@@ -237,6 +233,7 @@ struct Sweep {
 std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings) {
   if (crossings.size() < kLines.least_lines) return std::nullopt;
   std::vector<double> gaps_mm;
+  gaps_mm.reserve(crossings.size() - 1);
   for (std::size_t i = 1; i < crossings.size(); ++i) {
     gaps_mm.push_back(crossings[i].at_mm - crossings[i - 1].at_mm);
   }
@@ -255,8 +252,9 @@ std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings) {
 }
 
 std::optional<LineBracket> BracketOf(std::span<const Placed> strip,
-                                     std::span<const EndSample> samples, double smear_mm) {
-  const std::vector<LineCrossing> crossings = CrossingsOf(strip);
+                                     std::span<const EndSample> samples, double smear_mm,
+                                     std::vector<LineCrossing>& crossings) {
+  FindCrossings(strip, crossings);
   const auto sweep = SweepOf(crossings);
   if (!sweep) return std::nullopt;
   const LineCrossing& last = crossings.back();
@@ -268,8 +266,7 @@ std::optional<LineBracket> BracketOf(std::span<const Placed> strip,
                                    sweep->scatter_mm / std::numbers::sqrt2);
   double around = 0;
   for (const LineCrossing& crossing : crossings) {
-    around += std::remainder(AroundRad(crossing, strip, samples) - bracket.last_rad,
-                             2.0 * std::numbers::pi);
+    around += LessThanHalfATurn(AroundRad(crossing, strip, samples) - bracket.last_rad);
   }
   bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());
   bracket.next_mm = last.at_mm + sweep->gap_mm;
@@ -313,6 +310,7 @@ std::optional<LinePattern> FindLinePattern(std::span<const double> at) {
 std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, double window_mm,
                                           double smear_mm) {
   Strips strips(samples);
+  std::vector<LineCrossing> crossings;  // of a strip, for its room
   for (const std::size_t count : kLines.strips) {
     std::vector<LineBracket> brackets;
     std::size_t with_samples = 0;
@@ -323,13 +321,13 @@ std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, do
       const std::span<const Placed> strip = strips.Of(k, count);
       if (strip.empty()) continue;
       const double from_mm = strip.back().at_mm - window_mm;
-      const auto first = std::find_if(strip.begin(), strip.end(), [&](const Placed& sample) {
-        return sample.at_mm >= from_mm;
-      });
+      const auto first = std::partition_point(
+          strip.begin(), strip.end(), [&](const Placed& sample) { return sample.at_mm < from_mm; });
       const std::span<const Placed> own(first, strip.end());
       if (own.size() < kLines.least_lines) continue;
       ++with_samples;
-      if (const auto bracket = BracketOf(own, samples, smear_mm)) brackets.push_back(*bracket);
+      if (const auto bracket = BracketOf(own, samples, smear_mm, crossings))
+        brackets.push_back(*bracket);
     }
     if (static_cast<double>(brackets.size()) >=
         kLines.least_even * static_cast<double>(with_samples)) {

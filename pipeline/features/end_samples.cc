@@ -119,15 +119,6 @@ SamplesNearEnd::SamplesNearEnd(const hal::Tube& tube, bool at_start, const EndAx
   }
 }
 
-double SamplesNearEnd::DepthMm() const {
-  double low_mm = 1e300, high_mm = -1e300;
-  for (const NearEnd& near : wall_) {
-    low_mm = std::min(low_mm, near.at_mm);
-    high_mm = std::max(high_mm, near.at_mm);
-  }
-  return wall_.empty() ? 0.0 : high_mm - low_mm;
-}
-
 std::vector<EndSample> SamplesNearEnd::Every(std::size_t stride) const {
   std::vector<double> x, y;
   x.reserve(wall_.size() / stride + 1), y.reserve(x.capacity());

@@ -45,8 +45,6 @@ class SamplesNearEnd {
 
   std::size_t size() const { return wall_.size(); }
   bool knows_passes() const { return knows_passes_; }  // any of them
-  // How far along the tube they reach.
-  double DepthMm() const;
   // Every so many of those on the wall.
   std::vector<EndSample> Every(std::size_t stride) const;
   // Those on the wall, from `below_mm` before a plane to `above_mm` beyond it.

@@ -8,6 +8,8 @@
 namespace bendloop::pipeline {
 namespace {
 
+constexpr std::size_t kLanes = 4;  // that are taken at once
+
 // Without a branch, so that several places are taken at once.
 BENDLOOP_LOOP double SumTableBody(const double* table, double last, double from, double per_step,
                                   std::size_t count, const double* places) {
@@ -58,6 +60,12 @@ BENDLOOP_MULTIVERSION(double, SumPlane,
 
 }  // namespace
 
+PlaneLanes::PlaneLanes(std::size_t room) {
+  room += kLanes;  // those that are none
+  for (std::vector<double>* numbers : {&cosine, &sine, &at, &scale}) numbers->reserve(room);
+  table.reserve(room);
+}
+
 void PlaneLanes::Add(double cosine_of, double sine_of, double at_mm, double by,
                      std::int32_t table_of) {
   cosine.push_back(cosine_of);
@@ -69,7 +77,7 @@ void PlaneLanes::Add(double cosine_of, double sine_of, double at_mm, double by,
 
 void PlaneLanes::Fill() {
   constexpr double kFarMm = 1e100;  // beyond any table
-  for (; at.size() % 4 != 0; ++filled) Add(0.0, 0.0, -kFarMm, 1.0, 0);
+  for (; at.size() % kLanes != 0; ++filled) Add(0.0, 0.0, -kFarMm, 1.0, 0);
 }
 
 double EvenTable::Sum(const PlaneLanes& lanes, const double* x, double more) const {

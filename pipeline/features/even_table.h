@@ -15,6 +15,8 @@ struct PlaneLanes {
   std::vector<std::int32_t> table;  // where it begins
   std::size_t filled = 0;           // how many of them are none
 
+  explicit PlaneLanes(std::size_t room = 0);
+
   bool empty() const { return at.empty(); }
   void Add(double cosine_of, double sine_of, double at_mm, double by, std::int32_t table_of);
   void Fill();  // with some that are none, to whole fours; then no more are added

@@ -21,27 +21,33 @@ constexpr double kKeptShape = 0.05;  // of the shape before, so that none degene
 // `N`: numbers, where they are known when this is compiled.
 template <int N>
 struct Sums {
-  explicit Sums(Eigen::Index n)
-      : first(Eigen::VectorXd::Zero(n)), second(Eigen::MatrixXd::Zero(n, n)) {}
-  // `off`: from where the sums count. Through pointers: a walk has few numbers and many steps.
-  void Add(const double* off) {
+  static constexpr int kNumbers = N > 0 ? N : Eigen::Dynamic;
+  using Vector = Eigen::Matrix<double, kNumbers, 1>;
+  using Matrix = Eigen::Matrix<double, kNumbers, kNumbers>;
+
+  explicit Sums(Eigen::Index n) : first(Vector::Zero(n)), second(Matrix::Zero(n, n)) {}
+  // `off`: from where the sums count; `log`: of the density there; `times`: steps that it was stayed
+  // at. Through pointers: a walk has few numbers and many steps.
+  void Add(const double* off, double log, double times) {
     const Eigen::Index n = N > 0 ? N : first.size();
     double* sum = first.data();
     double* square = second.data();
     for (Eigen::Index k = 0; k < n; ++k, square += n) {
-      sum[k] += off[k];
-      for (Eigen::Index i = k; i < n; ++i) square[i] += off[i] * off[k];
+      const double of_all = times * off[k];
+      sum[k] += of_all;
+      for (Eigen::Index i = k; i < n; ++i) square[i] += off[i] * of_all;
     }
-    count += 1;
+    log_density += times * log;
+    count += times;
   }
   Eigen::VectorXd Mean() const { return first / count; }
   Eigen::MatrixXd Covariance() const {
-    const Eigen::MatrixXd both = second.template selfadjointView<Eigen::Lower>();
+    const Matrix both = second.template selfadjointView<Eigen::Lower>();
     return both / count - Mean() * Mean().transpose();
   }
 
-  Eigen::VectorXd first;
-  Eigen::MatrixXd second;
+  Vector first;
+  Matrix second;
   double count = 0;
   double log_density = 0;  // of all that were added
 };
@@ -52,14 +58,16 @@ Posterior Walk(const Posterior& rough, int walk, WalkDice& dice,
   const Eigen::VectorXd& start = rough.mean;
   const Eigen::Index n = N > 0 ? N : start.size();
   std::size_t thrown = 0;
-  Eigen::VectorXd at = start, to = start, off = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd at = start, to = start;
+  typename Sums<N>::Vector off = Sums<N>::Vector::Zero(n);
   double here = log_density(at);
   Eigen::MatrixXd shape = rough.covariance;
   double length = kBestStep / std::sqrt(static_cast<double>(n));
   const auto round = [&](int steps) {
-    const Eigen::MatrixXd factor = length * DefiniteSolver(shape).Lower();
+    const typename Sums<N>::Matrix factor = length * DefiniteSolver(shape).Lower();
     Sums<N> sums(n);  // about the start, so that no digits are lost
     int taken = 0;
+    double stayed = 0;
     for (int taking = 0; taking < steps; ++taking) {
       const double* step = dice.Of(thrown++);
       const double* from = at.data();
@@ -71,14 +79,16 @@ Posterior Walk(const Posterior& rough, int walk, WalkDice& dice,
       }
       const double there = log_density(to);
       if (step[n] < there - here) {
+        if (stayed > 0) sums.Add(off.data(), here, stayed);
+        stayed = 0;
         at.swap(to);
         for (Eigen::Index k = 0; k < n; ++k) off.data()[k] = at.data()[k] - start.data()[k];
         here = there;
         ++taken;
       }
-      sums.Add(off.data());
-      sums.log_density += here;
+      stayed += 1;
     }
+    sums.Add(off.data(), here, stayed);
     // About a quarter of the steps should be taken.
     const double part = static_cast<double>(taken) / steps;
     length *= std::clamp(part / 0.25, 0.3, 2.0);

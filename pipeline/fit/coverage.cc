@@ -97,11 +97,9 @@ class Describer {
 
   // `index`: of the block's first point among all.
   void Add(const PointBlock& block, std::size_t index) {
-    constexpr double kReach = 1.5;  // [of r_P]
-    const bool are_all =
-        CandidateSegments(block, frames_, kReach * pipe_radius_mm_, candidates_,
-                          (WallCellCounter::kNearSegment - kReach) * pipe_radius_mm_);
-    const bool shares = cells_ && is_sharp_ && are_all && cells_->Shares(block, candidates_);
+    // As far as cells count, so that they find their points here, too.
+    CandidateSegments(block, frames_, WallCellCounter::kNearSegment * pipe_radius_mm_, candidates_);
+    const bool shares = cells_ && is_sharp_ && cells_->Shares(block, candidates_);
     if (cells_ && !shares) cells_->Add(block, index);
     if (candidates_.empty()) return;
     along_mm_.resize(std::max(along_mm_.size(), candidates_.size()));

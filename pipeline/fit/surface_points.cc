@@ -264,22 +264,15 @@ NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const Segment
   return best;
 }
 
-bool CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
-                       double reach_mm, std::vector<std::int32_t>& out, double more_mm) {
+void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
+                       double reach_mm, std::vector<std::int32_t>& out) {
   out.clear();
-  bool are_all = true;
   const double reach = reach_mm + block.half_diagonal_mm;
   for (std::size_t k = 0; k < frames.size(); ++k) {
-    const double most_mm = frames[k].around_mm + reach + more_mm;
+    const double most_mm = frames[k].around_mm + reach;
     if ((block.center_mm - frames[k].middle_mm).squaredNorm() > most_mm * most_mm) continue;
-    const double distance_mm = frames[k].Distance(block.center_mm);
-    if (distance_mm <= reach) {
-      out.push_back(static_cast<std::int32_t>(k));
-    } else if (distance_mm <= reach + more_mm) {
-      are_all = false;
-    }
+    if (frames[k].Distance(block.center_mm) <= reach) out.push_back(static_cast<std::int32_t>(k));
   }
-  return are_all;
 }
 
 SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,

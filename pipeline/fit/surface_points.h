@@ -141,9 +141,8 @@ std::vector<SegmentFrame> SegmentFrames(const EasedSpine& spine, double beyond_m
 NearSegment NearestSegment(const Eigen::Vector3d& point, std::span<const SegmentFrame> frames,
                            std::span<const std::int32_t> candidates);
 // Segments whose spine passes within `reach_mm` of the block's centre plus its half diagonal.
-// Returns whether none would be added by a reach of so much more.
-bool CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
-                       double reach_mm, std::vector<std::int32_t>& out, double more_mm = 0.0);
+void CandidateSegments(const PointBlock& block, std::span<const SegmentFrame> frames,
+                       double reach_mm, std::vector<std::int32_t>& out);
 
 // Nearest segment among `candidates` and where on it; `frames` belong to `segments`.
 SpineFoot NearestFoot(const Eigen::Vector3d& point, std::span<const hal::SpineSegment> segments,
