@@ -26,8 +26,8 @@ struct Sums {
   using Matrix = Eigen::Matrix<double, kNumbers, kNumbers>;
 
   explicit Sums(Eigen::Index n) : first(Vector::Zero(n)), second(Matrix::Zero(n, n)) {}
-  // `off`: from where the sums count; `log`: of the density there; `times`: steps that it was stayed
-  // at. Through pointers: a walk has few numbers and many steps.
+  // `off`: from where the sums count; `log`: of the density there; `times`: steps that it was
+  // stayed at. Through pointers: a walk has few numbers and many steps.
   void Add(const double* off, double log, double times) {
     const Eigen::Index n = N > 0 ? N : first.size();
     double* sum = first.data();
