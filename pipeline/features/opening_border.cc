@@ -34,10 +34,10 @@ struct BorderSettings {
   double lost = 0.12;
   // Of where a missed ray may be in its strip: lines are no surer than half of that of a border. By
   // trial: without it, single rays that are lost at one side pull it.
-  double of_strip = 0.5;
+  double of_strip = 0.3;
   // Of the smear: how much further noise displaces samples of laser lines round the tube, where
   // their rays come in at up to 70 degrees.
-  double sideways = 1.5;
+  double sideways = 0.5;
   double sure = 5.0;  // [sigma] From the border: certainly outside, or inside
   // [of its width] Samples further outside tell nothing.
   double near = 0.35;

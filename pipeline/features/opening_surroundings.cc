@@ -35,6 +35,8 @@ struct LookSettings {
   // of has them on two sides.
   double least_part = 0.4, least_sides = 0.75;
   int places = 9;  // of it that are asked for, each way
+  // Cosine of a ray to the wall's normal: of flatter ones nobody knows where they met it.
+  double flattest = 0.15;
 };
 constexpr LookSettings kLook;
 
@@ -115,6 +117,18 @@ class Shadows {
 
 }  // namespace
 
+Eigen::Vector3d LookedAtTube::OnItsRay(const Eigen::Vector3d& point, SensorDirection to_sensor,
+                                       std::int32_t segment) const {
+  const std::array<std::int32_t, 1> own = {segment};
+  const SpineFoot foot = NearestFoot(point, segments, frames, own);
+  const Eigen::Vector3d from =
+      point - segments[static_cast<std::size_t>(segment)].PointAt(foot.along_mm);
+  const Eigen::Vector3d way = TowardsSensor(to_sensor);
+  const double cosine = way.dot(from) / foot.distance_mm;
+  if (!(cosine > kLook.flattest)) return point;
+  return point - (foot.distance_mm - pipe_radius_mm) / cosine * way;
+}
+
 Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_mm,
                                   double wall_mm) const {
   const double r_mm = pipe_radius_mm;
@@ -138,10 +152,14 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
       if (off_mm < -kLook.inside * r_mm || off_mm > kLook.outside * r_mm) continue;
       around.present.push_back(place);
       if (std::abs(off_mm) >= wall_mm) continue;
-      around.wall.push_back(place);
-      if (i < block.to_sensor.size() && block.to_sensor[i].known()) {
-        around.seen.push_back({point, place, block.to_sensor[i], near.segment});
+      if (i >= block.to_sensor.size() || !block.to_sensor[i].known()) {
+        around.wall.push_back(place);
+        continue;
       }
+      const Eigen::Vector3d met = OnItsRay(point, block.to_sensor[i], near.segment);
+      const Eigen::Vector3d met_from = met - frame.spine_mm;
+      around.wall.emplace_back(met_from.dot(frame.tangent), met_from.dot(sideways));
+      around.seen.push_back({met, around.wall.back(), block.to_sensor[i], near.segment});
     }
   }
   return around;

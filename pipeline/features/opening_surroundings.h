@@ -55,6 +55,13 @@ struct LookedAtTube {
   // `about`: where the opening is about.
   PassSurroundings FindPasses(const hal::SurfaceFrame& frame, const Surroundings& around,
                               const OpeningBorder& about) const;
+
+ private:
+  // Where the ray of a sample met the wall: noise moves samples along their rays, and those that
+  // come in flat further along the wall than off it. A ray that is flatter than kLeastRayCosine
+  // tells nothing.
+  Eigen::Vector3d OnItsRay(const Eigen::Vector3d& point, SensorDirection to_sensor,
+                           std::int32_t segment) const;
 };
 
 }  // namespace bendloop::pipeline

@@ -10,6 +10,7 @@
 #include "hal/angles.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/opening_lines.h"
+#include "pipeline/features/opening_surroundings.h"
 #include "tests/support/cut_walls.h"
 
 namespace bendloop::pipeline {
@@ -215,6 +216,38 @@ TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
   EXPECT_LT(std::sqrt(place2), 0.03);
   EXPECT_LT(std::sqrt(place_sigmas), 1.5);
   EXPECT_LT(std::sqrt(size_sigmas), 1.5);
+}
+
+// Noise moves samples along their rays: each tells where its ray met the wall, however flat.
+TEST(OpeningSurroundings, SamplesLieWhereTheirRaysMetTheWall) {
+  constexpr double kOfPipeMm = 10, kOffMm = 0.15;
+  hal::BendProgram straight;
+  straight.rows.push_back({100, 0, 0, std::nullopt});
+  const auto segments = hal::SpineSegments(straight, hal::Pose{});
+  const auto frames = SegmentFrames(segments, kOfPipeMm);
+  const hal::SurfaceFrame frame = hal::FrameAt(segments, 50, 0);
+  std::vector<Eigen::Vector3d> points;
+  std::vector<SensorDirection> to_sensor;
+  std::vector<Eigen::Vector2d> met;
+  for (const double turn_deg : {-70.0, -40.0, 0.0, 25.0, 55.0, 75.0}) {
+    const double turn = turn_deg * hal::kRadiansPerDegree;
+    const Eigen::Vector3d wall = frame.spine_mm + kOfPipeMm * (std::cos(turn) * frame.outward +
+                                                               std::sin(turn) * frame.sideways());
+    const Eigen::Vector3d way = (frame.outward + 0.3 * frame.tangent).normalized();
+    met.emplace_back(0.0, kOfPipeMm * std::sin(turn));
+    points.push_back(wall + (turn_deg < 0 ? -kOffMm : kOffMm) * way);
+    to_sensor.push_back(WithPass(PackDirection(way), 0));
+  }
+  const PointBlock block{frame.spine_mm, 2 * kOfPipeMm, points, {}, to_sensor};
+  const LookedAtTube tube{kOfPipeMm, 0.05, segments, frames, std::span(&block, 1)};
+  const Surroundings around = tube.LookAt(frame, 20, 0.5);
+  ASSERT_EQ(around.seen.size(), met.size());
+  for (std::size_t i = 0; i < met.size(); ++i) {
+    SCOPED_TRACE(i);
+    // The second order of a step of so much across the curve.
+    EXPECT_LT((around.wall[i] - met[i]).norm(), 0.01);
+    EXPECT_LT((around.seen[i].place_mm - met[i]).norm(), 0.01);
+  }
 }
 
 TEST(OpeningLines, AGapBetweenPassesMissesNothing) {
