@@ -9,6 +9,7 @@
 #include "firmware-host/text/table.h"
 #include "hal/angles.h"
 #include "hal/spine.h"
+#include "hal/tube_features.h"
 
 namespace bendloop::host {
 namespace {
@@ -122,6 +123,24 @@ std::string DentLine(const Paper& paper, const pipeline::DentFound& dent) {
   return svg + "\"/>";
 }
 
+// A weld seam: straight all along, while the angles are counted anew from each bend's plane.
+std::string SeamLine(const Paper& paper, const std::optional<pipeline::SeamFound>& seam,
+                     const std::vector<hal::SpineSegment>& segments) {
+  if (!seam) return "";
+  std::string svg = "<path fill=\"none\" stroke=\"currentColor\" stroke-dasharray=\"9 3\" d=\"";
+  double around_deg = seam->around_deg;
+  for (std::size_t k = 0; k < segments.size(); ++k) {
+    const hal::SpineSegment& segment = segments[k];
+    if (k > 0) {
+      around_deg -= hal::AroundDeg(hal::AroundZero(segments, k - 1), segment.tangent,
+                                   hal::AroundZero(segments, k));
+    }
+    svg += "M" + paper.At(segment.from_start_mm, around_deg) + "L" +
+           paper.At(segment.from_start_mm + segment.length_mm, around_deg);
+  }
+  return svg + "\"/>";
+}
+
 bool HasEdge(const std::optional<pipeline::EndCutFound>& end) {
   return end && (end->bevel || end->burr || !end->border.empty());
 }
@@ -170,20 +189,21 @@ std::string EndProfileSvg(const pipeline::EndForm& end, double pipe_radius_mm) {
 
 std::string UnrolledSvg(const pipeline::Measurement& m) {
   const Paper paper{hal::SpineLength(m.tube.program), m.tube.pipe_radius_mm};
-  const bool has_any = !m.features.openings.empty() || !m.dents.empty() ||
+  const bool has_any = !m.features.openings.empty() || !m.dents.empty() || m.seam ||
                        IsOblique(m.features.first_end) || IsOblique(m.features.last_end) ||
                        HasEdge(m.features.first_end) || HasEdge(m.features.last_end);
   if (!has_any || !(paper.length_mm > 0) || !(paper.pipe_radius_mm > 0)) return "";
+  const auto segments = hal::SpineSegments(m.tube.program, m.tube.X_WT);
   std::string svg =
       "<svg role=\"img\" aria-label=\"the surface unrolled: length by angle\" viewBox=\"0 0 " +
-      Fixed(kPaperWidth, 0) + " " + Fixed(kPaperHeight, 0) + "\">" +
-      PaperAxes(paper, hal::SpineSegments(m.tube.program, m.tube.X_WT)) +
+      Fixed(kPaperWidth, 0) + " " + Fixed(kPaperHeight, 0) + "\">" + PaperAxes(paper, segments) +
       EndLine(paper, m.features.first_end, true) + EndLine(paper, m.features.last_end, false) +
       BevelLine(paper, m.features.first_end, true) + BevelLine(paper, m.features.last_end, false);
   for (const pipeline::OpeningFound& found : m.features.openings) {
     svg += OpeningLine(paper, found.opening);
   }
   for (const pipeline::DentFound& dent : m.dents) svg += DentLine(paper, dent);
+  svg += SeamLine(paper, m.seam, segments);
   return svg + "</svg>";
 }
 

@@ -8,7 +8,10 @@
 #include "firmware-host/report/html.h"
 #include "firmware-host/report/part_html.h"
 #include "firmware-host/report/scene.h"
+#include "firmware-host/report/unrolled_svg.h"
 #include "firmware-host/result/json.h"
+#include "hal/angles.h"
+#include "hal/tube_features.h"
 #include "tests/support/sample_run.h"
 
 namespace bendloop::host {
@@ -72,6 +75,35 @@ TEST(ReportHtml, TellsStraightnessEasingsDentsAndSeam) {
   EXPECT_EQ(Count(html, "<td class=\"n\">5.40</td>"), 1u);
   EXPECT_EQ(Count(html, "aria-label=\"radius by place\""), 1u);
   EXPECT_EQ(Count(CardsHtml(SampleRun()), "<h3>Form</h3>"), 0u);
+}
+
+// Where a ridge that no bend twists comes out of each bend, by angles that each bend counts anew.
+TEST(UnrolledSvg, DrawsASeamWhereItRunsOnEachSegment) {
+  pipeline::Measurement m = SampleRun().measurement;
+  const auto segments = hal::SpineSegments(m.tube.program, m.tube.X_WT);
+  constexpr double kAroundDeg = 72.5, kDrawnDeg = 0.3;
+  m.seam = {kAroundDeg, 0.2, 0.125, 0.004, 1.4};
+  const std::string svg = UnrolledSvg(m);
+  const std::regex line("M[0-9.]+,([0-9.]+) L[0-9.]+,([0-9.]+) ");
+  auto at = std::sregex_iterator(svg.begin(), svg.end(), line);
+  Eigen::Vector3d ridge = hal::FrameAt(segments, 0, kAroundDeg).outward;
+  for (std::size_t k = 0; k < segments.size(); ++k, ++at) {
+    SCOPED_TRACE(k);
+    ASSERT_NE(at, std::sregex_iterator());
+    const double expected_deg =
+        hal::AroundDeg(hal::AroundZero(segments, k), segments[k].tangent, ridge);
+    for (const int side : {1, 2}) {
+      // The height of the paper, 172 px, is a turn.
+      const double drawn_deg = (std::stod((*at)[side].str()) / 172.0 - 0.5) * 360.0;
+      EXPECT_LT(std::abs(std::remainder(drawn_deg - expected_deg, 360.0)), kDrawnDeg);
+    }
+    ridge = Eigen::Quaterniond::FromTwoVectors(segments[k].tangent,
+                                               segments[k].TangentAt(segments[k].length_mm)) *
+            ridge;
+  }
+  EXPECT_EQ(at, std::sregex_iterator());
+  m.seam.reset();
+  EXPECT_EQ(UnrolledSvg(m), "");
 }
 
 TEST(ReportHtml, TellsAndDrawsEdgesOfEnds) {
