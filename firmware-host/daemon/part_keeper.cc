@@ -130,7 +130,9 @@ std::optional<pipeline::LotState> PartKeeper::Lot(const PartPlan& part) {
   const auto lot = lots_.find(part.part_number);
   if (lot == lots_.end()) return std::nullopt;
   KeptLot& kept = lot->second;
-  if (kept.state && !store_.HasLot(kept.file)) {
+  // What the disk has never taken nobody has removed.
+  const bool is_owed = owed_lots_.count(part.part_number) > 0;
+  if (kept.state && !is_owed && !store_.HasLot(kept.file)) {
     alarms_.Begin(AlarmCode::kLotRemoved,
                   "of part " + std::to_string(part.part_number) + " nothing is known");
     kept.state.reset();
