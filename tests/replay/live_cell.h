@@ -273,6 +273,14 @@ class LiveCell {
       return status && status->contains(at) && status->at(at) == value;
     });
   }
+  // Until the status has at least so much there.
+  bool Reaches(const std::string& pointer, double least) {
+    return Until([&] {
+      const auto status = host::FetchStatus(scratch_ / "state/status.json");
+      const host::Json::json_pointer at(pointer);
+      return status && status->contains(at) && status->at(at).get<double>() >= least;
+    });
+  }
   // Until the status has this alarm among the "alarms" or the "alarms_ended".
   bool HasAlarm(const std::string& code, const char* where = "alarms") {
     return Until([&] { return Shows(code, where) == true; });
