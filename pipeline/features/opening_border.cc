@@ -32,11 +32,11 @@ struct BorderSettings {
   // Part of the rays that meet the wall and return nothing: beside a border a tenth does, whose
   // spot lies on both sides of it.
   double lost = 0.12;
-  // Of where a missed ray may be in its strip: lines are no surer than half of that of a border. By
-  // trial: without it, single rays that are lost at one side pull it.
+  // Of where a missed ray may be in its strip: lines are no surer than so much of that of a border.
+  // By trial: without it, single rays that are lost at one side pull it.
   double of_strip = 0.3;
-  // Of the smear: how much further noise displaces samples of laser lines round the tube, where
-  // their rays come in at up to 70 degrees.
+  // Of the smear: how much more samples of laser lines are displaced round the tube, though they
+  // lie where their rays met the wall (opening_surroundings.h). By trial.
   double sideways = 0.5;
   double sure = 5.0;  // [sigma] From the border: certainly outside, or inside
   // [of its width] Samples further outside tell nothing.

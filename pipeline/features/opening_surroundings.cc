@@ -115,6 +115,12 @@ class Shadows {
   std::vector<std::int32_t> all_;
 };
 
+// Of what lies about a place, in the plane across the outward direction there.
+Eigen::Vector2d InPlane(const Eigen::Vector3d& point, const hal::SurfaceFrame& frame) {
+  const Eigen::Vector3d from = point - frame.spine_mm;
+  return {from.dot(frame.tangent), from.dot(frame.sideways())};
+}
+
 }  // namespace
 
 Eigen::Vector3d LookedAtTube::OnItsRay(const Eigen::Vector3d& point, SensorDirection to_sensor,
@@ -134,7 +140,6 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
   const double r_mm = pipe_radius_mm;
   Surroundings around;
   const Eigen::Vector3d middle = frame.spine_mm + r_mm * frame.outward;
-  const Eigen::Vector3d sideways = frame.sideways();
   const double ball_mm = std::hypot(reach_mm, (1.0 + kLook.outside) * r_mm);
   std::vector<std::int32_t> candidates;
   for (const PointBlock& block : blocks) {
@@ -145,7 +150,7 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
     for (std::size_t i = 0; i < block.points.size(); ++i) {
       const Eigen::Vector3d& point = block.points[i];
       const Eigen::Vector3d from = point - frame.spine_mm;
-      const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(sideways));
+      const Eigen::Vector2d place = InPlane(point, frame);
       if (place.norm() > reach_mm || from.dot(frame.outward) < 0) continue;
       const NearSegment near = NearestSegment(point, frames, candidates);
       const double off_mm = near.distance_mm - r_mm;
@@ -157,8 +162,7 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
         continue;
       }
       const Eigen::Vector3d met = OnItsRay(point, block.to_sensor[i], near.segment);
-      const Eigen::Vector3d met_from = met - frame.spine_mm;
-      around.wall.emplace_back(met_from.dot(frame.tangent), met_from.dot(sideways));
+      around.wall.push_back(InPlane(met, frame));
       around.seen.push_back({met, around.wall.back(), block.to_sensor[i], near.segment});
     }
   }
@@ -179,11 +183,6 @@ class PassViews {
     for (const SeenWall& sample : seen) passes_[PassOf(sample.to_sensor)].push_back(&sample);
   }
 
-  // Where a place of the unrolled wall is in the plane.
-  Eigen::Vector2d InPlane(const Eigen::Vector3d& point) const {
-    const Eigen::Vector3d from = point - frame_.spine_mm;
-    return {from.dot(frame_.tangent), from.dot(frame_.sideways())};
-  }
   const UnrolledWall& unrolled() const { return unrolled_; }
 
   bool MayBeHidden(const Eigen::Vector3d& place, SensorDirection to_sensor) {
@@ -274,7 +273,7 @@ PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
   for (const MissedRay& ray : missed.rays) {
     const Eigen::Vector3d place = views.unrolled().PointAt(ray.place_mm);
     if (views.MayBeHidden(place, ray.to_sensor)) continue;
-    found.missed.push_back({views.InPlane(place), ray.sideways_sigma_mm});
+    found.missed.push_back({InPlane(place, frame), ray.sideways_sigma_mm});
     found.cell_mm2.push_back(ray.cell_mm2);
   }
   for (const unsigned pass : missed.scattered) views.AddScattered(pass, about, found);

@@ -265,21 +265,20 @@ class LiveCell {
     return Result(number, outcome);
   }
 
-  // Until the status says so at a JSON pointer.
-  bool Becomes(const std::string& pointer, const host::Json& value) {
+  // Until the status has what `is_so` accepts at a JSON pointer.
+  template <class IsSo>
+  bool BecomesSo(const std::string& pointer, IsSo is_so) {
     return Until([&] {
       const auto status = host::FetchStatus(scratch_ / "state/status.json");
       const host::Json::json_pointer at(pointer);
-      return status && status->contains(at) && status->at(at) == value;
+      return status && status->contains(at) && is_so(status->at(at));
     });
   }
-  // Until the status has at least so much there.
+  bool Becomes(const std::string& pointer, const host::Json& value) {
+    return BecomesSo(pointer, [&](const host::Json& is) { return is == value; });
+  }
   bool Reaches(const std::string& pointer, double least) {
-    return Until([&] {
-      const auto status = host::FetchStatus(scratch_ / "state/status.json");
-      const host::Json::json_pointer at(pointer);
-      return status && status->contains(at) && status->at(at).get<double>() >= least;
-    });
+    return BecomesSo(pointer, [&](const host::Json& is) { return is.get<double>() >= least; });
   }
   // Until the status has this alarm among the "alarms" or the "alarms_ended".
   bool HasAlarm(const std::string& code, const char* where = "alarms") {
