@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <random>
+#include <utility>
 #include <vector>
 
 #include "drivers/simulated_scanner/tube_surface.h"
@@ -11,6 +13,7 @@
 #include "hal/spine.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/posterior.h"
+#include "tests/support/cut_walls.h"
 
 namespace bendloop::bench {
 namespace {
@@ -18,9 +21,10 @@ namespace {
 using Eigen::Vector3d;
 
 // Where the rays of the scan meet the round tube first, whose ends go on by `longer_mm`; `take`
-// gets each such point that the scanner could see.
+// gets each such point that the scanner could see, line by line, and whether the ray beside it came
+// just before.
 void ForEachRay(const CutScan& scanned, const Vector3d& about_mm, double reach_mm, double longer_mm,
-                const std::function<void(const Vector3d&)>& take) {
+                const std::function<void(const Vector3d&, bool)>& take) {
   const drivers::VirtualScanOptions& options = scanned.options;
   const drivers::VirtualScan scan(scanned.tube, options);
   hal::Tube round = scanned.tube;
@@ -35,6 +39,7 @@ void ForEachRay(const CutScan& scanned, const Vector3d& about_mm, double reach_m
     const Eigen::Matrix3d axes = profile.X_WS.orientation.toRotationMatrix();
     const Vector3d& from = profile.X_WS.position_mm;
     if (std::abs((about_mm - from).dot(axes.col(1))) > reach_mm) continue;
+    int before = -2;
     for (int i = 0; i < options.rays; ++i) {
       const double angle =
           (2.0 * i / (options.rays - 1) - 1) * options.fan_half_angle_deg * hal::kRadiansPerDegree;
@@ -46,35 +51,59 @@ void ForEachRay(const CutScan& scanned, const Vector3d& about_mm, double reach_m
       }
       if (!first || -ray.direction.dot(first->normal) < least_cosine) continue;
       const Vector3d point = ray.At(first->along_mm);
-      if ((point - about_mm).norm() < reach_mm) take(point);
+      if ((point - about_mm).norm() >= reach_mm) continue;
+      take(point, std::exchange(before, i) == i - 1);
     }
   }
 }
 
-// The spread of all numbers that leave each place on its side; `off_mm`: of a place from the
-// border, by the numbers. The truth is `start`, `scale` about how far it may be left.
-struct SidedPlace {
+// Where a ray meets the round tube, and whether the wall is seen there.
+struct RayPlace {
   Eigen::Vector2d place;
-  bool is_beyond;
+  bool follows = false;  // on the place before it, in its line
+  bool is_seen = false;
 };
-Eigen::VectorXd Spread(
-    std::vector<SidedPlace> places, const Eigen::VectorXd& start, const Eigen::VectorXd& scale,
-    const std::function<double(const Eigen::VectorXd&, const Eigen::Vector2d&)>& off_mm) {
-  // Those far from the border say nothing of it.
-  constexpr double kNearMm = 1.5;
-  std::erase_if(places,
-                [&](const SidedPlace& of) { return std::abs(off_mm(start, of.place)) > kNearMm; });
-  if (places.empty()) return {};
-  const auto inside = [&](const Eigen::VectorXd& x) {
-    return std::all_of(
-               places.begin(), places.end(),
-               [&](const SidedPlace& of) { return (off_mm(x, of.place) > 0) == of.is_beyond; })
-               ? 0.0
-               : -1e300;
+using OffMm = std::function<double(const Eigen::VectorXd&, const Eigen::Vector2d&)>;
+
+// Sees, with the border at `truth`, what a scan would that loses a `lost` part of the spots that
+// lie on the wall and beside it.
+void See(const OffMm& off_mm, const Eigen::VectorXd& truth, double lost, std::uint64_t seed,
+         std::vector<RayPlace>& places) {
+  std::mt19937_64 random(seed);
+  bool was_wall = true;
+  for (RayPlace& of : places) {
+    const bool is_wall = off_mm(truth, of.place) > 0;
+    const bool is_edge = of.follows && is_wall && !was_wall;
+    of.is_seen = is_wall && !(is_edge && tests::Uniform(random, 0, 1) < lost);
+    was_wall = is_wall;
+  }
+}
+
+// The spread of all numbers by which the wall is seen where it is; `off_mm`: of a place from the
+// border, by the numbers. The truth is `start`, `scale` about how far it may be left.
+Eigen::VectorXd Spread(const std::vector<RayPlace>& places, const Eigen::VectorXd& start,
+                       const Eigen::VectorXd& scale, double lost, const OffMm& off_mm) {
+  constexpr double kNever = -1e300;
+  const auto log_likelihood = [&](const Eigen::VectorXd& x) {
+    double log = 0;
+    bool was_wall = true;
+    for (const RayPlace& of : places) {
+      const bool is_wall = off_mm(x, of.place) > 0;
+      const bool is_edge = of.follows && is_wall && !was_wall;
+      was_wall = is_wall;
+      if (of.is_seen && !is_wall) return kNever;
+      if (!is_edge && is_wall && !of.is_seen) return kNever;
+      if (is_edge) log += std::log(of.is_seen ? 1.0 - lost : lost);
+    }
+    return log;
   };
-  const auto posterior = pipeline::SamplePosterior(start, scale, 6000, inside);
+  if (places.empty()) return {};
+  const auto posterior = pipeline::SamplePosterior(start, scale, 6000, log_likelihood);
   return posterior.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
 }
+
+// Those far from the border say nothing of it.
+bool IsNear(double off_mm) { return std::abs(off_mm) < 1.5; }
 
 }  // namespace
 
@@ -87,27 +116,32 @@ Eigen::VectorXd RayBound(const CutScan& scanned, const hal::WallOpening& opening
   truth.length_mm = opening.length_mm;
   truth.width_mm = opening.width_mm;
   truth.axis_rad = opening.axis_deg * hal::kRadiansPerDegree;
-  std::vector<SidedPlace> places;
-  ForEachRay(scanned, frame.spine_mm + r_mm * frame.outward, opening.length_mm, 0.0,
-             [&](const Vector3d& point) {
-               const Vector3d from = point - frame.spine_mm;
-               if (from.dot(frame.outward) < 0) return;
-               const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(frame.sideways()));
-               places.push_back({place, truth.DistanceMm(place) > 0});
-             });
   const bool is_hole = opening.is_hole();
   const Eigen::Index n = is_hole ? 3 : 5;
   Eigen::VectorXd start = Eigen::VectorXd::Zero(n), scale = Eigen::VectorXd::Constant(n, 0.02);
   start[2] = truth.width_mm;
   if (!is_hole) start[3] = truth.length_mm, start[4] = truth.axis_rad, scale[4] = 0.005;
-  return Spread(places, start, scale, [&](const Eigen::VectorXd& x, const Eigen::Vector2d& place) {
+  const auto off = [&](const Eigen::VectorXd& x, const Eigen::Vector2d& place) {
     pipeline::OpeningBorder border = truth;
     border.middle_mm = x.head<2>();
     border.width_mm = x[2];
     border.length_mm = is_hole ? x[2] : x[3];
     if (!is_hole) border.axis_rad = x[4];
     return border.DistanceMm(place);
-  });
+  };
+  std::vector<RayPlace> places;
+  bool was_near = false;
+  ForEachRay(scanned, frame.spine_mm + r_mm * frame.outward, opening.length_mm, 0.0,
+             [&](const Vector3d& point, bool follows) {
+               const Vector3d from = point - frame.spine_mm;
+               const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(frame.sideways()));
+               const bool is_near = from.dot(frame.outward) > 0 && IsNear(off(start, place));
+               if (is_near) places.push_back({place, follows && was_near, false});
+               was_near = is_near;
+             });
+  const double lost = scanned.options.mixed_pixel_fraction;
+  See(off, start, lost, scanned.options.seed, places);
+  return Spread(places, start, scale, lost, off);
 }
 
 Eigen::Vector3d RayBound(const CutScan& scanned, bool at_start) {
@@ -121,18 +155,21 @@ Eigen::Vector3d RayBound(const CutScan& scanned, bool at_start) {
   const Vector3d outward = at_start ? Vector3d(-frame.tangent) : frame.tangent;
   const double rise_mm = r_mm * std::tan(cut.obliquity_deg * hal::kRadiansPerDegree);
   const Eigen::Vector3d truth(0, rise_mm, 0);
-  // Places: around, from where the tube is longest, and beyond the end at its axis.
+  // Places: around, from where the tube is longest, and within the end at its axis.
   const auto off = [](const Eigen::VectorXd& x, const Eigen::Vector2d& place) {
-    return place.y() - x[0] - x[1] * std::cos(place.x()) - x[2] * std::sin(place.x());
+    return x[0] + x[1] * std::cos(place.x()) + x[2] * std::sin(place.x()) - place.y();
   };
-  std::vector<SidedPlace> places;
-  ForEachRay(scanned, frame.spine_mm, rise_mm + 1.5 * r_mm, 3.0 * r_mm, [&](const Vector3d& point) {
-    const Vector3d from = point - frame.spine_mm;
-    const Eigen::Vector2d place(std::atan2(from.dot(frame.sideways()), from.dot(frame.outward)),
-                                from.dot(outward));
-    places.push_back({place, off(truth, place) > 0});
-  });
-  const Eigen::VectorXd spread = Spread(places, truth, Eigen::Vector3d::Constant(0.05), off);
+  std::vector<RayPlace> places;
+  ForEachRay(
+      scanned, frame.spine_mm, rise_mm + 1.5 * r_mm, 3.0 * r_mm, [&](const Vector3d& point, bool) {
+        const Vector3d from = point - frame.spine_mm;
+        const Eigen::Vector2d place(std::atan2(from.dot(frame.sideways()), from.dot(frame.outward)),
+                                    from.dot(outward));
+        if (IsNear(off(truth, place))) places.push_back({place});
+      });
+  // Beside an end there is no other wall that a spot could lie on.
+  See(off, truth, 0.0, scanned.options.seed, places);
+  const Eigen::VectorXd spread = Spread(places, truth, Eigen::Vector3d::Constant(0.05), 0.0, off);
   if (spread.size() == 0) return Eigen::Vector3d::Constant(NAN);
   return {spread[0], spread[1] / r_mm, spread[2] / r_mm};
 }

@@ -8,12 +8,13 @@
 
 namespace bendloop::bench {
 
-// The least error that a scan by laser lines lets a border have: of whoever knows the round tube
-// and every ray of the scan exactly, and so on which side of the border each meets the wall. All
-// borders that leave each ray on its side are as likely; their mean is the best estimate (Pitman),
-// and their spread, 1 sigma of each number, is this. No number of samples makes an unbiased error
-// smaller that treats all places alike. Noise, lost rays and not knowing where those went that met
-// nothing come on top.
+// The least error that a scan by laser lines lets a border have: of whoever knows the round tube,
+// every ray of the scan exactly, and so on which side of the border each meets the wall, and how
+// often the scanner loses a spot that lies on the wall and beside it (mixed_pixel_fraction): such a
+// ray is taken for one that met none. All borders are as likely as they make such a scan; their
+// mean is the best estimate (Pitman), and their spread, 1 sigma of each number, is this. No number
+// of samples makes an unbiased error smaller that treats all places alike. Noise and not knowing
+// where those rays went that met nothing come on top.
 
 // Of an opening: along and around [mm], width; of a slot length and axis [radians] too. Empty: no
 // ray tells of it.
