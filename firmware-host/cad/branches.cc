@@ -65,7 +65,7 @@ std::string Text(const Branch& branch) {
       branch.height_mm > kBranchRadii * branch.radius_mm ? "a branch" : "a socket or boss",
       2 * branch.radius_mm,
       branch.height_mm > kBranchRadii * branch.radius_mm ? "leaves it" : "stands on it",
-      branch.along_mm, branch.around_deg);
+      branch.along_mm, RoundedTurnDeg(branch.around_deg, 0));
   return text;
 }
 

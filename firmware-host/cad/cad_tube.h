@@ -27,6 +27,8 @@ struct TubeEnd {
   double oblique_deg = 0;  // of the cut; 0: square
   bool is_plane = true;    // false: cut to a shape, and the length is up to its farthest point
   double fitting_mm = 0;   // the plain outer surface ends so far before it
+  // Of one that is no plane: up to so far before it the outer surface goes all around.
+  double whole_before_mm = 0;
   // Of an oblique cut: unit, from the axis to where the tube is longest.
   Eigen::Vector3d longest = Eigen::Vector3d::Zero();
 };

@@ -43,6 +43,12 @@ void Bend(const Vector3d& p, const SpineArc& arc, double before, Place& best) {
 
 }  // namespace
 
+double RoundedTurnDeg(double deg, int decimals) {
+  const double per_deg = std::pow(10.0, decimals);
+  const double rounded = std::round(deg * per_deg) / per_deg + 0.0;
+  return rounded <= -180 ? rounded + 360 : rounded;
+}
+
 Place Developed::Of(const Vector3d& p) const {
   Place best;
   best.across_mm = std::numeric_limits<double>::infinity();

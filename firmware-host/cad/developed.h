@@ -7,6 +7,9 @@
 
 namespace bendloop::host {
 
+// An angle around as it is told: to so many decimals, half a turn is 180 and nothing is -0.
+double RoundedTurnDeg(double deg, int decimals);
+
 // Where a point is about a centre line.
 struct Place {
   double along_mm = 0, across_mm = 0;

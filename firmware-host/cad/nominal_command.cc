@@ -17,6 +17,7 @@
 #include "config/part_writer.h"
 #include "firmware-host/cad/body_join.h"
 #include "firmware-host/cad/cad_helper.h"
+#include "firmware-host/cad/developed.h"
 #include "firmware-host/cad/nearest_tube.h"
 #include "firmware-host/cad/nominal_text.h"
 #include "firmware-host/cad/one_tube.h"
@@ -26,6 +27,7 @@
 #include "firmware-host/console/printable.h"
 #include "firmware-host/console/whole_file.h"
 #include "firmware-host/console/wrap.h"
+#include "firmware-host/text/table.h"
 #include "pipeline/tube/representations.h"
 
 namespace bendloop::host {
@@ -235,19 +237,12 @@ std::string NotForPartFile(const hal::BendProgram& program) {
 
 double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
 
-// Within (-180, 180] after rounding, too.
-double RoundedTurn(double deg, double unit) {
-  const double rounded = Rounded(deg, unit) + 0.0;
-  return rounded <= -180 ? rounded + 360 : rounded;
-}
-
 // To what a file's rounding leaves: 1e-7 mm, 1e-9 degrees.
 hal::BendProgram RoundedProgram(hal::BendProgram program) {
   constexpr double kPerMm = 1e7, kPerDeg = 1e9;
   for (hal::BendRow& row : program.rows) {
     row.length_mm = std::round(row.length_mm * kPerMm) / kPerMm + 0.0;
-    row.rotation_deg = std::round(row.rotation_deg * kPerDeg) / kPerDeg + 0.0;
-    if (row.rotation_deg == -180) row.rotation_deg = 180;
+    row.rotation_deg = RoundedTurnDeg(row.rotation_deg, 9);
     row.angle_deg = std::round(row.angle_deg * kPerDeg) / kPerDeg;
     if (row.bend_radius_mm) row.bend_radius_mm = std::round(*row.bend_radius_mm * kPerMm) / kPerMm;
   }
@@ -259,7 +254,7 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
   const bool from_start = opening.along_mm <= length_mm / 2;
   (from_start ? config.from_start_mm : config.from_end_mm) =
       Rounded(from_start ? opening.along_mm : length_mm - opening.along_mm, 1e-4);
-  config.around_deg = RoundedTurn(opening.around_deg, 1e-3);
+  config.around_deg = RoundedTurnDeg(opening.around_deg, 3);
   config.width_mm = Rounded(opening.width_mm, 1e-4);
   config.length_mm = opening.length_mm > 0 ? Rounded(opening.length_mm, 1e-4) : config.width_mm;
   config.axis_deg = Rounded(opening.axis_deg, 1e-3) + 0.0;
@@ -270,7 +265,7 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
 hal::EndCut ToConfig(const hal::EndCut& cut) {
   constexpr double kMostObliqueDeg = 60;
   if (cut.obliquity_deg > kMostObliqueDeg) return {};
-  return {Rounded(cut.obliquity_deg, 1e-3), RoundedTurn(cut.around_deg, 1e-2)};
+  return {Rounded(cut.obliquity_deg, 1e-3), RoundedTurnDeg(cut.around_deg, 2)};
 }
 
 std::string PartText(const Nominal& nominal, const NominalArguments& arguments) {
@@ -291,6 +286,31 @@ std::string PartText(const Nominal& nominal, const NominalArguments& arguments) 
       "From " + Printable(nominal.file) + ". Tolerances and material are defaults: set them.\n";
   for (const std::string& remark : Remarks(nominal.tube)) comment += remark + "\n";
   return config::PartToml(part, WrapLines(comment, 98));
+}
+
+// What the file does not show; what it shows is not talked over.
+hal::Result<void> SetPipe(const NominalArguments& arguments, CadTube& tube) {
+  const auto differs = [&](const char* option, const char* what, double given_mm, double shown_mm) {
+    return hal::Fail(hal::ErrorKind::kUsage, arguments.file + ": " + option + " " +
+                                                 Fixed(given_mm, 3) + ": the file shows a " + what +
+                                                 " of " + Fixed(shown_mm, 3) + " mm; leave " +
+                                                 option + " out, or mend the model");
+  };
+  const auto is_another = [](double a_mm, double b_mm) { return std::abs(a_mm - b_mm) > 5e-4; };
+  if (const auto given_mm = arguments.pipe_diameter_mm) {
+    const double shown_mm = 2 * tube.pipe_radius_mm;
+    if (!tube.is_wire && is_another(*given_mm, shown_mm)) {
+      return differs("--pipe-diameter", "pipe", *given_mm, shown_mm);
+    }
+    if (tube.is_wire) tube.pipe_radius_mm = *given_mm / 2;
+  }
+  if (const auto given_mm = arguments.wall_mm) {
+    if (tube.wall_mm && is_another(*given_mm, *tube.wall_mm)) {
+      return differs("--wall", "wall", *given_mm, *tube.wall_mm);
+    }
+    if (!tube.wall_mm) tube.wall_mm = given_mm;
+  }
+  return {};
 }
 
 hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube>& tubes) {
@@ -321,8 +341,7 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
                           : "; --nearest gives the lines and arcs nearest to it" +
                                 std::string(has_pipe ? "" : ", with --pipe-diameter MM")));
   }
-  if (arguments.pipe_diameter_mm) tube->pipe_radius_mm = *arguments.pipe_diameter_mm / 2;
-  if (arguments.wall_mm) tube->wall_mm = arguments.wall_mm;
+  if (auto ok = SetPipe(arguments, *tube); !ok) return hal::Fail(ok.error());
   if (!(tube->pipe_radius_mm > 0)) {
     return hal::Fail(hal::ErrorKind::kUsage,
                      arguments.file + ": is a centre line without a pipe; give --pipe-diameter MM");

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "firmware-host/cad/nominal_text.h"
 
-#include <cmath>
+#include <algorithm>
 #include <utility>
 
+#include "firmware-host/cad/developed.h"
 #include "firmware-host/console/printable.h"
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/text/table.h"
@@ -11,26 +12,29 @@
 namespace bendloop::host {
 namespace {
 
-std::string EndRemark(const char* which, const TubeEnd& end) {
+// Half a turn is 180 to the decimals that are shown.
+std::string Turn(double deg, int decimals) {
+  return Fixed(RoundedTurnDeg(deg, decimals), decimals);
+}
+
+std::string EndRemark(const char* which, const TubeEnd& end, const hal::EndCut& cut) {
   std::string text = std::string(which) + " end: ";
   if (!end.is_plane) {
-    text += "cut to a shape that is no plane; the length is up to its farthest point";
+    text +=
+        "cut to a shape that is no plane; the length is up to its farthest point, the tube is "
+        "whole all around up to " +
+        Fixed(end.whole_before_mm, 3) + " mm before it";
   } else if (end.oblique_deg > 0) {
-    text += "cut " + Fixed(end.oblique_deg, 3) + " degrees oblique; the length is along the axis";
+    text += "cut " + Fixed(end.oblique_deg, 3) + " degrees oblique, longest at " +
+            Turn(cut.around_deg, 2) + " degrees around; the length is along the axis";
   } else {
     text += "square";
   }
-  if (end.fitting_mm > 0) {
+  if (end.is_plane && end.fitting_mm > 0) {
     text += "; the plain tube ends " + Fixed(end.fitting_mm, 3) +
             " mm before it (a fitting, flange, chamfer or end form)";
   }
   return text;
-}
-
-// Half a turn is 180 to the decimals that are shown.
-std::string Turn(double deg, int decimals) {
-  const double half = 180 - 0.5 * std::pow(10.0, -decimals);
-  return Fixed(deg < -half ? 180 : deg, decimals);
 }
 
 std::string OpeningRemark(const WallOpening& opening) {
@@ -41,11 +45,14 @@ std::string OpeningRemark(const WallOpening& opening) {
          where + ", its long axis " + Fixed(opening.axis_deg, 2) + " degrees from the tube's";
 }
 
+Json AroundJson(double deg) { return Number(RoundedTurnDeg(deg, 6)); }
+
 Json EndJson(const TubeEnd& end, const hal::EndCut& cut) {
-  return {{"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
-          {"around_deg", cut.obliquity_deg > 0 ? Number(cut.around_deg) : Json(nullptr)},
-          {"plane", end.is_plane},
-          {"plain_tube_ends_before_mm", Number(end.fitting_mm)}};
+  return {
+      {"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
+      {"around_deg", cut.obliquity_deg > 0 ? AroundJson(cut.around_deg) : Json(nullptr)},
+      {"plane", end.is_plane},
+      {"plain_tube_ends_before_mm", Number(end.is_plane ? end.fitting_mm : end.whole_before_mm)}};
 }
 
 std::vector<std::string> NotesOf(const CadTube& tube) {
@@ -59,11 +66,19 @@ std::vector<std::string> NotesOf(const CadTube& tube) {
 std::vector<std::string> Remarks(const CadTube& tube) {
   std::vector<std::string> remarks;
   if (!tube.is_wire) {
-    remarks.push_back(EndRemark("first", tube.first));
-    remarks.push_back(EndRemark("last", tube.last));
+    remarks.push_back(EndRemark("first", tube.first, FirstCut(tube)));
+    remarks.push_back(EndRemark("last", tube.last, LastCut(tube)));
   }
   for (const WallOpening& opening : tube.openings) remarks.push_back(OpeningRemark(opening));
   for (std::string& note : NotesOf(tube)) remarks.push_back(std::move(note));
+  const bool tells_around = std::any_of(
+      remarks.begin(), remarks.end(),
+      [](const std::string& remark) { return remark.find("degrees around") != std::string::npos; });
+  if (tells_around) {
+    remarks.emplace_back(
+        "degrees around are right-handed about the feed, from the normal of the bend there or last "
+        "before (before the first bend: of the first)");
+  }
   return remarks;
 }
 
@@ -71,7 +86,8 @@ std::string NominalText(const Nominal& nominal) {
   const CadTube& tube = nominal.tube;
   std::string text = Printable(tube.name.empty() ? "tube" : tube.name) + ": " +
                      Fixed(2 * tube.pipe_radius_mm, 3) + " mm in diameter, ";
-  text += tube.wall_mm ? "wall " + Fixed(*tube.wall_mm, 3) + " mm" : "no inner surface";
+  text += tube.wall_mm ? "wall " + Fixed(*tube.wall_mm, 3) + " mm"
+                       : "no inner surface (a bar, or the file leaves the bore out)";
   text += ", " + std::to_string(tube.spine.arcs.size()) + " bends, developed length " +
           Fixed(tube.spine.length_mm(), 3) + " mm\n\n";
   Table table({{"row", Align::kRight},
@@ -98,7 +114,7 @@ Json NominalJson(const Nominal& nominal) {
   for (const WallOpening& o : tube.openings) {
     Json json = {{"kind", o.length_mm > 0 ? "slot" : "hole"},
                  {"along_mm", Number(o.along_mm)},
-                 {"around_deg", Number(o.around_deg)},
+                 {"around_deg", AroundJson(o.around_deg)},
                  {"width_mm", Number(o.width_mm)}};
     if (o.length_mm > 0) {
       json["length_mm"] = Number(o.length_mm);

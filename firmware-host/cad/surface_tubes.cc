@@ -9,6 +9,7 @@
 
 #include "firmware-host/cad/branches.h"
 #include "firmware-host/cad/cad_tube.h"
+#include "firmware-host/cad/developed.h"
 #include "firmware-host/cad/end_form.h"
 #include "firmware-host/cad/free_surface.h"
 #include "firmware-host/cad/near_surface.h"
@@ -48,13 +49,14 @@ class BodyTubes {
     RecogniseFreeSurfaces(body_);
     free_forms_ = std::count_if(body_.patches.begin(), body_.patches.end(), IsFreeForm);
     pieces_ = PiecesOf(body_);
+    const auto first_ring = std::stable_partition(
+        pieces_.begin(), pieces_.end(), [](const TubePiece& piece) { return !piece.is_ring(); });
+    rings_.assign(first_ring, pieces_.end());
+    pieces_.erase(first_ring, pieces_.end());
     // A whole torus with nothing else about it.
-    for (const TubePiece& piece : pieces_) {
-      if (piece.is_ring() && !piece.concave && piece.around_deg() > kRingAroundDeg) {
-        ring_radius_mm_ = piece.radius_mm;
-      }
+    for (const TubePiece& ring : rings_) {
+      if (!ring.concave && ring.around_deg() > kRingAroundDeg) ring_radius_mm_ = ring.radius_mm;
     }
-    std::erase_if(pieces_, [](const TubePiece& piece) { return piece.is_ring(); });
     chains_ = ChainsOf(pieces_, free_forms_ == 0);
   }
 
@@ -223,14 +225,49 @@ class BodyTubes {
   }
 
   void AddGapNotes(const TubeChain& outer, CadTube& tube) const {
+    const Developed developed(tube.spine);
     for (const int i : outer.pieces) {
       const TubePiece& piece = PieceOf(i);
-      if (piece.widest_gap_mm > MatchToleranceMm(piece.radius_mm)) {
-        tube.notes.push_back(Text("a gap of %.3f mm between faces", piece.widest_gap_mm) +
-                             (piece.is_arc ? " of a bend" : " of a straight") +
-                             " (a bead, a groove, a nut) is taken as tube");
+      if (piece.widest_gap_mm <= MatchToleranceMm(piece.radius_mm)) continue;
+      const double unit = piece.is_arc ? piece.bend_radius_mm : 1;
+      const double along_mm =
+          developed.Of(piece.PointAt(piece.gap_from + piece.widest_gap_mm / 2 / unit)).along_mm;
+      const double reach_mm = ReachInGap(developed, along_mm, piece);
+      const auto told = [&](double from_end_mm) {
+        return Text("a gap of %.3f mm between faces", piece.widest_gap_mm) +
+               (piece.is_arc ? " of a bend" : " of a straight") +
+               Text(" at %.1f mm of the developed length is taken as tube; ", from_end_mm) +
+               (reach_mm > piece.radius_mm + MatchToleranceMm(piece.radius_mm)
+                    ? Text("what is there reaches %.1f mm in diameter (a bead, a nut)",
+                           2 * reach_mm)
+                    : "there may be a groove");
+      };
+      tube.placed_notes.push_back(told(along_mm));
+      tube.placed_notes_reversed.push_back(told(tube.spine.length_mm() - along_mm));
+    }
+  }
+
+  // How far from the axis what lies in a piece's gap reaches; 0: nothing does.
+  double ReachInGap(const Developed& developed, double along_mm, const TubePiece& piece) const {
+    constexpr double kMostRadii = 3;  // what reaches farther is told as a plate or a branch
+    const double half_mm = piece.widest_gap_mm / 2 + MatchToleranceMm(piece.radius_mm);
+    double reach_mm = 0;
+    for (const FaceEdge& edge : body_.edges) {
+      for (const Vector3d& p : edge.points) {
+        const Place at = developed.Of(p);
+        if (std::abs(at.along_mm - along_mm) > half_mm) continue;
+        if (at.across_mm < kMostRadii * piece.radius_mm)
+          reach_mm = std::max(reach_mm, at.across_mm);
       }
     }
+    for (const TubePiece& ring : rings_) {
+      const Place at = developed.Of(ring.origin);
+      const bool is_about = at.across_mm < MatchToleranceMm(piece.radius_mm);
+      if (is_about && !ring.concave && std::abs(at.along_mm - along_mm) < half_mm) {
+        reach_mm = std::max(reach_mm, ring.bend_radius_mm + ring.radius_mm);
+      }
+    }
+    return reach_mm;
   }
 
   // Where the tube ends on `spine`'s last straight: at the cut of what reaches farthest about it.
@@ -238,9 +275,12 @@ class BodyTubes {
               Spine& spine, TubeEnd& end) const {
     const TubePiece& piece = PieceOf(chain_end.piece);
     const Vector3d origin = spine.end, outward = spine.end_direction();
-    double at = 0;
+    double at = 0, whole = 0;
     if (!piece.is_arc && !piece.inferred) {
-      if (const auto cut = CutOf(body_, piece, origin, outward)) Take(*cut, at, end);
+      if (const auto cut = CutOf(body_, piece, origin, outward)) {
+        Take(*cut, at, end);
+        whole = cut->lowest_mm;
+      }
     }
     const double plain = at;
     const std::set<int> others = BentFacesBeside(cluster);
@@ -261,6 +301,7 @@ class BodyTubes {
     // After a bend whose straight has no face, what goes on is that straight.
     const bool is_fitting = !piece.is_arc && at - plain > MatchToleranceMm(piece.radius_mm) / 4;
     end.fitting_mm = is_fitting ? at - plain : 0;
+    end.whole_before_mm = end.is_plane ? 0 : at - whole;
     spine.end = origin + at * outward;
   }
 
@@ -421,6 +462,8 @@ class BodyTubes {
   long free_forms_ = 0;
   double ring_radius_mm_ = 0;  // 0: the body has no whole torus
   std::vector<TubePiece> pieces_;
+  std::vector<TubePiece>
+      rings_;  // beads, seals and fillets: whole tori, which are none of the pieces
   std::vector<TubeChain> chains_;
 };
 

@@ -147,7 +147,10 @@ void AddPiecesOf(Group& group, std::vector<TubePiece>& pieces) {
       piece->from = part.from;
       piece->to = part.to;
     }
-    piece->widest_gap_mm = std::max(piece->widest_gap_mm, (part.from - piece->to) * unit);
+    if (const double gap_mm = (part.from - piece->to) * unit; gap_mm > piece->widest_gap_mm) {
+      piece->widest_gap_mm = gap_mm;
+      piece->gap_from = piece->to;
+    }
     piece->to = std::max(piece->to, part.to);
     piece->around |= part.around;
     piece->off_mm = std::max(piece->off_mm, part.off_mm);

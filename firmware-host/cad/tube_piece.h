@@ -31,6 +31,7 @@ struct TubePiece {
   Around around;            // which sectors have a face somewhere along it
   std::vector<int> faces;
   double widest_gap_mm = 0;  // between its faces, along it
+  double gap_from = 0;       // where that begins, as `from`
   double off_mm = 0;         // its B-splines lie so far off it, at most
   bool inferred = false;     // no face shows it: it follows from its neighbours
 

@@ -190,7 +190,7 @@ std::vector<std::string> BoreNotes(const CadBody& body, const CadTube& tube,
       std::snprintf(text, sizeof text,
                     "a bore of %.3f mm at %.1f mm of the developed length, %.0f degrees around, is "
                     "no plain hole through the wall: the part file does not have it",
-                    2 * bore.like.radius_mm, mouth->along_mm, mouth->around_deg + 0.0);
+                    2 * bore.like.radius_mm, mouth->along_mm, RoundedTurnDeg(mouth->around_deg, 0));
       notes.emplace_back(text);
     }
   }

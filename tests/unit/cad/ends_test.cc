@@ -100,7 +100,12 @@ TEST(Ends, BeadsAndPlanesByAnyName) {
     const auto done = Nominal(test::WriteStepFile({{"beaded", beaded}}));
     test::ExpectRows(done, Bow(10).program, 1e-5);
     EXPECT_THAT(done.out, HasSubstr("first end: square\n"));
-    EXPECT_THAT(done.out, HasSubstr("a gap of 2.000 mm between faces of a straight"));
+    // Its middle lies 12 mm after the first end, in the file at the origin.
+    EXPECT_THAT(done.out, HasSubstr("a gap of 2.000 mm between faces of a straight at 12.0 mm of "
+                                    "the developed length is taken as tube; what is there reaches "
+                                    "22.0 mm in diameter (a bead, a nut)"));
+    EXPECT_THAT(Nominal(test::TemporaryFile("made.step"), {"--reverse"}).out,
+                HasSubstr("of a straight at 215.1 mm"));
     EXPECT_THAT(done.out, Not(HasSubstr("a form of its own")));
   }
 }

@@ -117,6 +117,10 @@ TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {
   ExpectRows(done, {{{90, 0, 90, 30.0}, {80, 0, 0, std::nullopt}}});
   ASSERT_EQ(done.code, 0) << done.err;
   EXPECT_NEAR(done.json["ends"][0]["oblique_deg"].get<double>(), 20, 1e-3) << done.out;
+  EXPECT_THAT(done.out, HasSubstr("first end: cut 20.000 degrees oblique, longest at 90.00 degrees "
+                                  "around; the length is along the axis"));
+  EXPECT_THAT(done.out, HasSubstr("degrees around are right-handed about the feed, from the normal "
+                                  "of the bend there or last before"));
   EXPECT_NEAR(done.part->ends.first.obliquity_deg, 20, 1e-3);
   EXPECT_NEAR(done.part->ends.first.around_deg, 90, 1e-2);
   EXPECT_EQ(done.part->ends.last, hal::EndCut());
@@ -132,6 +136,34 @@ TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {
   EXPECT_NEAR(done.part->holes[0].from_start_mm.value_or(0), 30, 1e-3);
   EXPECT_NEAR(done.part->holes[0].around_deg, 90, 1e-2);
   EXPECT_NEAR(done.part->holes[1].width_mm, 4, 1e-6);
+}
+
+TEST(Nominal, HalfATurnAroundIsPositive) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 10;
+  tube.program = {{{100, 0, 90, 30.0}, {80, 0, 0, std::nullopt}}};
+  // Opposite the bend's normal, and a hair beyond it.
+  for (const double y : {0.0, 1e-9, -1e-9}) {
+    const auto done = Nominal(test::WriteStepFile(
+        {{"tube", test::Drilled(Pipe(tube, {.wall_mm = 2}), {40, 0, 0}, {40, y, -30}, 3)}}));
+    ASSERT_EQ(done.json["openings"].size(), 1U) << done.out;
+    EXPECT_EQ(done.json["openings"][0]["around_deg"].get<double>(), 180) << y;
+  }
+}
+
+// What the file shows is not talked over.
+TEST(Nominal, TakesNoWallAndDiameterWhereTheFileHasThem) {
+  const auto file = test::WriteStepFile({{"tube", Pipe(DemoTube())}});
+  const auto wall = Nominal(file, {"--wall", "2"});
+  EXPECT_EQ(wall.code, 2);
+  EXPECT_THAT(wall.err,
+              HasSubstr("--wall 2.000: the file shows a wall of 1.000 mm; leave --wall out"));
+  const auto wide = Nominal(file, {"--pipe-diameter", "30"});
+  EXPECT_EQ(wide.code, 2);
+  EXPECT_THAT(wide.err,
+              HasSubstr("--pipe-diameter 30.000: the file shows a pipe of 10.000 mm; leave "
+                        "--pipe-diameter out"));
+  EXPECT_EQ(Nominal(file, {"--wall", "1", "--pipe-diameter", "10"}).code, 0);
 }
 
 TEST(Nominal, SaysWhatIsNoTubeOfLinesAndArcs) {

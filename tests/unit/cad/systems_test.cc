@@ -79,7 +79,11 @@ TEST(Systems, AnEndMilledFlatCountsToItsChamfer) {
   hal::BendProgram expected = bar.program;
   expected.rows.back().length_mm += 1;
   test::ExpectRows(done, expected);
-  EXPECT_THAT(done.out, HasSubstr("last end: cut to a shape that is no plane"));
+  // The chamfer's millimetre is the least of it: what can be clamped ends where the flat begins.
+  EXPECT_THAT(done.out, HasSubstr("last end: cut to a shape that is no plane; the length is up to "
+                                  "its farthest point, the tube is whole all around up to 24.000 "
+                                  "mm before it"));
+  EXPECT_NEAR(done.json["ends"][1]["plain_tube_ends_before_mm"].get<double>(), 24, 1e-3);
 }
 
 TopoDS_Compound Together(std::initializer_list<TopoDS_Shape> shapes) {
@@ -121,6 +125,7 @@ TEST(Systems, BoresThatAreNoPlainHolesAreTold) {
       {{"bar", test::Drilled(Pipe(tube, {.wall_mm = 0}), {40, 0, -30}, {40, 0, 30}, 3)}}));
   test::ExpectRows(through, tube.program);
   EXPECT_THAT(through.out, HasSubstr("a bore of 6.000 mm at 40.0 mm of the developed length, 0 "));
+  EXPECT_THAT(through.out, Not(HasSubstr("-0 degrees")));
   EXPECT_THAT(through.out,
               HasSubstr("a bore of 6.000 mm at 40.0 mm of the developed length, 180 "));
   EXPECT_THAT(Nominal(test::TemporaryFile("made.step"), {"--reverse"}).out,
