@@ -235,7 +235,11 @@ std::string NotForPartFile(const hal::BendProgram& program) {
   return "";
 }
 
-double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
+// So that a file shows as many decimals: a product with 1e-7 has others.
+double Rounded(double value, int decimals) {
+  const double per_unit = std::pow(10.0, decimals);
+  return std::round(value * per_unit) / per_unit;
+}
 
 // To what a file's rounding leaves: 1e-7 mm, 1e-9 degrees.
 hal::BendProgram RoundedProgram(hal::BendProgram program) {
@@ -253,11 +257,11 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
   config::OpeningConfig config;
   const bool from_start = opening.along_mm <= length_mm / 2;
   (from_start ? config.from_start_mm : config.from_end_mm) =
-      Rounded(from_start ? opening.along_mm : length_mm - opening.along_mm, 1e-4);
+      Rounded(from_start ? opening.along_mm : length_mm - opening.along_mm, 4);
   config.around_deg = RoundedTurnDeg(opening.around_deg, 3);
-  config.width_mm = Rounded(opening.width_mm, 1e-4);
-  config.length_mm = opening.length_mm > 0 ? Rounded(opening.length_mm, 1e-4) : config.width_mm;
-  config.axis_deg = Rounded(opening.axis_deg, 1e-3) + 0.0;
+  config.width_mm = Rounded(opening.width_mm, 4);
+  config.length_mm = opening.length_mm > 0 ? Rounded(opening.length_mm, 4) : config.width_mm;
+  config.axis_deg = Rounded(opening.axis_deg, 3) + 0.0;
   return config;
 }
 
@@ -265,7 +269,7 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
 hal::EndCut ToConfig(const hal::EndCut& cut) {
   constexpr double kMostObliqueDeg = 60;
   if (cut.obliquity_deg > kMostObliqueDeg) return {};
-  return {Rounded(cut.obliquity_deg, 1e-3), RoundedTurnDeg(cut.around_deg, 2)};
+  return {Rounded(cut.obliquity_deg, 3), RoundedTurnDeg(cut.around_deg, 2)};
 }
 
 std::string PartText(const Nominal& nominal, const NominalArguments& arguments) {
@@ -273,8 +277,8 @@ std::string PartText(const Nominal& nominal, const NominalArguments& arguments) 
   const std::string& body = nominal.tube.name;
   part.name = !arguments.name.empty() ? arguments.name : body.empty() ? "Tube" : Printable(body);
   part.part_number = arguments.part_number;
-  part.pipe_radius_mm = Rounded(nominal.tube.pipe_radius_mm, 1e-7);
-  if (nominal.tube.wall_mm) part.wall_mm = Rounded(*nominal.tube.wall_mm, 1e-7);
+  part.pipe_radius_mm = Rounded(nominal.tube.pipe_radius_mm, 7);
+  if (nominal.tube.wall_mm) part.wall_mm = Rounded(*nominal.tube.wall_mm, 7);
   part.rows = nominal.program.program;
   for (const WallOpening& opening : nominal.tube.openings) {
     auto& of_kind = opening.length_mm > 0 ? part.slots : part.holes;

@@ -77,7 +77,7 @@ std::vector<std::string> Remarks(const CadTube& tube) {
   if (tells_around) {
     remarks.emplace_back(
         "degrees around are right-handed about the feed, from the normal of the bend there or last "
-        "before (before the first bend: of the first)");
+        "before (before the first bend: of the first); 90 is that bend's outside");
   }
   return remarks;
 }

@@ -120,7 +120,8 @@ TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {
   EXPECT_THAT(done.out, HasSubstr("first end: cut 20.000 degrees oblique, longest at 90.00 degrees "
                                   "around; the length is along the axis"));
   EXPECT_THAT(done.out, HasSubstr("degrees around are right-handed about the feed, from the normal "
-                                  "of the bend there or last before"));
+                                  "of the bend there or last before (before the first bend: of "
+                                  "the first); 90 is that bend's outside"));
   EXPECT_NEAR(done.part->ends.first.obliquity_deg, 20, 1e-3);
   EXPECT_NEAR(done.part->ends.first.around_deg, 90, 1e-2);
   EXPECT_EQ(done.part->ends.last, hal::EndCut());
@@ -136,6 +137,16 @@ TEST(Nominal, FindsHolesSlotsObliqueCutsAndFittings) {
   EXPECT_NEAR(done.part->holes[0].from_start_mm.value_or(0), 30, 1e-3);
   EXPECT_NEAR(done.part->holes[0].around_deg, 90, 1e-2);
   EXPECT_NEAR(done.part->holes[1].width_mm, 4, 1e-6);
+}
+
+// Not 3.1999999999999997.
+TEST(Nominal, APartFileShowsNoMoreDecimalsThanItHas) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 24.15;
+  tube.program = {{{200, 0, 75, 124.15}, {300, 0, 0, std::nullopt}}};
+  const auto done = Nominal(test::WriteStepFile({{"tube", Pipe(tube, {.wall_mm = 3.2})}}));
+  ASSERT_TRUE(done.part) << done.err;
+  EXPECT_EQ(done.part->wall_mm, 3.2);
 }
 
 TEST(Nominal, HalfATurnAroundIsPositive) {
