@@ -25,7 +25,9 @@ SurfacePatch PatchOf(const AnswerJson& j) {
   patch.face = j.at("face").get<int>();
   patch.name = j.at("kind").get<std::string>();
   if (j.contains("samples")) {
-    for (const AnswerJson& s : j.at("samples")) patch.samples.push_back({Vector(s), Vector(s, 3)});
+    for (const AnswerJson& s : j.at("samples")) {
+      patch.samples.push_back({Vector(s), Vector(s, 3), s.size() < 7});
+    }
     patch.cell_u = j.at("cell").at(0).get<int>();
     patch.cell_v = j.at("cell").at(1).get<int>();
     return patch;

@@ -16,6 +16,7 @@ enum class PatchKind { kCylinder, kTorus, kFree };
 
 struct OrientedPoint {
   Eigen::Vector3d point, normal;  // the normal points out of the material
+  bool in_face = true;            // false: of its surface, beyond the face's edges
 };
 
 // A face that is not plane, or the part of it between two places where its curvature may jump.
@@ -35,7 +36,8 @@ struct SurfacePatch {
   double off_mm = 0;  // of a free one that was taken for a cylinder or torus: its farthest sample
 };
 
-// An edge of a face; a seam, where a face meets itself, is none.
+// An edge of a face; a seam, where a face meets itself, is none. A pole or an apex is one of one
+// point.
 struct FaceEdge {
   int face = 0;
   int edge = 0;                         // the same number: the same edge

@@ -7,6 +7,7 @@
 
 #include "firmware-host/cad/cad_shape.h"
 #include "firmware-host/cad/end_cut.h"
+#include "firmware-host/cad/end_form.h"
 #include "firmware-host/cad/tube_chain.h"
 #include "hal/tube_features.h"
 
@@ -27,6 +28,7 @@ struct TubeEnd {
   double oblique_deg = 0;  // of the cut; 0: square
   bool is_plane = true;    // false: cut to a shape, and the length is up to its farthest point
   double fitting_mm = 0;   // the plain outer surface ends so far before it
+  EndCover cover = EndCover::kNone;  // kFlat: of a tube whose bore the file shows
   // Of one that is no plane: up to so far before it the outer surface goes all around.
   double whole_before_mm = 0;
   // Of an oblique cut: unit, from the axis to where the tube is longest.

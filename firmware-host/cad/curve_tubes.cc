@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "firmware-host/cad/cad_tube.h"
+#include "firmware-host/cad/developed.h"
 #include "firmware-host/cad/free_surface.h"
 
 namespace bendloop::host {
@@ -102,14 +103,15 @@ void KeepOnePolygon(std::vector<CadTube>& tubes) {
 }
 
 // Lines and arcs beside other curves are no tube of their own.
-CadTube FreeCurve(std::size_t free, std::size_t all) {
+CadTube FreeCurve(const Points& first, std::size_t free, std::size_t all) {
   CadTube tube;
   tube.is_wire = true;
   tube.spine.start = tube.spine.end = Vector3d::Zero();
   tube.spine.direction = Vector3d::UnitX();
   tube.problems.push_back(all == 1 ? "its curve is no line and no arc"
                                    : std::to_string(free) + " of its " + std::to_string(all) +
-                                         " curves are no lines and no arcs");
+                                         " curves are no lines and no arcs, one of them about " +
+                                         FilePlace(first[first.size() / 2]));
   return tube;
 }
 
@@ -119,12 +121,13 @@ std::vector<CadTube> TubesOfCurves(const CadBody& body) {
   std::vector<TubePiece> pieces;
   std::vector<Profile> profiles;
   std::size_t free = 0;
+  const Points* first_free = nullptr;
   for (const Points& curve : body.curves) {
     if (curve.size() < 2) continue;
     auto piece = LineThrough(curve);
     if (!piece) piece = ArcThrough(curve);
     if (!piece) {
-      ++free;
+      if (++free == 1) first_free = &curve;
       continue;
     }
     if (piece->is_arc && piece->to > 2 * std::numbers::pi - 1e-6) {
@@ -146,7 +149,9 @@ std::vector<CadTube> TubesOfCurves(const CadBody& body) {
     tubes.push_back(std::move(tube));
   }
   KeepOnePolygon(tubes);
-  if (free > 0) tubes.assign(1, FreeCurve(free, body.curves.size()));
+  if (first_free != nullptr) {
+    tubes.assign(1, FreeCurve(*first_free, free, body.curves.size()));
+  }
   return tubes;
 }
 

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
@@ -47,6 +48,30 @@ double RoundedTurnDeg(double deg, int decimals) {
   const double per_deg = std::pow(10.0, decimals);
   const double rounded = std::round(deg * per_deg) / per_deg + 0.0;
   return rounded <= -180 ? rounded + 360 : rounded;
+}
+
+std::string FilePlace(const Vector3d& p, int decimals) {
+  // Nothing is -0.
+  const double half = std::pow(10.0, -decimals) / 2;
+  const auto told = [&](double v) { return std::abs(v) < half ? 0.0 : v; };
+  char text[200];
+  std::snprintf(text, sizeof text, "x %.*f, y %.*f, z %.*f mm", decimals, told(p.x()), decimals,
+                told(p.y()), decimals, told(p.z()));
+  return text;
+}
+
+int BendAt(const Spine& spine, double along_mm) {
+  double before = 0;
+  Vector3d at = spine.start;
+  for (std::size_t i = 0; i < spine.arcs.size(); ++i) {
+    const SpineArc& arc = spine.arcs[i];
+    before += (arc.from - at).norm();
+    if (along_mm <= before) return 0;
+    before += arc.bend_radius_mm * arc.angle_rad;
+    if (along_mm < before) return int(i) + 1;
+    at = arc.to;
+  }
+  return 0;
 }
 
 Place Developed::Of(const Vector3d& p) const {

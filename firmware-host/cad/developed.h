@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 
 #include "firmware-host/cad/tube_chain.h"
 
@@ -9,6 +10,12 @@ namespace bendloop::host {
 
 // An angle around as it is told: to so many decimals, half a turn is 180 and nothing is -0.
 double RoundedTurnDeg(double deg, int decimals);
+
+// A place in the file as it is told: "x 1.0, y 2.0, z 3.0 mm".
+std::string FilePlace(const Eigen::Vector3d& p, int decimals = 1);
+
+// The bend that lies at `along_mm` of the developed length, counted from 1; 0: a straight does.
+int BendAt(const Spine& spine, double along_mm);
 
 // Where a point is about a centre line.
 struct Place {

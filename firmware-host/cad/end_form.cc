@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <vector>
 
@@ -16,20 +17,10 @@ using Eigen::Vector3d;
 // An end's form is no wider than so many pipe radii; what is wider is another part.
 constexpr double kWidestRadii = 3;
 
-struct Reach {
-  double lowest = INFINITY, highest = -INFINITY, widest = 0;
-};
-
-Reach ReachOf(const FaceEdge& edge, const Vector3d& origin, const Vector3d& outward) {
-  Reach reach;
-  for (const Vector3d& p : edge.points) {
-    const double along = (p - origin).dot(outward);
-    reach.lowest = std::min(reach.lowest, along);
-    reach.highest = std::max(reach.highest, along);
-    reach.widest = std::max(reach.widest, (p - origin - along * outward).norm());
-  }
-  return reach;
-}
+// A free surface that goes on beyond an end by more pipe radii than this is a bend, else the end's
+// form; or by more than the second, where it keeps as near to the axis as an end that is pressed
+// flat, from the middle (pi / 2) or to one side (1.9).
+constexpr double kEndFormRadii = 4, kFlatFormRadii = 20, kFlatAcrossRadii = 2;
 
 // Where a chain ends, and what it has about it there.
 struct Mouth {
@@ -69,7 +60,20 @@ void GrowFaces(const CadBody& body, const std::set<int>& among, std::set<int>& f
   }
 }
 
+// What lies over the axis lower than `least_mm` is the bottom of something hollow.
+EndCover CoverOf(const AxisHit& hit, double least_mm) {
+  if (hit.is_plane || hit.along_mm < least_mm) return EndCover::kFlat;
+  return hit.is_blunt ? EndCover::kDome : EndCover::kPoint;
+}
+
 }  // namespace
+
+bool FreeForm::is_end_form(double pipe_radius_mm) const {
+  if (name.empty() || leads_on) return false;
+  return reach_mm <= kEndFormRadii * pipe_radius_mm ||
+         (reach_mm <= kFlatFormRadii * pipe_radius_mm &&
+          across_mm <= kFlatAcrossRadii * pipe_radius_mm);
+}
 
 bool IsFreeForm(const SurfacePatch& patch) {
   return patch.kind == PatchKind::kFree && patch.name != "cone" && patch.name != "sphere";
@@ -86,14 +90,17 @@ FreeForm FreeFormBeyond(const CadBody& body, const std::vector<TubePiece>& piece
     if (Touches(patch, mouth)) faces.insert(patch.face);
   }
   FreeForm form;
+  form.at = mouth.at;
   if (faces.empty()) return form;
   GrowFaces(body, free, faces);
   for (const SurfacePatch& patch : body.patches) {
     if (!IsFreeForm(patch) || !faces.contains(patch.face)) continue;
     form.name = patch.name;
     for (const OrientedPoint& s : patch.samples) {
+      if (!s.in_face) continue;
       const Vector3d d = s.point - mouth.at;
       form.reach_mm = std::max(form.reach_mm, d.norm());
+      form.along_mm = std::max(form.along_mm, d.dot(mouth.outward));
       form.across_mm = std::max(form.across_mm, d.cross(mouth.outward).norm());
     }
     for (const TubeChain& other : chains) {
@@ -107,40 +114,39 @@ FreeForm FreeFormBeyond(const CadBody& body, const std::vector<TubePiece>& piece
   return form;
 }
 
-double FormEndMm(const CadBody& body, const TubePiece& piece, const Vector3d& origin,
-                 const Vector3d& outward, double at_mm, const std::set<int>& others) {
+EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& view, double at_mm,
+                   const std::set<int>& others) {
   const double tolerance = MatchToleranceMm(piece.radius_mm);
-  std::map<int, Reach> faces;
-  std::map<int, std::vector<int>> faces_of_edge, edges_of_face;
+  const std::map<int, FormFace> faces = FormFacesOf(body);
+  std::map<int, std::vector<int>> faces_of_edge;
   std::set<int> open;  // edges from which the form goes on
   for (const FaceEdge& edge : body.edges) {
-    const Reach reach = ReachOf(edge, origin, outward);
-    Reach& face = faces[edge.face];
-    face.lowest = std::min(face.lowest, reach.lowest);
-    face.highest = std::max(face.highest, reach.highest);
-    face.widest = std::max(face.widest, reach.widest);
     faces_of_edge[edge.edge].push_back(edge.face);
-    edges_of_face[edge.face].push_back(edge.edge);
+    const Reach reach = ReachOf(edge, view);
     const bool at_end = reach.lowest > at_mm - tolerance && reach.highest < at_mm + tolerance;
     if (at_end && reach.widest < piece.radius_mm + tolerance) open.insert(edge.edge);
   }
   std::set<int> seen;
-  double farthest = at_mm;
+  EndForm form{at_mm, EndCover::kNone};
+  std::optional<AxisHit> cover;
   while (!open.empty()) {
     const int edge = *open.begin();
     open.erase(open.begin());
-    for (const int face : faces_of_edge[edge]) {
-      const Reach& reach = faces[face];
-      if (reach.lowest < at_mm - tolerance || reach.widest > kWidestRadii * piece.radius_mm ||
-          others.contains(face)) {
+    for (const int number : faces_of_edge[edge]) {
+      if (others.contains(number) || !seen.insert(number).second) continue;
+      const FormFace& face = faces.at(number);
+      const Reach reach = ReachOf(face, view);
+      if (reach.lowest < at_mm - tolerance || reach.widest > kWidestRadii * piece.radius_mm) {
         continue;
       }
-      if (!seen.insert(face).second) continue;
-      farthest = std::max(farthest, reach.highest);
-      open.insert(edges_of_face[face].begin(), edges_of_face[face].end());
+      form.end_mm = std::max(form.end_mm, reach.highest);
+      for (const FaceEdge* next : face.edges) open.insert(next->edge);
+      const auto hit = OverAxis(face, view, tolerance / 4);
+      if (hit && (!cover || hit->along_mm > cover->along_mm)) cover = hit;
     }
   }
-  return farthest;
+  if (cover) form.cover = CoverOf(*cover, form.end_mm - 2 * tolerance);
+  return form;
 }
 
 }  // namespace bendloop::host

@@ -219,15 +219,19 @@ hal::Result<CadTube> Choose(const std::vector<CadTube>& tubes, const NominalArgu
 }
 
 // Why the daemon takes no part with these rows; empty: they are no reason against it.
-std::string NotForPartFile(const hal::BendProgram& program) {
-  const auto& rows = program.rows;
+std::string NotForPartFile(const Nominal& nominal) {
+  const auto& rows = nominal.program.program.rows;
   if (rows.size() == 1) {
     return "it is straight: a part file has a bend at least, since lengths between bends, "
            "rotations "
            "and angles are what is measured and corrected";
   }
   for (const bool first : {true, false}) {
-    if ((first ? rows.front() : rows.back()).length_mm > 0) continue;
+    // A dome on a bend is no straight.
+    const double dome_mm = (first ? nominal.tube.first : nominal.tube.last).fitting_mm;
+    constexpr double kLeastStraightMm = 1e-6;
+    const double straight_mm = (first ? rows.front() : rows.back()).length_mm - dome_mm;
+    if (straight_mm > kLeastStraightMm) continue;
     return std::string("it ") + (first ? "begins" : "ends") +
            " with a bend, without a straight that a bender clamps and a scanner sees: give it "
            "one in CAD, of the length that is cut off afterwards";
@@ -274,8 +278,7 @@ hal::EndCut ToConfig(const hal::EndCut& cut) {
 
 std::string PartText(const Nominal& nominal, const NominalArguments& arguments) {
   config::PartConfig part;
-  const std::string& body = nominal.tube.name;
-  part.name = !arguments.name.empty() ? arguments.name : body.empty() ? "Tube" : Printable(body);
+  part.name = arguments.name.empty() ? PartName(nominal.tube, arguments.file) : arguments.name;
   part.part_number = arguments.part_number;
   part.pipe_radius_mm = Rounded(nominal.tube.pipe_radius_mm, 7);
   if (nominal.tube.wall_mm) part.wall_mm = Rounded(*nominal.tube.wall_mm, 7);
@@ -323,7 +326,7 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
   const auto bad = [&](const std::string& what) {
     return hal::Fail(hal::ErrorKind::kBadInput,
                      arguments.file + ": " +
-                         (tube->name.empty() ? "" : "'" + Printable(tube->name) + "': ") + what);
+                         (BodyName(*tube).empty() ? "" : "'" + BodyName(*tube) + "': ") + what);
   };
   if (tube->is_wire && arguments.pipe_diameter_mm) {
     tube->pipe_radius_mm = *arguments.pipe_diameter_mm / 2;
@@ -407,7 +410,7 @@ int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostrea
   out << std::flush;
   if (arguments.out.empty()) return 0;
   const std::string part = PartText(*nominal, arguments);
-  std::string reason = NotForPartFile(nominal->program.program);
+  std::string reason = NotForPartFile(*nominal);
   if (const auto checked = config::ParsePart(part, "the part"); reason.empty() && !checked) {
     reason = checked.error().message;
   }
@@ -453,7 +456,7 @@ CLI::App* AddNominalCommand(CLI::App& app, std::function<int()>& run, std::ostre
   command->add_flag("--reverse", a->reverse, "Begin at the other end");
   command->add_flag("--nearest", a->nearest,
                     "Of a part that is no lines and arcs, those nearest to it");
-  command->add_option("--name", a->name, "Of the part; not given: the body's");
+  command->add_option("--name", a->name, "Of the part; not given: the body's, or the file's");
   command->add_option("--part-number", a->part_number, "What the bender knows it by")
       ->capture_default_str();
   command

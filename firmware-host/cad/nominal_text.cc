@@ -2,6 +2,9 @@
 #include "firmware-host/cad/nominal_text.h"
 
 #include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <numbers>
 #include <utility>
 
 #include "firmware-host/cad/developed.h"
@@ -17,6 +20,36 @@ std::string Turn(double deg, int decimals) {
   return Fixed(RoundedTurnDeg(deg, decimals), decimals);
 }
 
+// Whether the length counts up to a point, and not to an edge.
+bool IsTip(EndCover cover) { return cover == EndCover::kDome || cover == EndCover::kPoint; }
+
+// What an end is that is not cut obliquely or to a shape.
+const char* Covered(EndCover cover) {
+  switch (cover) {
+    case EndCover::kDome:
+      return "domed (closed); the length is up to its tip";
+    case EndCover::kPoint:
+      return "pointed (closed); the length is up to its tip";
+    case EndCover::kFlat:
+      return "closed: the bore ends before it";
+    default:
+      return "square";
+  }
+}
+
+Json CoverJson(EndCover cover) {
+  switch (cover) {
+    case EndCover::kDome:
+      return "dome";
+    case EndCover::kPoint:
+      return "point";
+    case EndCover::kFlat:
+      return "flat";
+    default:
+      return nullptr;
+  }
+}
+
 std::string EndRemark(const char* which, const TubeEnd& end, const hal::EndCut& cut) {
   std::string text = std::string(which) + " end: ";
   if (!end.is_plane) {
@@ -28,17 +61,19 @@ std::string EndRemark(const char* which, const TubeEnd& end, const hal::EndCut& 
     text += "cut " + Fixed(end.oblique_deg, 3) + " degrees oblique, longest at " +
             Turn(cut.around_deg, 2) + " degrees around; the length is along the axis";
   } else {
-    text += "square";
+    text += Covered(end.cover);
   }
   if (end.is_plane && end.fitting_mm > 0) {
-    text += "; the plain tube ends " + Fixed(end.fitting_mm, 3) +
-            " mm before it (a fitting, flange, chamfer or end form)";
+    text += "; the plain tube ends " + Fixed(end.fitting_mm, 3) + " mm before it";
+    if (!IsTip(end.cover)) text += " (a fitting, flange, chamfer or end form)";
   }
   return text;
 }
 
-std::string OpeningRemark(const WallOpening& opening) {
-  const std::string where = " at " + Fixed(opening.along_mm, 3) + " mm of the developed length, " +
+std::string OpeningRemark(const WallOpening& opening, const Spine& spine) {
+  const int bend = BendAt(spine, opening.along_mm);
+  const std::string where = " at " + Fixed(opening.along_mm, 3) + " mm of the developed length" +
+                            (bend > 0 ? " (in bend " + std::to_string(bend) + ")" : "") + ", " +
                             Turn(opening.around_deg, 2) + " degrees around";
   if (opening.length_mm == 0) return "hole of " + Fixed(opening.width_mm, 3) + " mm" + where;
   return "slot of " + Fixed(opening.length_mm, 3) + " by " + Fixed(opening.width_mm, 3) + " mm" +
@@ -52,16 +87,42 @@ Json EndJson(const TubeEnd& end, const hal::EndCut& cut) {
       {"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
       {"around_deg", cut.obliquity_deg > 0 ? AroundJson(cut.around_deg) : Json(nullptr)},
       {"plane", end.is_plane},
+      {"closed_by", CoverJson(end.cover)},
       {"plain_tube_ends_before_mm", Number(end.is_plane ? end.fitting_mm : end.whole_before_mm)}};
 }
 
 std::vector<std::string> NotesOf(const CadTube& tube) {
   std::vector<std::string> notes = tube.placed_notes;
   notes.insert(notes.end(), tube.notes.begin(), tube.notes.end());
+  constexpr double kHalfTurnDeg = 180 - 1e-6;
+  for (std::size_t i = 0; i < tube.spine.arcs.size(); ++i) {
+    const double deg = tube.spine.arcs[i].angle_rad * 180 / std::numbers::pi;
+    if (deg < kHalfTurnDeg) continue;
+    notes.push_back("bend " + std::to_string(i + 1) + " turns by " + Fixed(deg, 3) +
+                    " degrees: XYZ cannot carry 180 and more, LRA and YBC can");
+  }
   return notes;
 }
 
+// Some systems write a name where a part has none.
+bool IsName(const std::string& name) {
+  std::string plain;
+  for (const char c : name) {
+    if (c != ' ' && c != '\t') plain += char(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return !plain.empty() && plain != "none";
+}
+
 }  // namespace
+
+std::string BodyName(const CadTube& tube) { return IsName(tube.name) ? Printable(tube.name) : ""; }
+
+std::string PartName(const CadTube& tube, const std::string& file) {
+  const std::string name = BodyName(tube);
+  if (!name.empty()) return name;
+  const std::string stem = Printable(std::filesystem::path(file).stem().string());
+  return stem.empty() ? "Tube" : stem;
+}
 
 std::vector<std::string> Remarks(const CadTube& tube) {
   std::vector<std::string> remarks;
@@ -69,7 +130,9 @@ std::vector<std::string> Remarks(const CadTube& tube) {
     remarks.push_back(EndRemark("first", tube.first, FirstCut(tube)));
     remarks.push_back(EndRemark("last", tube.last, LastCut(tube)));
   }
-  for (const WallOpening& opening : tube.openings) remarks.push_back(OpeningRemark(opening));
+  for (const WallOpening& opening : tube.openings) {
+    remarks.push_back(OpeningRemark(opening, tube.spine));
+  }
   for (std::string& note : NotesOf(tube)) remarks.push_back(std::move(note));
   const bool tells_around = std::any_of(
       remarks.begin(), remarks.end(),
@@ -84,8 +147,8 @@ std::vector<std::string> Remarks(const CadTube& tube) {
 
 std::string NominalText(const Nominal& nominal) {
   const CadTube& tube = nominal.tube;
-  std::string text = Printable(tube.name.empty() ? "tube" : tube.name) + ": " +
-                     Fixed(2 * tube.pipe_radius_mm, 3) + " mm in diameter, ";
+  std::string text =
+      PartName(tube, nominal.file) + ": " + Fixed(2 * tube.pipe_radius_mm, 3) + " mm in diameter, ";
   text += tube.wall_mm ? "wall " + Fixed(*tube.wall_mm, 3) + " mm"
                        : "no inner surface (a bar, or the file leaves the bore out)";
   text += ", " + std::to_string(tube.spine.arcs.size()) + " bends, developed length " +
@@ -102,6 +165,8 @@ std::string NominalText(const Nominal& nominal) {
                rows[i].bend_radius_mm ? Fixed(*rows[i].bend_radius_mm, 4) : ""});
   }
   text += table.Render(false) + "\n";
+  text +=
+      "the first end lies at " + FilePlace(nominal.program.X_WT.position_mm, 3) + " of the file\n";
   for (const std::string& remark : Remarks(tube)) text += remark + "\n";
   return text;
 }
@@ -116,6 +181,7 @@ Json NominalJson(const Nominal& nominal) {
                  {"along_mm", Number(o.along_mm)},
                  {"around_deg", AroundJson(o.around_deg)},
                  {"width_mm", Number(o.width_mm)}};
+    if (const int bend = BendAt(tube.spine, o.along_mm); bend > 0) json["in_bend"] = bend;
     if (o.length_mm > 0) {
       json["length_mm"] = Number(o.length_mm);
       json["axis_deg"] = Number(o.axis_deg);

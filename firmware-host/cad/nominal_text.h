@@ -17,6 +17,11 @@ struct Nominal {
   hal::Tube program;  // rounded as the part file has it
 };
 
+// The body's name as it is shown; empty where it has none ("", "None").
+std::string BodyName(const CadTube& tube);
+// That, or what the file is called.
+std::string PartName(const CadTube& tube, const std::string& file);
+
 // "first end: cut 15.000 degrees oblique; 12.000 mm of it carry a fitting", one sentence each:
 // ends, openings, notes.
 std::vector<std::string> Remarks(const CadTube& tube);

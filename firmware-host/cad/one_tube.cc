@@ -37,8 +37,8 @@ bool SameOpenings(const std::vector<WallOpening>& a, const std::vector<WallOpeni
 }
 
 bool SameEnd(const TubeEnd& a, const TubeEnd& b) {
-  return a.is_plane == b.is_plane && SameNumber(a.oblique_deg, b.oblique_deg) &&
-         SameNumber(a.fitting_mm, b.fitting_mm);
+  return a.is_plane == b.is_plane && a.cover == b.cover &&
+         SameNumber(a.oblique_deg, b.oblique_deg) && SameNumber(a.fitting_mm, b.fitting_mm);
 }
 
 // Whether the centre line of `inner` is that of `outer`, but for where it ends.

@@ -21,10 +21,6 @@ namespace {
 using Eigen::Vector3d;
 // A straight tube is at least so many diameters long; what is shorter is a hole, a nut, a boss.
 constexpr double kFewestDiameters = 2;
-// A free surface that goes on beyond an end by more pipe radii than this is a bend, else the end's
-// form; or by more than the second, where it keeps as near to the axis as an end that is pressed
-// flat, from the middle (pi / 2) or to one side (1.9).
-constexpr double kEndFormRadii = 4, kFlatFormRadii = 20, kFlatAcrossRadii = 2;
 // Somewhere along it a tube has so much around it [deg]; what nowhere has more than half a turn is
 // the edge of something flat, or the round side of an oval profile.
 constexpr double kRoundAroundDeg = 270;
@@ -148,6 +144,10 @@ class BodyTubes {
     Spine turned = tube.spine.Reversed();
     SetEnd(cluster, basis, basis.first, turned, tube.first);
     tube.spine = turned.Reversed();
+    // Without a bore a flat end is a bar's, or that of a tube whose bore the file leaves out.
+    for (TubeEnd* end : {&tube.first, &tube.last}) {
+      if (end->cover == EndCover::kFlat && !tube.wall_mm) end->cover = EndCover::kNone;
+    }
     AddProblems(basis, tube);
     AddSplineNotes(basis, tube);
     const bool long_enough = tube.spine.length_mm() >= 2 * kFewestDiameters * tube.pipe_radius_mm;
@@ -170,14 +170,21 @@ class BodyTubes {
   void AddSplineNotes(const TubeChain& basis, CadTube& tube) const {
     double off = 0;
     int in_a_row = 0, most = 0;
+    Vector3d middle = Vector3d::Zero();  // of those in a row
+    std::vector<Vector3d> row;
     for (const int i : basis.pieces) {
       const TubePiece& piece = PieceOf(i);
       off = std::max(off, piece.off_mm);
       in_a_row = piece.is_arc && piece.off_mm > kExactSurfaceMm ? in_a_row + 1 : 0;
-      most = std::max(most, in_a_row);
+      if (in_a_row == 0) row.clear();
+      if (in_a_row > 0) row.push_back(piece.PointAt((piece.from + piece.to) / 2));
+      if (in_a_row <= most) continue;
+      most = in_a_row;
+      middle = row[row.size() / 2];
     }
     if (most > kMostArcsInARow) {
-      tube.problems.push_back("it bends as a B-spline: " + std::to_string(most) +
+      tube.problems.push_back("it bends as a B-spline, about " + FilePlace(middle) + ": " +
+                              std::to_string(most) +
                               " arcs in a row, without a straight between, would be near to it");
     } else if (off > kExactSurfaceMm) {
       tube.notes.push_back(
@@ -282,24 +289,31 @@ class BodyTubes {
         whole = cut->lowest_mm;
       }
     }
-    const double plain = at;
+    double plain = at;
     const std::set<int> others = BentFacesBeside(cluster);
     for (bool grew = true; grew;) {
       grew = false;
+      const double before = at;
       for (const TubeChain* chain : cluster) {
         if (chain == &outer) continue;
         for (const int i : chain->pieces) grew |= Extend(PieceOf(i), origin, outward, at, end);
       }
-      if (end.oblique_deg != 0 || piece.is_arc) continue;
-      const double form = FormEndMm(body_, piece, origin, outward, at, others);
-      grew |= form > at + 1e-6;
-      at = std::max(at, form);
+      // After a bend whose straight has no face, what goes on is that straight.
+      if (piece.is_arc) plain += at - before;
+      if (end.oblique_deg != 0) continue;
+      const EndForm form = FormBeyond(body_, piece, {origin, outward}, at, others);
+      if (form.cover != EndCover::kNone) end.cover = form.cover;
+      // A flange on a bend is no straight, and what closes it is an end.
+      if (piece.is_arc && form.cover != EndCover::kDome && form.cover != EndCover::kPoint) continue;
+      grew |= form.end_mm > at + 1e-6;
+      at = std::max(at, form.end_mm);
     }
     if (end.is_plane && end.oblique_deg == 0 && !piece.is_arc) {
       at = std::max(at, EdgeBeyond(origin, outward, at, piece.radius_mm));
+      const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, chain_end);
+      if (form.is_end_form(outer.radius_mm)) at = std::max(at, form.along_mm);
     }
-    // After a bend whose straight has no face, what goes on is that straight.
-    const bool is_fitting = !piece.is_arc && at - plain > MatchToleranceMm(piece.radius_mm) / 4;
+    const bool is_fitting = at - plain > MatchToleranceMm(piece.radius_mm) / 4;
     end.fitting_mm = is_fitting ? at - plain : 0;
     end.whole_before_mm = end.is_plane ? 0 : at - whole;
     spine.end = origin + at * outward;
@@ -352,28 +366,39 @@ class BodyTubes {
   void AddProblems(const TubeChain& outer, CadTube& tube) const {
     for (const ChainEnd* end : {&outer.first, &outer.last}) {
       if (end->kink_deg > 0) {
+        const bool is_first = end == &outer.first;
         tube.problems.push_back(
-            Text("straights meet in a kink of %.3f degrees (a mitre), which no "
-                 "bender makes",
-                 end->kink_deg));
+            Text("straights meet in a kink of %.3f degrees (a mitre)", end->kink_deg) + " at " +
+            FilePlace(is_first ? outer.spine.start : outer.spine.end) + ", which no bender makes");
       }
       const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, *end);
       if (form.name.empty()) continue;
-      const double radius = outer.radius_mm;
-      const bool is_form =
-          form.reach_mm <= kEndFormRadii * radius ||
-          (form.reach_mm <= kFlatFormRadii * radius && form.across_mm <= kFlatAcrossRadii * radius);
-      if (!is_form || form.leads_on) {
-        tube.problems.push_back("a straight goes on as a " + form.name +
-                                " that is no cylinder or torus: a bend that is no arc");
+      if (!form.is_end_form(outer.radius_mm)) {
+        tube.problems.push_back("a straight goes on at " + FilePlace(form.at) + " as a " +
+                                form.name + " that is no cylinder or torus: a bend that is no arc");
       } else {
-        tube.notes.push_back("an end has a form of its own (" + form.name +
-                             "); the length counts up to where its faces end, if they join");
+        AddFormNotes(form, end == &outer.first, tube);
       }
     }
     std::sort(tube.problems.begin(), tube.problems.end());
     tube.problems.erase(std::unique(tube.problems.begin(), tube.problems.end()),
                         tube.problems.end());
+  }
+
+  static void AddFormNotes(const FreeForm& form, bool is_first, CadTube& tube) {
+    // A dome is told with its end.
+    if ((is_first ? tube.first : tube.last).cover == EndCover::kDome) return;
+    const double counted_mm = ((is_first ? tube.spine.start : tube.spine.end) - form.at).norm();
+    const bool counts = counted_mm > form.along_mm - MatchToleranceMm(tube.pipe_radius_mm);
+    const auto told = [&](bool first) {
+      return std::string("the ") + (first ? "first" : "last") + " end has a form of its own (" +
+             form.name +
+             (counts ? "), up to whose end the length counts"
+                     : Text("), which reaches %.1f mm beyond it", form.along_mm) +
+                           Text("; of these the length counts %.1f", counted_mm));
+    };
+    tube.placed_notes.push_back(told(is_first));
+    tube.placed_notes_reversed.push_back(told(!is_first));
   }
 
   // Of bent tubes that do not share this one's axis, as beyond a reducer.
@@ -447,14 +472,21 @@ class BodyTubes {
 
   CadTube FreeTube() const {
     std::set<std::string> names;
+    Vector3d low = Vector3d::Constant(INFINITY), high = -low;
     for (const SurfacePatch& patch : body_.patches) {
-      if (IsFreeForm(patch)) names.insert(patch.name);
+      if (!IsFreeForm(patch)) continue;
+      names.insert(patch.name);
+      for (const OrientedPoint& s : patch.samples) {
+        low = low.cwiseMin(s.point);
+        high = high.cwiseMax(s.point);
+      }
     }
     CadTube tube;
     tube.spine.start = tube.spine.end = Vector3d::Zero();
     tube.spine.direction = Vector3d::UnitX();
     tube.problems.push_back("its surface is a " + *names.begin() +
-                            " that is no cylinder or torus: no lines and arcs");
+                            " that is no cylinder or torus, about " + FilePlace((low + high) / 2) +
+                            ": no lines and arcs");
     return tube;
   }
 

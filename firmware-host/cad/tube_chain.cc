@@ -8,6 +8,8 @@
 #include <optional>
 #include <utility>
 
+#include "firmware-host/cad/free_surface.h"
+
 namespace bendloop::host {
 namespace {
 
@@ -35,6 +37,45 @@ End EndOf(const std::vector<TubePiece>& pieces, int piece, bool at_to) {
 double AngleDeg(const Vector3d& a, const Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * 180 / std::numbers::pi;
 }
+
+// The number of the fewest decimals near `value`, which samples say that lie up to `off_mm` off: a
+// B-spline for a bend of 40 mm is one of 39.9999987 to the fit. At most by what an exact one is
+// off, so that what is near alone keeps the decimals it has.
+double Roundest(double value, double off_mm) {
+  constexpr double kLeastMm = 2e-6;  // numbers of ten digits
+  const double within = std::clamp(off_mm, kLeastMm, kExactSurfaceMm);
+  for (double per_unit = 1; per_unit < 1e8; per_unit *= 10) {
+    const double rounded = std::round(value * per_unit) / per_unit;
+    if (std::abs(rounded - value) <= within) return rounded;
+  }
+  return value;
+}
+
+// Of a chain's pieces by their lengths: of its cylinders and tori, and where it has none, of its
+// B-splines.
+class ChainRadius {
+ public:
+  void Add(const TubePiece& piece) {
+    if (piece.inferred) return;
+    Sum& sum = piece.off_mm > 0 ? splines_ : given_;
+    sum.weighted += piece.radius_mm * piece.length_mm();
+    sum.weight += piece.length_mm();
+    off_mm_ = std::max(off_mm_, piece.off_mm);
+  }
+
+  std::optional<double> Mm() const {
+    if (given_.weight > 0) return given_.weighted / given_.weight;
+    if (splines_.weight > 0) return Roundest(splines_.weighted / splines_.weight, off_mm_);
+    return std::nullopt;
+  }
+
+ private:
+  struct Sum {
+    double weighted = 0, weight = 0;
+  };
+  Sum given_, splines_;
+  double off_mm_ = 0;
+};
 
 class Linker {
  public:
@@ -234,17 +275,14 @@ class Linker {
     chain.concave = PieceOf(slots_[slot]).concave;
     chain.first = {slots_[slot].end.piece, slots_[slot].end.at_to, slots_[slot].kink_deg};
     std::size_t at = slot;
-    double weighted = 0, weight = 0;
+    ChainRadius radius;
     std::vector<std::pair<bool, std::size_t>> inferred;  // a bend, its number; or a straight's
     for (;;) {
       const std::size_t other = at ^ 1;  // the slots of a piece stand beside each other
       used[at] = used[other] = true;
       const TubePiece& piece = PieceOf(slots_[at]);
       chain.pieces.push_back(slots_[at].end.piece);
-      if (!piece.inferred) {
-        weighted += piece.radius_mm * piece.length_mm();
-        weight += piece.length_mm();
-      }
+      radius.Add(piece);
       AddToSpine(piece, at % 2 == 1, chain);
       if (piece.inferred) {
         inferred.emplace_back(piece.is_arc, chain.spine.arcs.size() + (piece.is_arc ? 0 : 1));
@@ -257,7 +295,7 @@ class Linker {
                    AngleDeg(slots_[other].end.outward, -slots_[std::size_t(next)].end.outward));
       at = std::size_t(next);
     }
-    chain.radius_mm = weight > 0 ? weighted / weight : radius_mm_;
+    chain.radius_mm = radius.Mm().value_or(radius_mm_);
     const std::size_t bends = chain.spine.arcs.size();
     for (const auto& [is_arc, number] : inferred) {
       chain.notes.push_back(InferredNote(is_arc, number));
@@ -291,7 +329,8 @@ class Linker {
       arc.tangent_in = sign * piece.TangentAt(in);
       arc.tangent_out = sign * piece.TangentAt(out);
       arc.normal = sign * piece.axis;
-      arc.bend_radius_mm = piece.bend_radius_mm;
+      arc.bend_radius_mm =
+          piece.off_mm > 0 ? Roundest(piece.bend_radius_mm, piece.off_mm) : piece.bend_radius_mm;
       arc.angle_rad = piece.to - piece.from;
       if (!spine.arcs.empty() &&
           GoesOn(spine.arcs.back(), arc, MatchToleranceMm(chain.radius_mm))) {

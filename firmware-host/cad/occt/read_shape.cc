@@ -5,8 +5,10 @@
 #include <BRepAdaptor_Surface.hxx>
 #include <BRepBuilderAPI_Transform.hxx>
 #include <BRepTools.hxx>
+#include <BRepTopAdaptor_FClass2d.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
+#include <Geom2d_Curve.hxx>
 #include <Geom_Surface.hxx>
 #include <IGESControl_Reader.hxx>
 #include <Interface_InterfaceModel.hxx>
@@ -25,6 +27,7 @@
 #include <TDF_LabelSequence.hxx>
 #include <TDataStd_Name.hxx>
 #include <TDocStd_Document.hxx>
+#include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
 #include <TopTools_MapOfShape.hxx>
@@ -36,7 +39,9 @@
 #include <cmath>
 #include <fstream>
 #include <gp_Cylinder.hxx>
+#include <gp_Pnt2d.hxx>
 #include <gp_Torus.hxx>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -133,10 +138,54 @@ double Inside(int step, int steps) {
   return std::clamp(double(step) / steps, kInside, 1 - kInside);
 }
 
+// Which points of its surface belong to a face.
+class FaceArea {
+ public:
+  // `asks`: else it has them all.
+  FaceArea(const TopoDS_Face& face, const Domain& d, bool asks) {
+    try {
+      if (asks && !IsAll(face, d)) in_.emplace(face, kToleranceUv);
+    } catch (const Standard_Failure&) {
+      // Of a damaged border nothing is known.
+    }
+  }
+
+  bool Has(double u, double v) { return !in_ || in_->Perform(gp_Pnt2d(u, v)) != TopAbs_OUT; }
+
+ private:
+  static constexpr double kToleranceUv = 1e-6;
+
+  // Whether the face's border is that of the domain, as most are: asking for each point is slow.
+  static bool IsAll(const TopoDS_Face& face, const Domain& d) {
+    const double off_u = kToleranceUv * (d.u1 - d.u0), off_v = kToleranceUv * (d.v1 - d.v0);
+    const auto all_at = [](const gp_Pnt2d* points, bool of_u, double at, double off) {
+      return std::all_of(points, points + 3, [&](const gp_Pnt2d& p) {
+        return std::abs((of_u ? p.X() : p.Y()) - at) < off;
+      });
+    };
+    for (TopExp_Explorer at(face, TopAbs_EDGE); at.More(); at.Next()) {
+      double from = 0, to = 0;
+      const Handle(Geom2d_Curve) curve =
+          BRep_Tool::CurveOnSurface(TopoDS::Edge(at.Current()), face, from, to);
+      if (curve.IsNull()) return false;
+      const gp_Pnt2d points[] = {curve->Value(from), curve->Value((from + to) / 2),
+                                 curve->Value(to)};
+      if (!all_at(points, true, d.u0, off_u) && !all_at(points, true, d.u1, off_u) &&
+          !all_at(points, false, d.v0, off_v) && !all_at(points, false, d.v1, off_v)) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  std::optional<BRepTopAdaptor_FClass2d> in_;
+};
+
 // Of the surface itself: at corners of its pieces an adaptor takes another piece's polynomials. A
-// little inside of the piece, whose neighbour may go on at an angle.
-json Samples(const Geom_Surface& surface, bool reversed, const Domain& d, double step_mm,
-             int fewest) {
+// little inside of the piece, whose neighbour may go on at an angle. What lies beyond the face's
+// edges has a seventh number.
+json Samples(const Geom_Surface& surface, FaceArea& area, bool reversed, const Domain& d,
+             double step_mm, int fewest) {
   const double u = (d.u0 + d.u1) / 2, v = (d.v0 + d.v1) / 2;
   const auto along_u = [&](double at) { return surface.Value(at, v); };
   const auto along_v = [&](double at) { return surface.Value(u, at); };
@@ -146,9 +195,12 @@ json Samples(const Geom_Surface& surface, bool reversed, const Domain& d, double
   for (int i = 0; i <= nu; ++i) {
     for (int j = 0; j <= nv; ++j) {
       gp_Pnt p;
-      const gp_Vec n = NormalAt(surface, reversed, d.u0 + (d.u1 - d.u0) * Inside(i, nu),
-                                d.v0 + (d.v1 - d.v0) * Inside(j, nv), p);
-      if (n.Magnitude() > 0.5) points.push_back({p.X(), p.Y(), p.Z(), n.X(), n.Y(), n.Z()});
+      const double at_u = d.u0 + (d.u1 - d.u0) * Inside(i, nu);
+      const double at_v = d.v0 + (d.v1 - d.v0) * Inside(j, nv);
+      const gp_Vec n = NormalAt(surface, reversed, at_u, at_v, p);
+      if (n.Magnitude() < 0.5) continue;
+      points.push_back({p.X(), p.Y(), p.Z(), n.X(), n.Y(), n.Z()});
+      if (!area.Has(at_u, at_v)) points.back().push_back(0);
     }
   }
   return points;
@@ -177,13 +229,14 @@ void AddFreePatches(const TopoDS_Face& face, const BRepAdaptor_Surface& surface,
     us = Within(all_u, d.u0, d.u1);
     vs = Within(all_v, d.v0, d.v1);
   }
+  FaceArea area(face, d, step_mm == 0);  // the nearest tube is of too many samples to ask
   const bool many = (us.size() - 1) * (vs.size() - 1) > kManyCells;
   for (std::size_t i = 0; i + 1 < us.size(); ++i) {
     for (std::size_t j = 0; j + 1 < vs.size(); ++j) {
       json patch = head;
       patch["cell"] = {i, j};
-      patch["samples"] = Samples(*whole, reversed, {us[i], us[i + 1], vs[j], vs[j + 1]}, step_mm,
-                                 many ? kFewGridSteps : kGridSteps);
+      patch["samples"] = Samples(*whole, area, reversed, {us[i], us[i + 1], vs[j], vs[j + 1]},
+                                 step_mm, many ? kFewGridSteps : kGridSteps);
       patches.push_back(std::move(patch));
     }
   }
@@ -273,7 +326,15 @@ bool IsUsable(const BRepAdaptor_Curve& curve) {
 void AddEdges(const TopoDS_Face& face, int number, TopTools_IndexedMapOfShape& known, json& edges) {
   for (TopExp_Explorer at(face, TopAbs_EDGE); at.More(); at.Next()) {
     const TopoDS_Edge edge = TopoDS::Edge(at.Current());
-    if (BRep_Tool::Degenerated(edge) || BRep_Tool::IsClosed(edge, face)) continue;  // seams
+    if (BRep_Tool::Degenerated(edge)) {  // a pole, an apex
+      const TopoDS_Vertex vertex = TopExp::FirstVertex(edge);
+      if (vertex.IsNull()) continue;
+      edges.push_back({{"face", number},
+                       {"edge", known.Add(edge)},
+                       {"points", json::array({Numbers(BRep_Tool::Pnt(vertex))})}});
+      continue;
+    }
+    if (BRep_Tool::IsClosed(edge, face)) continue;  // seams
     const BRepAdaptor_Curve curve(edge);
     if (!IsUsable(curve)) continue;
     edges.push_back({{"face", number},

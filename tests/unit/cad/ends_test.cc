@@ -72,7 +72,10 @@ TEST(Ends, PressedFlatTheyCountToTheLength) {
   hal::BendProgram longer = Bow(8).program;
   longer.rows[0].length_mm += 65;
   test::ExpectRows(done, longer);
-  EXPECT_THAT(done.out, HasSubstr("an end has a form of its own (B-spline surface)"));
+  EXPECT_THAT(done.out, HasSubstr("the first end has a form of its own (B-spline surface), up to "
+                                  "whose end the length counts\n"));
+  EXPECT_THAT(Nominal(test::TemporaryFile("made.step"), {"--reverse"}).out,
+              HasSubstr("the last end has a form of its own (B-spline surface)"));
 }
 
 TEST(Ends, AReducerMakesTwoTubes) {

@@ -192,7 +192,7 @@ TEST(Nominal, SaysWhatIsNoTubeOfLinesAndArcs) {
   const TopoDS_Shape right = test::Cut(Pipe(b), {100, 0, 0}, -mitre);
   const auto kink = Nominal(test::WriteStepFile({{"frame", test::Joined(left, right)}}));
   EXPECT_EQ(kink.code, 3);
-  EXPECT_THAT(kink.err, HasSubstr("kink of 60.000 degrees"));
+  EXPECT_THAT(kink.err, HasSubstr("kink of 60.000 degrees (a mitre) at x "));
   EXPECT_EQ(Nominal("/no/such/file.step").code, 3);
   const std::string file = test::TemporaryFile("bad.step");
   std::ofstream(file) << "ISO-10303-21;\nHEADER;\nnonsense";
