@@ -404,8 +404,8 @@ BowedSolution OfOneDie(const BowedSolution& solution, std::span<const PointBlock
 }
 
 // [variances]
-double PriceOfBend(std::span<const PointBlock> blocks) {
-  const auto points = static_cast<double>(std::min(CountPoints(blocks), kRevise.points));
+double PriceOfBend(std::span<const PointBlock> blocks, std::size_t most_points = kRevise.points) {
+  const auto points = static_cast<double>(std::min(CountPoints(blocks), most_points));
   return kRevise.price * std::log(points);
 }
 
@@ -418,6 +418,10 @@ double FormNumbers(const BowedSolution& solution) {
          static_cast<double>(solution.fit.easing.variance_mm2.size());
 }
 
+bool IsOfLinesAndArcs(const BowedSolution& solution) {
+  return FormNumbers(solution) == 0 && !solution.undented;
+}
+
 // How much better the points, and the numbers of bends and of form, speak for `a` [twice the
 // logarithm of the odds].
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
@@ -426,7 +430,10 @@ double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
                             static_cast<double>(b.fit.tube.program.bend_count());
   // Samples of a place that agree with either disagree with the other because of its bends.
   const double worth = std::max(1.0, std::min(a.bows.worth, b.bows.worth));
-  return GainOf(a, b, blocks, reach_mm) / worth - more_bends * PriceOfBend(blocks) -
+  // Between lines and arcs alone the search for bends has decided by all points.
+  const bool as_searched = IsOfLinesAndArcs(a) && IsOfLinesAndArcs(b);
+  const std::size_t points = as_searched ? CountPoints(blocks) : kRevise.points;
+  return GainOf(a, b, blocks, reach_mm, points) / worth - more_bends * PriceOfBend(blocks, points) -
          kRevise.number_price * (FormNumbers(a) - FormNumbers(b));
 }
 

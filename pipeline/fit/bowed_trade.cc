@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "hal/angles.h"
 #include "pipeline/fit/bowed_tube.h"
 #include "pipeline/fit/fit_priors.h"
 #include "pipeline/fit/normal_equations.h"
@@ -48,8 +49,9 @@ bool BowedTube::MoveTo(SurfaceFit& fit) const {
   const TubeParameters at(moved.tube, options_.free_pipe_radius, moved.flattening, moved.easing);
   const EasedSpine spine = SpineOf(moved.tube.program, moved.tube.X_WT, moved.easing);
   moved.last_start = at.FrameDerivatives(spine).back().row(0);
-  SetCovariance(Mapped(map, noise_mm2_ * inverse_ + Disagreement(kBowed.noise_sigmas_of_bowed)),
-                options_.free_pipe_radius, moved);
+  const Eigen::MatrixXd covariance =
+      Mapped(map, noise_mm2_ * inverse_ + Disagreement(kBowed.noise_sigmas_of_bowed));
+  SetCovariance(NoSurer(at, moved.tube.program, covariance), options_.free_pipe_radius, moved);
   fit = std::move(moved);
   return true;
 }
@@ -86,6 +88,52 @@ Eigen::MatrixXd BowedTube::Disagreement(double noise_sigmas) const {
     sum.noalias() += (1.0 - of_noise / chi_square) * moves * moves.transpose();
   }
   return sum;
+}
+
+double BowedTube::LeastRadiusSigmaMm(const hal::BendProgram& program, std::size_t bend) const {
+  // Those of the bend, and of a place before and behind it.
+  const std::size_t first = bend * (spine_.pieces + 1) + 1, last = first + spine_.pieces - 1;
+  double weight = 0, long_mm = 0;
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    const std::size_t k = places_[i].segment;
+    const bool is_before = k + 1 == first && i + 1 < places_.size() && places_[i + 1].segment != k;
+    const bool is_behind = k == last + 1 && i > 0 && places_[i - 1].segment != k;
+    if (is_before || is_behind) long_mm += kBowed.place * r_mm_;
+    if (is_before || is_behind || (k >= first && k <= last)) {
+      weight += places_[i].sum(kPipeRadiusState, kPipeRadiusState);
+    }
+  }
+  for (std::size_t k = first; k <= last; ++k) long_mm += spine_.segments[k].length_mm;
+  // A sample sees half of the two directions across.
+  const double of_radius = std::max(1.0, weight * r_mm_ / std::max(r_mm_, long_mm));
+  const double across_mm = std::sqrt(2.0 * worth() * noise_mm2_ / of_radius);
+  return 8.0 * across_mm / std::pow(program.rows[bend].angle_deg * hal::kRadiansPerDegree, 2);
+}
+
+Eigen::MatrixXd BowedTube::NoSurer(const TubeParameters& at, const hal::BendProgram& program,
+                                   Eigen::MatrixXd covariance) const {
+  const Eigen::VectorXd range = ExpectedRange(at, r_mm_);
+  const auto is_usual = [this](double radius_mm) {
+    const auto& usual = fit_.priors.bend_radius;
+    return usual && RobustWeight(radius_mm - usual->mean_mm, usual->sigma_mm) > 0.5;
+  };
+  for (std::size_t bend = 0; bend < at.bends(); ++bend) {
+    const hal::BendRow& row = program.rows[bend];
+    if (row.angle_deg > kBowed.slight_deg || fit_.priors.radii_alike > 0) continue;
+    if (is_usual(row.bend_radius_mm.value_or(0.0))) continue;
+    const int radius = at.bend_radius(bend);
+    const double least_mm = std::min(range[radius], LeastRadiusSigmaMm(program, bend));
+    const double missing_mm2 = least_mm * least_mm - covariance(radius, radius);
+    if (!(missing_mm2 > 0)) continue;
+    // The corner stays.
+    Eigen::VectorXd moves = Eigen::VectorXd::Zero(at.size());
+    moves[radius] = 1.0;
+    const double tangent = std::tan(0.5 * program.rows[bend].angle_deg * hal::kRadiansPerDegree);
+    moves[at.length(bend)] = -tangent;
+    if (bend + 1 < at.bends()) moves[at.length(bend + 1)] = -tangent;
+    covariance += missing_mm2 * moves * moves.transpose();
+  }
+  return covariance;
 }
 
 std::vector<SpineLine> BowedTube::LinesAt(const Eigen::VectorXd& numbers) const {

@@ -60,6 +60,8 @@ struct BowedSettings {
   // [variances a point] What a round more would explain, and [of the points of the straight tube]
   // how many have a say: with more, or fewer, the solution has not settled but lost its way.
   double settled = 0.1, kept = 0.97;
+  // [degrees] Bends so slight that their radius moves the spine by radius * angle^2 / 8.
+  double slight_deg = 10;
   // [degrees] Bends that have a corner.
   double least_deg = 0.3, most_deg = 160;
 };
@@ -233,6 +235,13 @@ class BowedTube {
 
   // Its derivative, where it is linear enough for differences of a thousandth of a sigma.
   Eigen::MatrixXd TradeMap() const;
+
+  // Of a bend's radius the samples know no more than what it moves of the spine, which the
+  // derivative at a radius as tight as the pipe does not say. [mm] 1 sigma.
+  double LeastRadiusSigmaMm(const hal::BendProgram& program, std::size_t bend) const;
+  // With that of slight bends; the straights beside them are known as little.
+  Eigen::MatrixXd NoSurer(const TubeParameters& at, const hal::BendProgram& program,
+                          Eigen::MatrixXd covariance) const;
 
   const SurfaceFit& fit_;
   BowedTubeState state_;

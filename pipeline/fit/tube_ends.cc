@@ -45,8 +45,9 @@ struct EndSettings {
   double lone_gap = 4.0;
   // Of the mean gap between laser lines: scatter of those that are even. By trial.
   double even = 0.3;
-  // A gap of scattered points over 1 sigma of their border: 2 if nothing else moved it. By trial.
-  double scattered = 1.4;
+  // A gap of scattered points over 1 sigma of their border: 2 if nothing else moved it; a little
+  // less keeps the exponential tail of where the first of them lies within six. By trial.
+  double scattered = 1.9;
   // [of r_P] Borders of sectors may be so far apart beyond their own width. By trial.
   double disagreement = 0.15;
   // Of the points of sectors that tell a border: one that does not has as many of the tube. By

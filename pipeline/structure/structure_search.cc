@@ -13,6 +13,7 @@
 #include "pipeline/spline/initial_spline.h"
 #include "pipeline/structure/bows.h"
 #include "pipeline/structure/explained_parts.h"
+#include "pipeline/structure/joined_tube.h"
 #include "pipeline/structure/lateral_profile.h"
 #include "pipeline/structure/local_gain.h"
 #include "pipeline/structure/structure_moves.h"
@@ -53,6 +54,8 @@ struct SearchSettings {
   int most_cycles = 3;
   // [variances] Gain from which on one more bend is tried, at so many places.
   double worth_trying = 20.0;
+  // The same for two in the place of a bend so many times as wide as the median one.
+  double worth_splitting = 8.0, wide = 1.5;
   std::size_t most_places = 4;
   // [of r_P] Up to here a bend near the border is doubted.
   double doubtful_border = 8.0;
@@ -92,6 +95,14 @@ hal::Tube NoTighter(hal::Tube tube) {
     radius_mm += shorter_mm / tangent;
   }
   return tube;
+}
+
+bool IsWide(const hal::BendProgram& program, std::size_t bend) {
+  std::vector<double> radii_mm;
+  for (std::size_t i = 0; i < program.bend_count(); ++i) {
+    radii_mm.push_back(*program.rows[i].bend_radius_mm);
+  }
+  return radii_mm[bend] > kSearch.wide * Median(radii_mm);
 }
 
 bool IsSettled(const SurfaceFit& fit, std::size_t row) {
@@ -314,7 +325,7 @@ std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
   if (is_hopeless(Fitted(rival, part, kAll, part.all))) return std::nullopt;
   const ArcLineSpline spline = WithPart(whole, part.window, SplineFromTube(tube));
   SurfaceFit fit =
-      FitWhole(TubeFromSpline(spline, rival.tube.pipe_radius_mm), GoalOf(rival, rival, fewer));
+      FitWhole(JoinedTube(spline, rival.tube.pipe_radius_mm), GoalOf(rival, rival, fewer));
   const double worse = criterion_.Advantage(rival, fit);
   if (fit.tube.program.bend_count() > rival.tube.program.bend_count()) {
     if (IsBentMore(rival, fit)) return fit;
@@ -360,18 +371,23 @@ bool StructureSearch::SplitWorst(SurfaceFit& fit) {
   }
   std::sort(worst.begin(), worst.end());
   for (const auto& [mean_square, i] : worst) {
-    Part part = Around(spline, {i, i + 1});
-    ArcLineSpline finer = part.spline;
-    const std::size_t at = i - part.window.first;
-    const auto arcs = SplitArc(finer.arcs[at]);
-    finer.arcs[at] = arcs[0];
-    finer.arcs.insert(finer.arcs.begin() + static_cast<std::ptrdiff_t>(at) + 1, arcs[1]);
-    if (auto better = Better(fit, spline, part, finer)) {
-      Accept(fit, std::move(*better), part.window);
-      return true;
-    }
+    if (SplitAt(fit, spline, i)) return true;
   }
   return false;
+}
+
+// False: one arc does as well.
+bool StructureSearch::SplitAt(SurfaceFit& fit, const ArcLineSpline& spline, std::size_t arc) {
+  Part part = Around(spline, {arc, arc + 1});
+  ArcLineSpline finer = part.spline;
+  const std::size_t at = arc - part.window.first;
+  const auto arcs = SplitArc(finer.arcs[at]);
+  finer.arcs[at] = arcs[0];
+  finer.arcs.insert(finer.arcs.begin() + static_cast<std::ptrdiff_t>(at) + 1, arcs[1]);
+  auto better = Better(fit, spline, part, finer);
+  if (!better) return false;
+  Accept(fit, std::move(*better), part.window);
+  return true;
 }
 
 // One bend more where the samples ask for it most. False: they are content.
@@ -387,6 +403,15 @@ bool StructureSearch::Added(SurfaceFit& fit) {
   for (std::size_t i = 0; i < std::min(places.size(), kSearch.most_places); ++i) {
     if (places[i].gain < kSearch.worth_trying) break;
     if (AddedAt(fit, places[i])) return true;
+  }
+  // Two that one of a wider radius stands in for have other places and planes than it: how little
+  // it would have to turn says next to nothing of what they gain.
+  for (const MissingBend& missing : places) {
+    if (missing.gain < kSearch.worth_splitting) break;
+    if (missing.segment % 2 == 1 && IsWide(fit.tube.program, missing.segment / 2) &&
+        SplitAt(fit, SplineFromTube(fit.tube), missing.segment / 2)) {
+      return true;
+    }
   }
   return false;
 }

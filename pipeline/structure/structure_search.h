@@ -85,6 +85,7 @@ class StructureSearch {
   void DropBows(SurfaceFit& fit);
   double GoalOf(const SurfaceFit& rival, const SurfaceFit& like, double fewer_bends) const;
   bool SplitWorst(SurfaceFit& fit);
+  bool SplitAt(SurfaceFit& fit, const ArcLineSpline& spline, std::size_t arc);
   bool Added(SurfaceFit& fit);
   bool AddedAt(SurfaceFit& fit, MissingBend missing);
   bool SimplifiedAt(SurfaceFit& fit, std::size_t arc);

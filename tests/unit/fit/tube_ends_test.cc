@@ -111,6 +111,28 @@ TEST(TubeEnds, ScatteredPointsAreWithinTheirSpacing) {
   }
 }
 
+// Behind the end of a tube the first of scattered points comes as an exponential deviate.
+TEST(TubeEnds, OfScatteredPointsAreAsSureAsTheySay) {
+  Random random(12);
+  double squares = 0;
+  int count = 0;
+  for (const std::size_t points : {800U, 1500U, 3000U, 6000U}) {
+    for (int run = 0; run < 100; ++run) {
+      const hal::Tube tube = Truth(1 + run % 3, random);
+      const auto cloud = tests::SyntheticCloud(tube, {.points = points, .noise_mm = 0.001}, random);
+      const TubeEnds ends =
+          FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+      const Errors errors = EndErrors(tube, ends);
+      squares += std::pow(errors.first / ends.first_sigma_mm, 2) +
+                 std::pow(errors.last / ends.last_sigma_mm, 2);
+      count += 2;
+    }
+  }
+  const double ratio = std::sqrt(squares / count);
+  EXPECT_GT(ratio, 0.85);
+  EXPECT_LT(ratio, 1.1);
+}
+
 TEST(TubeEnds, TheStartMovesWithTheFirstLength) {
   Random random(3);
   const hal::Tube tube = Truth(2, random);
