@@ -24,6 +24,9 @@ struct DentSettings {
   double most_points = 0.25;
   // [of r_P] So far from the surface a point may belong to a dent.
   double deep = 0.5;
+  // [of its depth] On an end straight a dent lies at least so far below the tube: beside a flare
+  // all that is not flared looks like one. By trial.
+  double below = 0.3;
 };
 constexpr DentSettings kDents;
 
@@ -42,6 +45,7 @@ struct DentCircle {
   Eigen::Vector3d middle_mm;
   SurfacePlace middle;
   double radius_mm;
+  double half_mm, depth_mm;  // of the dent: to where it is half as deep
 
   bool Has(const SurfacePlace& place, double pipe_radius_mm) const {
     if (std::abs(place.distance_mm - pipe_radius_mm) > kDents.deep * pipe_radius_mm) return false;
@@ -86,9 +90,29 @@ std::vector<DentCircle> CirclesOf(const std::vector<DentFound>& dents, const Spi
     const double rim = std::max(1.0, dent.depth_mm / (kDents.rim * noise_mm));
     circles.push_back({dent.position_mm, *place,
                        std::clamp(width_mm * std::sqrt(2.0 * std::log(rim)),
-                                  kDents.least * pipe_radius_mm, kDents.most * pipe_radius_mm)});
+                                  kDents.least * pipe_radius_mm, kDents.most * pipe_radius_mm),
+                       0.5 * dent.size_mm, dent.depth_mm});
   }
   return circles;
+}
+
+// Whether the points of a dent's middle lie below the tube.
+bool IsBelow(const DentCircle& circle, const Spine& spine, std::span<const PointBlock> blocks,
+             double pipe_radius_mm) {
+  double sum_mm = 0, count = 0;
+  const double deep_mm = kDents.deep * pipe_radius_mm;
+  for (const PointBlock& block : blocks) {
+    const double near_mm = circle.half_mm + circle.depth_mm + block.half_diagonal_mm;
+    if ((block.center_mm - circle.middle_mm).squaredNorm() > near_mm * near_mm) continue;
+    for (const Eigen::Vector3d& point : block.points) {
+      if ((point - circle.middle_mm).norm() > circle.half_mm) continue;
+      const auto place = spine.PlaceOf(point);
+      if (!place || std::abs(place->distance_mm - pipe_radius_mm) > deep_mm) continue;
+      sum_mm += place->distance_mm - pipe_radius_mm;
+      count += 1;
+    }
+  }
+  return count > 0 && sum_mm / count < -kDents.below * circle.depth_mm;
 }
 
 }  // namespace
@@ -101,8 +125,11 @@ std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double nois
   const double r_mm = state.tube.pipe_radius_mm;
   const Spine spine(state);
   const std::size_t points = CountPoints(blocks), points_from = CountPoints(from);
-  const std::vector<DentCircle> circles =
+  std::vector<DentCircle> circles =
       CirclesOf(form.dents, spine, noise_mm, r_mm, points_from == points);
+  std::erase_if(circles, [&](const DentCircle& circle) {
+    return circle.middle.on_end && !IsBelow(circle, spine, blocks, r_mm);
+  });
   const auto is_dented = [&](const PointBlock&, const Eigen::Vector3d& point) {
     std::optional<SurfacePlace> place;
     for (const DentCircle& circle : circles) {

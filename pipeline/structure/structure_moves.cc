@@ -249,9 +249,20 @@ bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
     const double both_mm2 =
         (of_arc * arc_mm2 + beyond * fit.segment_mean_square_mm2[outer]) / (of_arc + beyond);
     const double least_mm = kMoves.unexplained_sigmas * fit.sigma_mm;
-    const bool bends =
-        of_arc == 0 || arc_mm2 > std::pow(std::max(least_mm, kMoves.unexplained * r_mm), 2);
+    // One as tight as the pipe is made by no machine, however well its few samples lie on it.
+    const bool is_tight = *fit.tube.program.rows[arc / 2].bend_radius_mm < kMoves.tight * r_mm;
+    const bool bends = of_arc == 0 || is_tight ||
+                       arc_mm2 > std::pow(std::max(least_mm, kMoves.unexplained * r_mm), 2);
     return bends && both_mm2 > std::pow(std::max(least_mm, kMoves.unexplained_beyond * r_mm), 2);
+  };
+  // Up to where samples are: the straight beyond it may go on for as long as the fit likes.
+  const double few_per_mm = kMoves.seen * UsualSamplesPerMm(fit);
+  const auto seen_end = [&](std::size_t outer, const Eigen::Vector3d& arc_mm,
+                            const Eigen::Vector3d& end_mm) {
+    const double seen_mm = fit.segment_samples[outer] / std::max(1e-9, few_per_mm);
+    const double long_mm = (end_mm - arc_mm).norm();
+    return Eigen::Vector3d(arc_mm +
+                           std::min(1.0, seen_mm / std::max(1e-9, long_mm)) * (end_mm - arc_mm));
   };
   const auto leads_aside = [&](const SplineArc& arc, const Eigen::Vector3d& end_mm,
                                const Eigen::Vector3d& from_mm, const Eigen::Vector3d& direction) {
@@ -260,12 +271,12 @@ bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
   };
   const SplineArc &first_arc = spline.arcs.front(), &last_arc = spline.arcs.back();
   const std::size_t last = fit.segment_samples.size() - 1;
-  const bool drop_last =
-      is_unexplained(last - 1, last) &&
-      !leads_aside(last_arc, spline.end_mm, last_arc.begin_mm, last_arc.tangent_in);
-  const bool drop_first =
-      is_unexplained(1, 0) && (!drop_last || spline.arcs.size() > 1) &&
-      !leads_aside(first_arc, spline.start_mm, first_arc.end_mm, first_arc.tangent_out);
+  const bool drop_last = is_unexplained(last - 1, last) &&
+                         !leads_aside(last_arc, seen_end(last, last_arc.end_mm, spline.end_mm),
+                                      last_arc.begin_mm, last_arc.tangent_in);
+  const bool drop_first = is_unexplained(1, 0) && (!drop_last || spline.arcs.size() > 1) &&
+                          !leads_aside(first_arc, seen_end(0, first_arc.begin_mm, spline.start_mm),
+                                       first_arc.end_mm, first_arc.tangent_out);
   // Straight on; where the samples stop is found later.
   const double short_mm = kMoves.tight_border * r_mm;
   if (drop_last) {
