@@ -52,6 +52,7 @@ struct CadBody {
   int faces = 0;
   int joined = 1;           // of so many bodies of the file (body_join.h)
   bool recognised = false;  // its free surfaces have been looked at (near_surface.h)
+  bool has_tube = false;    // one of TubesOf (cad_tube.h), or what lies in one's bore
   std::vector<SurfacePatch> patches;
   std::vector<FaceEdge> edges;
   std::vector<std::vector<Eigen::Vector3d>> curves;  // of a wire, each smooth

@@ -27,6 +27,7 @@ void FindOpenings(const CadBody& body, CadTube& tube) {
   tube.openings = OpeningsOf(body, tube);
   CadTube back = tube;
   back.spine = tube.spine.Reversed();
+  std::swap(back.first, back.last);
   tube.openings_reversed = OpeningsOf(body, back);
   const auto add = [](std::vector<std::string> more, std::vector<std::string>& notes) {
     notes.insert(notes.end(), more.begin(), more.end());
@@ -35,29 +36,27 @@ void FindOpenings(const CadBody& body, CadTube& tube) {
   add(BoreNotes(body, back, tube.openings_reversed), tube.placed_notes_reversed);
 }
 
-// Zero is the normal of the bend beside the straight, as hal::AroundZero has it.
-hal::EndCut CutOfEnd(const TubeEnd& end, const Eigen::Vector3d& zero, const Eigen::Vector3d& feed) {
+hal::EndCut CutOfEnd(const CadTube& tube, bool is_first) {
+  const TubeEnd& end = is_first ? tube.first : tube.last;
   if (!end.is_plane || end.oblique_deg == 0) return {};
-  return {end.oblique_deg, hal::AroundDeg(zero, feed, end.longest)};
+  return {end.oblique_deg, AroundEndDeg(tube, is_first, end.longest)};
 }
 
 }  // namespace
 
-hal::EndCut FirstCut(const CadTube& tube) {
+// Zero is the normal of the bend beside the straight, as hal::AroundZero has it.
+double AroundEndDeg(const CadTube& tube, bool is_first, const Eigen::Vector3d& across) {
   const Spine& spine = tube.spine;
-  return CutOfEnd(tube.first,
-                  spine.arcs.empty() ? Eigen::Vector3d(spine.direction.unitOrthogonal())
-                                     : spine.arcs.front().normal,
-                  spine.direction);
+  const Eigen::Vector3d zero = spine.arcs.empty()
+                                   ? Eigen::Vector3d(spine.direction.unitOrthogonal())
+                               : is_first ? spine.arcs.front().normal
+                                          : spine.arcs.back().normal;
+  return hal::AroundDeg(zero, is_first ? spine.direction : spine.end_direction(), across);
 }
 
-hal::EndCut LastCut(const CadTube& tube) {
-  const Spine& spine = tube.spine;
-  return CutOfEnd(tube.last,
-                  spine.arcs.empty() ? Eigen::Vector3d(spine.direction.unitOrthogonal())
-                                     : spine.arcs.back().normal,
-                  spine.end_direction());
-}
+hal::EndCut FirstCut(const CadTube& tube) { return CutOfEnd(tube, true); }
+
+hal::EndCut LastCut(const CadTube& tube) { return CutOfEnd(tube, false); }
 
 void BeginNearOrigin(CadTube& tube) {
   if (!StartsAtItsEnd(tube.spine)) return;
@@ -72,6 +71,7 @@ std::vector<CadTube> TubesOf(CadShape& shape) {
     CadBody& body = shape.bodies[i];
     auto found = body.kind == BodyKind::kWire ? TubesOfCurves(body) : TubesOfSurfaces(body);
     for (CadTube& tube : found) {
+      body.has_tube |= !tube.is_ring;
       tube.body = i;
       tube.name = body.name;
       if (body.joined > 1) {

@@ -8,6 +8,7 @@
 #include "firmware-host/cad/cad_shape.h"
 #include "firmware-host/cad/end_cut.h"
 #include "firmware-host/cad/end_form.h"
+#include "firmware-host/cad/flat_end.h"
 #include "firmware-host/cad/tube_chain.h"
 #include "hal/tube_features.h"
 
@@ -31,8 +32,11 @@ struct TubeEnd {
   EndCover cover = EndCover::kNone;  // kFlat: of a tube whose bore the file shows
   // Of one that is no plane: up to so far before it the outer surface goes all around.
   double whole_before_mm = 0;
-  // Of an oblique cut: unit, from the axis to where the tube is longest.
+  // Of an oblique cut, and of a shape: unit, from the axis to where the tube is longest; zero: that
+  // is nowhere. `longest_twice`: and on the other side.
   Eigen::Vector3d longest = Eigen::Vector3d::Zero();
+  bool longest_twice = false;
+  std::optional<FlatEnd> flat;
 };
 
 // A tube of a file.
@@ -64,6 +68,9 @@ struct CadTube {
 // How the ends are cut, as a part file says it; those that are square or no plane are square.
 hal::EndCut FirstCut(const CadTube& tube);
 hal::EndCut LastCut(const CadTube& tube);
+
+// Where a direction across an end lies around the tube there [deg].
+double AroundEndDeg(const CadTube& tube, bool is_first, const Eigen::Vector3d& across);
 
 // All tubes of a file, in its order, or its rings where it holds nothing else; each from the end
 // that lies nearer to the file's origin.

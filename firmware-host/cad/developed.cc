@@ -31,6 +31,12 @@ void Straight(const Vector3d& p, const Vector3d& at, const Vector3d& along, doub
   Take(p, at + s * along, along, normal, before + s, best);
 }
 
+// Of a straight, which may be askew to the bend before it.
+Vector3d WayBetween(const Vector3d& from, const Vector3d& to, const Vector3d& tangent) {
+  constexpr double kLeastMm = 1e-3;  // of a shorter one the bend knows better
+  return (to - from).norm() > kLeastMm ? Vector3d((to - from).normalized()) : tangent;
+}
+
 void Bend(const Vector3d& p, const SpineArc& arc, double before, Place& best) {
   const Vector3d x = (arc.from - arc.centre).normalized(), d = p - arc.centre;
   const double angle = std::atan2(d.dot(arc.tangent_in), d.dot(x));
@@ -81,7 +87,7 @@ Place Developed::Of(const Vector3d& p) const {
   Vector3d normal = spine_.arcs.empty() ? along.unitOrthogonal() : spine_.arcs.front().normal;
   double before = 0;
   for (const SpineArc& arc : spine_.arcs) {
-    Straight(p, at, along, (arc.from - at).norm(), normal, before, best);
+    Straight(p, at, WayBetween(at, arc.from, along), (arc.from - at).norm(), normal, before, best);
     before += (arc.from - at).norm();
     Bend(p, arc, before, best);
     before += arc.bend_radius_mm * arc.angle_rad;
@@ -89,7 +95,8 @@ Place Developed::Of(const Vector3d& p) const {
     along = arc.tangent_out;
     normal = arc.normal;
   }
-  Straight(p, at, along, (spine_.end - at).norm(), normal, before, best);
+  Straight(p, at, WayBetween(at, spine_.end, along), (spine_.end - at).norm(), normal, before,
+           best);
   return best;
 }
 

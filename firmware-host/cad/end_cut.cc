@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <iterator>
 #include <map>
 #include <numbers>
@@ -105,6 +106,33 @@ std::vector<std::vector<const FaceEdge*>> Loops(std::vector<const FaceEdge*> edg
   return loops;
 }
 
+// Of a shape: the side, or the two, on which its farthest points lie.
+void SetLongest(const std::vector<const FaceEdge*>& loop, const Frame& frame, EndCut& cut) {
+  constexpr double kFarthest = 0.1;  // of how far it goes along the axis
+  constexpr double kOneSided = 0.3, kTwoSided = 0.5;
+  const double least = cut.highest_mm - kFarthest * (cut.highest_mm - cut.lowest_mm);
+  std::complex<double> once = 0, twice = 0;
+  double all = 0;
+  for (const FaceEdge* edge : loop) {
+    for (std::size_t i = 0; i + 1 < edge->points.size(); ++i) {
+      const Vector3d &p = edge->points[i], &q = edge->points[i + 1];
+      if (frame.Along(p) < least || frame.Along(q) < least) continue;
+      const double angle = frame.Angle(p);
+      const double step = std::remainder(frame.Angle(q) - angle, 2 * std::numbers::pi);
+      once += std::polar(std::abs(step), angle + step / 2);
+      twice += std::polar(std::abs(step), 2 * (angle + step / 2));
+      all += std::abs(step);
+    }
+  }
+  cut.longest_twice = std::abs(once) < kOneSided * all;
+  if (!(all > 0) || (cut.longest_twice && std::abs(twice) < kTwoSided * all)) {
+    cut.longest_twice = false;
+    return;
+  }
+  const double angle = cut.longest_twice ? std::arg(twice) / 2 : std::arg(once);
+  cut.longest = std::cos(angle) * frame.x + std::sin(angle) * frame.y;
+}
+
 EndCut CutThrough(const std::vector<const FaceEdge*>& loop, const Frame& frame,
                   double tolerance_mm) {
   Vector3d mean = Vector3d::Zero();
@@ -135,6 +163,7 @@ EndCut CutThrough(const std::vector<const FaceEdge*>& loop, const Frame& frame,
   cut.is_plane = off < tolerance_mm && cosine > 0.1;
   if (!cut.is_plane) {
     cut.along_mm = cut.highest_mm;
+    SetLongest(loop, frame, cut);
     return cut;
   }
   cut.along_mm = (mean - frame.origin).dot(n) / cosine;

@@ -12,8 +12,10 @@ namespace bendloop::host {
 struct EndCut {
   double along_mm = 0;  // where the cut's plane meets the axis, along the outward direction
   double oblique_deg = 0;
-  // Of a plane: unit, from the axis to where the tube is longest; zero of a square one.
+  // Unit, from the axis to where the tube is longest; zero of a square one, and of a shape whose
+  // farthest points lie on no side.
   Eigen::Vector3d longest = Eigen::Vector3d::Zero();
+  bool longest_twice = false;            // and as long on the other side, as a saddle
   bool is_plane = true;                  // else `along_mm` is the farthest point, as of a saddle
   double lowest_mm = 0, highest_mm = 0;  // of the edge
 };

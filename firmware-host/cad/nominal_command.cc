@@ -21,6 +21,7 @@
 #include "firmware-host/cad/nearest_tube.h"
 #include "firmware-host/cad/nominal_text.h"
 #include "firmware-host/cad/one_tube.h"
+#include "firmware-host/cad/other_bodies.h"
 #include "firmware-host/console/command_line.h"
 #include "firmware-host/console/message.h"
 #include "firmware-host/console/output_file.h"
@@ -168,12 +169,14 @@ std::optional<CadTube> TheOne(const std::vector<CadTube>& tubes) {
   const auto is_wire = [](const CadTube& t) { return t.is_wire; };
   if (std::none_of(tubes.begin(), tubes.end(), is_broken)) {
     if (auto tube = only(is_bent)) {
-      const auto straight = std::count_if(tubes.begin(), tubes.end(), [&](const CadTube& t) {
-        return is_solid(t) && t.body != tube->body;
-      });
-      if (straight > 0) {
-        tube->notes.push_back("straight tubes in other bodies, left out (--list): " +
-                              std::to_string(straight));
+      for (const bool same : {true, false}) {
+        const auto straight = std::count_if(tubes.begin(), tubes.end(), [&](const CadTube& t) {
+          return is_solid(t) && !t.is_bent() && (t.body == tube->body) == same;
+        });
+        if (straight == 0) continue;
+        tube->notes.push_back(std::string("straight tubes in ") +
+                              (same ? "the same body" : "other bodies") +
+                              ", left out (--list): " + std::to_string(straight));
       }
       return *tube;
     }
@@ -320,7 +323,22 @@ hal::Result<void> SetPipe(const NominalArguments& arguments, CadTube& tube) {
   return {};
 }
 
-hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube>& tubes) {
+// What the file holds beside the tube that was chosen.
+void TellWhatIsBeside(const CadShape& shape, const std::vector<CadTube>& tubes, CadTube& tube) {
+  const OtherBodyNotes others = NotesOfOtherBodies(shape, tubes, tube);
+  const auto add = [](const std::vector<std::string>& more, std::vector<std::string>& notes) {
+    notes.insert(notes.end(), more.begin(), more.end());
+  };
+  add(others.placed, tube.placed_notes);
+  add(others.placed_reversed, tube.placed_notes_reversed);
+  add(others.notes, tube.notes);
+  if (const std::string note = CentreLineNote(tubes, tube); !note.empty()) {
+    tube.notes.push_back(note);
+  }
+}
+
+hal::Result<Nominal> Make(const NominalArguments& arguments, const CadShape& shape,
+                          const std::vector<CadTube>& tubes) {
   auto tube = Choose(tubes, arguments);
   if (!tube) return hal::Fail(tube.error());
   const auto bad = [&](const std::string& what) {
@@ -353,6 +371,7 @@ hal::Result<Nominal> Make(const NominalArguments& arguments, std::vector<CadTube
     return hal::Fail(hal::ErrorKind::kUsage,
                      arguments.file + ": is a centre line without a pipe; give --pipe-diameter MM");
   }
+  TellWhatIsBeside(shape, tubes, *tube);
   if (arguments.reverse) {
     tube->spine = tube->spine.Reversed();
     std::swap(tube->first, tube->last);
@@ -396,7 +415,7 @@ int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostrea
     out << TubeList(tubes);
     return 0;
   }
-  const auto nominal = Make(arguments, tubes);
+  const auto nominal = Make(arguments, *shape, tubes);
   if (!nominal) return fail(nominal.error());
   if (arguments.json != "-") out << NominalText(*nominal);
   if (!arguments.json.empty()) {
@@ -419,6 +438,8 @@ int RunNominal(const NominalArguments& arguments, std::ostream& out, std::ostrea
                  arguments.file + ": no part file can hold it, none is written: " + reason});
   }
   if (auto written = WriteOutputFile(arguments.out, part); !written) return fail(written.error());
+  // Not among what scripts read.
+  err << "wrote " << Printable(arguments.out) << "\n";
   return 0;
 }
 

@@ -3,10 +3,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
-#include <numbers>
 #include <utility>
 
+#include "firmware-host/cad/bend_notes.h"
 #include "firmware-host/cad/developed.h"
 #include "firmware-host/console/printable.h"
 #include "firmware-host/result/program_json.h"
@@ -50,22 +51,48 @@ Json CoverJson(EndCover cover) {
   }
 }
 
-std::string EndRemark(const char* which, const TubeEnd& end, const hal::EndCut& cut) {
-  std::string text = std::string(which) + " end: ";
+// Where a shape is longest, as far as it is so on one side or two.
+std::string FarthestAround(const CadTube& tube, bool is_first) {
+  const TubeEnd& end = is_first ? tube.first : tube.last;
+  if (end.longest.isZero()) return "";
+  const double around_deg = AroundEndDeg(tube, is_first, end.longest);
+  const std::string other = end.longest_twice ? " and " + Turn(around_deg + 180, 0) : "";
+  return " about " + Turn(around_deg, 0) + other + " degrees around";
+}
+
+// Of a line across the tube: (-90, 90].
+double FlatAroundDeg(const CadTube& tube, bool is_first, const FlatEnd& flat) {
+  const double deg = AroundEndDeg(tube, is_first, flat.way);
+  const double half = std::remainder(deg, 180.0);
+  return half <= -90 + 1e-9 ? half + 180 : half;
+}
+
+// What `end` is that is neither cut obliquely nor to a shape.
+std::string FormText(const CadTube& tube, bool is_first) {
+  const TubeEnd& end = is_first ? tube.first : tube.last;
+  if (!end.flat) return Covered(end.cover);
+  return "pressed flat to " + Fixed(end.flat->wide_mm, 3) + " by " + Fixed(end.flat->thick_mm, 3) +
+         " mm, its wide way at " + Turn(FlatAroundDeg(tube, is_first, *end.flat), 2) +
+         " degrees around";
+}
+
+std::string EndRemark(const CadTube& tube, bool is_first) {
+  const TubeEnd& end = is_first ? tube.first : tube.last;
+  std::string text = is_first ? "first end: " : "last end: ";
   if (!end.is_plane) {
-    text +=
-        "cut to a shape that is no plane; the length is up to its farthest point, the tube is "
-        "whole all around up to " +
-        Fixed(end.whole_before_mm, 3) + " mm before it";
+    text += "cut to a shape that is no plane; the length is up to its farthest point" +
+            FarthestAround(tube, is_first) + ", the tube is whole all around up to " +
+            Fixed(end.whole_before_mm, 3) + " mm before it";
   } else if (end.oblique_deg > 0) {
+    const hal::EndCut cut = is_first ? FirstCut(tube) : LastCut(tube);
     text += "cut " + Fixed(end.oblique_deg, 3) + " degrees oblique, longest at " +
             Turn(cut.around_deg, 2) + " degrees around; the length is along the axis";
   } else {
-    text += Covered(end.cover);
+    text += FormText(tube, is_first);
   }
   if (end.is_plane && end.fitting_mm > 0) {
     text += "; the plain tube ends " + Fixed(end.fitting_mm, 3) + " mm before it";
-    if (!IsTip(end.cover)) text += " (a fitting, flange, chamfer or end form)";
+    if (!IsTip(end.cover) && !end.flat) text += " (a fitting, flange, chamfer or end form)";
   }
   return text;
 }
@@ -82,25 +109,31 @@ std::string OpeningRemark(const WallOpening& opening, const Spine& spine) {
 
 Json AroundJson(double deg) { return Number(RoundedTurnDeg(deg, 6)); }
 
-Json EndJson(const TubeEnd& end, const hal::EndCut& cut) {
+Json FlatJson(const CadTube& tube, bool is_first) {
+  const TubeEnd& end = is_first ? tube.first : tube.last;
+  if (!end.flat) return nullptr;
+  return {{"wide_mm", Number(end.flat->wide_mm)},
+          {"thick_mm", Number(end.flat->thick_mm)},
+          {"around_deg", AroundJson(FlatAroundDeg(tube, is_first, *end.flat))}};
+}
+
+Json EndJson(const CadTube& tube, bool is_first) {
+  const TubeEnd& end = is_first ? tube.first : tube.last;
+  const hal::EndCut cut = is_first ? FirstCut(tube) : LastCut(tube);
   return {
       {"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
       {"around_deg", cut.obliquity_deg > 0 ? AroundJson(cut.around_deg) : Json(nullptr)},
       {"plane", end.is_plane},
       {"closed_by", CoverJson(end.cover)},
+      {"pressed_flat", FlatJson(tube, is_first)},
       {"plain_tube_ends_before_mm", Number(end.is_plane ? end.fitting_mm : end.whole_before_mm)}};
 }
 
 std::vector<std::string> NotesOf(const CadTube& tube) {
   std::vector<std::string> notes = tube.placed_notes;
   notes.insert(notes.end(), tube.notes.begin(), tube.notes.end());
-  constexpr double kHalfTurnDeg = 180 - 1e-6;
-  for (std::size_t i = 0; i < tube.spine.arcs.size(); ++i) {
-    const double deg = tube.spine.arcs[i].angle_rad * 180 / std::numbers::pi;
-    if (deg < kHalfTurnDeg) continue;
-    notes.push_back("bend " + std::to_string(i + 1) + " turns by " + Fixed(deg, 3) +
-                    " degrees: XYZ cannot carry 180 and more, LRA and YBC can");
-  }
+  const std::vector<std::string> bends = BendNotes(tube);
+  notes.insert(notes.end(), bends.begin(), bends.end());
   return notes;
 }
 
@@ -127,8 +160,8 @@ std::string PartName(const CadTube& tube, const std::string& file) {
 std::vector<std::string> Remarks(const CadTube& tube) {
   std::vector<std::string> remarks;
   if (!tube.is_wire) {
-    remarks.push_back(EndRemark("first", tube.first, FirstCut(tube)));
-    remarks.push_back(EndRemark("last", tube.last, LastCut(tube)));
+    remarks.push_back(EndRemark(tube, true));
+    remarks.push_back(EndRemark(tube, false));
   }
   for (const WallOpening& opening : tube.openings) {
     remarks.push_back(OpeningRemark(opening, tube.spine));
@@ -151,7 +184,8 @@ std::string NominalText(const Nominal& nominal) {
       PartName(tube, nominal.file) + ": " + Fixed(2 * tube.pipe_radius_mm, 3) + " mm in diameter, ";
   text += tube.wall_mm ? "wall " + Fixed(*tube.wall_mm, 3) + " mm"
                        : "no inner surface (a bar, or the file leaves the bore out)";
-  text += ", " + std::to_string(tube.spine.arcs.size()) + " bends, developed length " +
+  const std::size_t bends = tube.spine.arcs.size();
+  text += ", " + std::to_string(bends) + (bends == 1 ? " bend" : " bends") + ", developed length " +
           Fixed(tube.spine.length_mm(), 3) + " mm\n\n";
   Table table({{"row", Align::kRight},
                {"length mm", Align::kDecimal},
@@ -198,7 +232,7 @@ Json NominalJson(const Nominal& nominal) {
           {"orientation_wxyz",
            {Number(q.w(), 9), Number(q.x(), 9), Number(q.y(), 9), Number(q.z(), 9)}},
           {"rows", RowsJson(nominal.program.program)},
-          {"ends", {EndJson(tube.first, FirstCut(tube)), EndJson(tube.last, LastCut(tube))}},
+          {"ends", {EndJson(tube, true), EndJson(tube, false)}},
           {"openings", std::move(openings)},
           {"notes", NotesOf(tube)}};
 }

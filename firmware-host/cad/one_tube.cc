@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "firmware-host/cad/developed.h"
 #include "hal/bend_program.h"
 #include "pipeline/tube/representations.h"
 
@@ -93,6 +94,28 @@ bool IsSamePart(const CadTube& a, const CadTube& b) {
           SameOpenings(a.openings, b.openings)) ||
          (SameRows(rows, pipeline::ReverseProgram(others)) && SameEnd(a.first, b.last) &&
           SameEnd(a.last, b.first) && SameOpenings(a.openings, b.openings_reversed));
+}
+
+std::string CentreLineNote(const std::vector<CadTube>& tubes, const CadTube& tube) {
+  const Developed developed(tube.spine);
+  const auto goes_along = [&](const CadTube& line) {
+    return std::all_of(line.spine.arcs.begin(), line.spine.arcs.end(), [&](const SpineArc& arc) {
+      return developed.Of(arc.from).across_mm < tube.pipe_radius_mm &&
+             developed.Of(arc.to).across_mm < tube.pipe_radius_mm;
+    });
+  };
+  for (const CadTube& line : tubes) {
+    if (tube.is_wire || !line.is_wire || !line.problems.empty() || !line.is_bent()) continue;
+    const bool agrees = OneCentreLine(line, tube);
+    if (!agrees && !goes_along(line)) continue;
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "the file has its centre line, too, with %s bends: %.3f mm long beside %.3f mm "
+                  "of the tube",
+                  agrees ? "the same" : "other", line.spine.length_mm(), tube.spine.length_mm());
+    return text;
+  }
+  return "";
 }
 
 void TakeInnerBodies(std::vector<CadTube>& tubes) {

@@ -16,4 +16,8 @@ bool IsSamePart(const CadTube& a, const CadTube& b);
 // a tube stays a tube of its own.
 void TakeInnerBodies(std::vector<CadTube>& tubes);
 
+// What a centre line among `tubes` that goes along `tube` says of it: whether it agrees, in a
+// sentence; empty where the file has none.
+std::string CentreLineNote(const std::vector<CadTube>& tubes, const CadTube& tube);
+
 }  // namespace bendloop::host

@@ -12,6 +12,7 @@
 #include "firmware-host/cad/developed.h"
 #include "firmware-host/cad/end_form.h"
 #include "firmware-host/cad/free_surface.h"
+#include "firmware-host/cad/left_out.h"
 #include "firmware-host/cad/near_surface.h"
 #include "firmware-host/cad/tube_layers.h"
 
@@ -140,6 +141,10 @@ class BodyTubes {
       tube.notes.push_back(
           Text("straights and bends meet at up to %.3f degrees", basis.sharpest_joint_deg));
     }
+    if (basis.widest_joint_mm > MatchToleranceMm(basis.radius_mm)) {
+      tube.notes.push_back(
+          Text("straights and bends meet up to %.3f mm beside each other", basis.widest_joint_mm));
+    }
     SetEnd(cluster, basis, basis.last, tube.spine, tube.last);
     Spine turned = tube.spine.Reversed();
     SetEnd(cluster, basis, basis.first, turned, tube.first);
@@ -223,11 +228,13 @@ class BodyTubes {
         round.insert(PieceOf(i).faces.begin(), PieceOf(i).faces.end());
     }
     add(BranchNotes(tube, others), tube.placed_notes);
+    add(LeftOutNotes(tube, others), tube.placed_notes);
     add(PlateNotes(body_, tube, others, round), tube.placed_notes);
     CadTube back = tube;
     back.spine = tube.spine.Reversed();
     std::swap(back.first, back.last);
     add(BranchNotes(back, others), tube.placed_notes_reversed);
+    add(LeftOutNotes(back, others), tube.placed_notes_reversed);
     add(PlateNotes(body_, back, others, round), tube.placed_notes_reversed);
   }
 
@@ -281,7 +288,10 @@ class BodyTubes {
   void SetEnd(const Cluster& cluster, const TubeChain& outer, const ChainEnd& chain_end,
               Spine& spine, TubeEnd& end) const {
     const TubePiece& piece = PieceOf(chain_end.piece);
-    const Vector3d origin = spine.end, outward = spine.end_direction();
+    // Of the straight that ends here: the bend before it may lean from it.
+    const Vector3d origin = spine.end;
+    const Vector3d outward =
+        chain_end.at_to ? piece.TangentAt(piece.to) : Vector3d(-piece.TangentAt(piece.from));
     double at = 0, whole = 0;
     if (!piece.is_arc && !piece.inferred) {
       if (const auto cut = CutOf(body_, piece, origin, outward)) {
@@ -311,7 +321,10 @@ class BodyTubes {
     if (end.is_plane && end.oblique_deg == 0 && !piece.is_arc) {
       at = std::max(at, EdgeBeyond(origin, outward, at, piece.radius_mm));
       const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, chain_end);
-      if (form.is_end_form(outer.radius_mm)) at = std::max(at, form.along_mm);
+      if (form.is_end_form(outer.radius_mm)) {
+        at = std::max(at, form.along_mm);
+        end.flat = FlatEndOf(body_, {origin, outward}, at, outer.radius_mm);
+      }
     }
     const bool is_fitting = at - plain > MatchToleranceMm(piece.radius_mm) / 4;
     end.fitting_mm = is_fitting ? at - plain : 0;
@@ -324,6 +337,7 @@ class BodyTubes {
     end.oblique_deg = cut.is_plane ? cut.oblique_deg : 0;
     end.is_plane = cut.is_plane;
     end.longest = cut.longest;
+    end.longest_twice = cut.longest_twice;
   }
 
   // A bore or a fitting that begins before `at` and goes on.
@@ -446,7 +460,11 @@ class BodyTubes {
   // The pieces of a tube that is broken by kinks and free bends are one tube.
   static void KeepLongestOfBroken(std::vector<CadTube>& tubes) {
     std::stable_sort(tubes.begin(), tubes.end(), [](const CadTube& a, const CadTube& b) {
-      return a.spine.length_mm() > b.spine.length_mm();
+      // Of what is as long, to what numbers hold, the widest.
+      const auto order = [](const CadTube& t) {
+        return std::make_pair(std::round(t.spine.length_mm() * 1e6), t.pipe_radius_mm);
+      };
+      return order(a) > order(b);
     });
     std::vector<CadTube> kept;
     for (CadTube& tube : tubes) {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "firmware-host/cad/free_surface.h"
+#include "firmware-host/cad/piece_rim.h"
 
 namespace bendloop::host {
 namespace {
@@ -20,6 +21,10 @@ constexpr double kLongestMissingDiameters = 10;
 
 // Or longer, where something wider about the axis covers this part of it.
 constexpr double kLeastCovered = 0.5;
+
+// Pieces that share their border are one tube's, though they lie up to so many pipe radii beside
+// each other, and so much askew [deg].
+constexpr double kSharedRadii = 0.1, kSharedKinkDeg = 1;
 
 struct End {
   int piece = 0;
@@ -112,15 +117,25 @@ class Linker {
   // How far apart two ends are that may be one joint.
   std::optional<double> Gap(const Slot& a, const Slot& b) const {
     if (a.end.piece == b.end.piece) return std::nullopt;
-    if (AngleDeg(a.end.outward, -b.end.outward) > kKinkDeg) return std::nullopt;
+    const double angle = AngleDeg(a.end.outward, -b.end.outward);
+    if (angle > kSharedKinkDeg) return std::nullopt;
     const Vector3d gap = b.end.point - a.end.point;
-    const double axial = gap.dot(a.end.outward);
-    if ((gap - axial * a.end.outward).norm() > tolerance_mm_) return std::nullopt;
+    const double axial = gap.dot(a.end.outward), beside = BesideMm(a, b);
     // A straight's faces may end before the bend's, or be cut into by them.
     const bool line = !PieceOf(a).is_arc || !PieceOf(b).is_arc;
     if (std::abs(axial) > (line ? std::max(radius_mm_, tolerance_mm_) : tolerance_mm_))
       return std::nullopt;
+    const bool meets = angle <= kKinkDeg && beside <= tolerance_mm_;
+    if (!meets && (beside > std::max(kSharedRadii * radius_mm_, tolerance_mm_) ||
+                   !ShareBorder(PieceOf(a), PieceOf(b)))) {
+      return std::nullopt;
+    }
     return gap.norm();
+  }
+
+  static double BesideMm(const Slot& a, const Slot& b) {
+    const Vector3d gap = b.end.point - a.end.point;
+    return (gap - gap.dot(a.end.outward) * a.end.outward).norm();
   }
 
   void MatchTouching() {
@@ -290,9 +305,10 @@ class Linker {
       chain.last = {slots_[other].end.piece, slots_[other].end.at_to, slots_[other].kink_deg};
       const int next = slots_[other].mate;
       if (next < 0 || used[std::size_t(next)]) break;
+      const Slot &end = slots_[other], &begin = slots_[std::size_t(next)];
       chain.sharpest_joint_deg =
-          std::max(chain.sharpest_joint_deg,
-                   AngleDeg(slots_[other].end.outward, -slots_[std::size_t(next)].end.outward));
+          std::max(chain.sharpest_joint_deg, AngleDeg(end.end.outward, -begin.end.outward));
+      chain.widest_joint_mm = std::max(chain.widest_joint_mm, BesideMm(end, begin));
       at = std::size_t(next);
     }
     chain.radius_mm = radius.Mm().value_or(radius_mm_);

@@ -55,6 +55,7 @@ struct TubeChain {
   Spine spine;  // up to where its faces reach; ends are cut later (end_cut.h)
   bool is_closed = false;
   double sharpest_joint_deg = 0;  // between neighbours that should be tangent
+  double widest_joint_mm = 0;     // how far these lie beside each other
   // What no face showed, as counted from the first and from the last end.
   std::vector<std::string> notes, notes_reversed;
 };

@@ -4,9 +4,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <utility>
+
+#include "firmware-host/cad/piece_rim.h"
 
 namespace bendloop::host {
 namespace {
@@ -194,6 +198,15 @@ std::vector<TubePiece> PiecesOf(const CadBody& body) {
   }
   std::vector<TubePiece> pieces;
   for (Group& group : groups) AddPiecesOf(group, pieces);
+  std::map<int, std::vector<const FaceEdge*>> edges;
+  for (const FaceEdge& edge : body.edges) edges[edge.face].push_back(&edge);
+  for (TubePiece& piece : pieces) {
+    // A face may be in the piece by several patches.
+    for (const int face : std::set<int>(piece.faces.begin(), piece.faces.end())) {
+      piece.edges.insert(piece.edges.end(), edges[face].begin(), edges[face].end());
+    }
+    EndAtBorders(piece);
+  }
   return pieces;
 }
 

@@ -30,10 +30,11 @@ struct TubePiece {
   bool concave = false;     // the material is outside: a tube's inner surface
   Around around;            // which sectors have a face somewhere along it
   std::vector<int> faces;
-  double widest_gap_mm = 0;  // between its faces, along it
-  double gap_from = 0;       // where that begins, as `from`
-  double off_mm = 0;         // its B-splines lie so far off it, at most
-  bool inferred = false;     // no face shows it: it follows from its neighbours
+  std::vector<const FaceEdge*> edges;  // of its faces; of the body, which outlives it
+  double widest_gap_mm = 0;            // between its faces, along it
+  double gap_from = 0;                 // where that begins, as `from`
+  double off_mm = 0;                   // its B-splines lie so far off it, at most
+  bool inferred = false;               // no face shows it: it follows from its neighbours
 
   Eigen::Vector3d PointAt(double along) const;
   Eigen::Vector3d TangentAt(double along) const;  // unit, the way that `along` grows

@@ -127,34 +127,57 @@ struct OddBore {
   SurfacePatch like;
   double low = 0, high = 0;  // along its axis
   double around_deg = 0;
+  bool in_form = false;  // of an end, beyond the plain tube
 };
 
 // What leans less than this from the tube's own direction is a bore of its end [cosine].
 constexpr double kAlongCosine = 0.98;
 
-// Bores across the tube that end at its outer or inner surface, or begin at one, but are none of
-// `openings`.
+// Whether the border lies beyond the plain tube, in the form at an end.
+bool LiesInForm(const std::vector<Vector3d>& border, const Developed& developed,
+                const CadTube& tube) {
+  const double tolerance = MatchToleranceMm(tube.pipe_radius_mm);
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const Vector3d& p : border) {
+    const double along = developed.Of(p).along_mm;
+    low = std::min(low, along);
+    high = std::max(high, along);
+  }
+  const double from = tube.first.is_plane ? tube.first.fitting_mm : 0;
+  const double to = tube.spine.length_mm() - (tube.last.is_plane ? tube.last.fitting_mm : 0);
+  return !border.empty() && (high < from + tolerance || low > to - tolerance);
+}
+
+// Whether the border begins at the tube's inner surface or ends at its outer one, and not beyond.
+bool TouchesWall(const std::vector<Vector3d>& border, const Developed& developed,
+                 const CadTube& tube) {
+  const double tolerance = 2 * MatchToleranceMm(tube.pipe_radius_mm);
+  double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
+  for (const Vector3d& p : border) {
+    const double across = developed.Of(p).across_mm;
+    nearest = std::min(nearest, across);
+    farthest = std::max(farthest, across);
+  }
+  const double inner = tube.pipe_radius_mm - tube.wall_mm.value_or(tube.pipe_radius_mm);
+  const bool begins_inside = tube.wall_mm && std::abs(nearest - inner) < tolerance;
+  const bool ends_outside = std::abs(farthest - tube.pipe_radius_mm) < tolerance;
+  return farthest <= tube.pipe_radius_mm + tolerance && (begins_inside || ends_outside);
+}
+
+// Bores across the tube that end at its outer or inner surface, or begin at one, or lie in the form
+// at an end, but are none of `openings`.
 std::vector<OddBore> OddBoresOf(const CadBody& body, const CadTube& tube,
                                 const Developed& developed,
                                 const std::vector<WallOpening>& openings) {
   std::vector<OddBore> bores;
-  const double tolerance = 2 * MatchToleranceMm(tube.pipe_radius_mm);
   for (const SurfacePatch& patch : body.patches) {
     const bool known = std::any_of(openings.begin(), openings.end(), [&](const WallOpening& o) {
       return std::find(o.faces.begin(), o.faces.end(), patch.face) != o.faces.end();
     });
     if (known || !IsBore(body, patch, tube)) continue;
     const auto border = BorderOf(body, patch.face);
-    double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
-    for (const Vector3d& p : border) {
-      const double across = developed.Of(p).across_mm;
-      nearest = std::min(nearest, across);
-      farthest = std::max(farthest, across);
-    }
-    const double inner = tube.pipe_radius_mm - tube.wall_mm.value_or(tube.pipe_radius_mm);
-    const bool begins_inside = tube.wall_mm && std::abs(nearest - inner) < tolerance;
-    const bool ends_outside = std::abs(farthest - tube.pipe_radius_mm) < tolerance;
-    if (farthest > tube.pipe_radius_mm + tolerance || (!begins_inside && !ends_outside)) continue;
+    const bool in_form = LiesInForm(border, developed, tube);
+    if (!in_form && !TouchesWall(border, developed, tube)) continue;
     const auto [low, high] = ReachOf(border, patch);
     const Place at = developed.Of(patch.origin + (low + high) / 2 * patch.axis);
     if (std::abs(at.tangent.dot(patch.axis)) > kAlongCosine) continue;
@@ -164,13 +187,41 @@ std::vector<OddBore> OddBoresOf(const CadBody& body, const CadTube& tube,
              (b.like.origin - patch.origin).norm() < 1e-3 && b.like.axis.dot(patch.axis) > 1 - 1e-6;
     });
     if (same == bores.end()) {
-      bores.push_back({patch, low, high, around});
+      bores.push_back({patch, low, high, around, in_form});
     } else {
       same->around_deg += around;
+      if (in_form && same->in_form) {
+        same->low = std::min(same->low, low);
+        same->high = std::max(same->high, high);
+      }
     }
   }
   std::erase_if(bores, [](const OddBore& b) { return b.around_deg < kHoleDeg; });
   return bores;
+}
+
+// A bore in an end's form, whose mouths lie at no certain distance from the axis.
+std::string FormBoreNote(const OddBore& bore, const CadTube& tube, const Developed& developed) {
+  const Vector3d& axis = bore.like.axis;
+  const Place at = developed.Of(bore.like.origin + (bore.low + bore.high) / 2 * axis);
+  const Vector3d foot =
+      bore.like.origin + (bore.low + bore.high) / 2 * axis - at.across_mm * at.radial;
+  const double middle = (foot - bore.like.origin).dot(axis);
+  const auto around = [&](double way) {
+    const double deg = developed.Of(foot + way * tube.pipe_radius_mm * axis).around_deg;
+    char text[20];
+    std::snprintf(text, sizeof text, "%.0f", RoundedTurnDeg(deg, 0));
+    return std::string(text);
+  };
+  const bool up = bore.high > middle, down = bore.low < middle;
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "a bore of %.3f mm goes across the form of the %s end at %.1f mm of the developed "
+                "length, towards %s degrees around: the part file does not have it",
+                2 * bore.like.radius_mm,
+                at.along_mm < tube.spine.length_mm() / 2 ? "first" : "last", at.along_mm,
+                (up && down ? around(1) + " and " + around(-1) : around(up ? 1 : -1)).c_str());
+  return text;
 }
 
 }  // namespace
@@ -180,6 +231,10 @@ std::vector<std::string> BoreNotes(const CadBody& body, const CadTube& tube,
   const Developed developed(tube.spine);
   std::vector<std::string> notes;
   for (const OddBore& bore : OddBoresOf(body, tube, developed, openings)) {
+    if (bore.in_form) {
+      notes.push_back(FormBoreNote(bore, tube, developed));
+      continue;
+    }
     // A bore through a bar has a mouth on either side; one into it, or into a wall, has one.
     const Place low = developed.Of(bore.like.origin + bore.low * bore.like.axis);
     const Place high = developed.Of(bore.like.origin + bore.high * bore.like.axis);

@@ -42,6 +42,7 @@
 #include <gp_Pnt2d.hxx>
 #include <gp_Torus.hxx>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -426,6 +427,13 @@ TopoDS_Shape Placed(const TopoDS_Shape& shape, const gp_Trsf& placement) {
   return shape.Moved(TopLoc_Location(placement));
 }
 
+// What OpenCASCADE calls the shapes of a product that has several, as a solid and a quilt.
+bool IsKindOfShape(const std::string& name) {
+  static const std::set<std::string> kKinds{"COMPOUND", "COMPSOLID", "SOLID", "SHELL",
+                                            "FACE",     "WIRE",      "EDGE",  "VERTEX"};
+  return kKinds.contains(name);
+}
+
 void Walk(const TDF_Label& label, const gp_Trsf& outer, const std::string& given, int depth,
           Collector& collector) {
   if (depth > 64) throw std::runtime_error("an assembly that holds itself");
@@ -437,6 +445,7 @@ void Walk(const TDF_Label& label, const gp_Trsf& outer, const std::string& given
   }
   std::string name = NameOf(what);
   if (name.empty()) name = NameOf(label);
+  if (IsKindOfShape(name)) name = given.empty() ? name : given;
   if (name.empty()) name = given;
   if (XCAFDoc_ShapeTool::IsAssembly(what)) {
     TDF_LabelSequence parts;

@@ -152,6 +152,48 @@ TEST(Beside, BodiesInTheBoreAreNoTubes) {
   EXPECT_NEAR(bars.part->wall_mm.value_or(0), 2, 1e-6);
 }
 
+std::string InOneProduct(const std::vector<TopoDS_Shape>& shapes) {
+  TopoDS_Compound all;
+  BRep_Builder builder;
+  builder.MakeCompound(all);
+  for (const TopoDS_Shape& shape : shapes) builder.Add(all, shape);
+  return test::WriteStepFile({{"line", all}});
+}
+
+TEST(Beside, BodiesOnTheEndsAreTold) {
+  // A nut from 3 mm beyond the first end to 9 mm onto it; a flange 1 mm beyond the last one, which
+  // lies at (130, 110, 0) and points along y; a bracket somewhere.
+  const TopoDS_Shape nut =
+      test::Drilled(Bar({-3, 0, 0}, {1, 0, 0}, 15, 12), {-4, 0, 0}, {20, 0, 0}, 10);
+  const TopoDS_Shape flange =
+      test::Drilled(Bar({130, 111, 0}, {0, 1, 0}, 30, 6), {130, 100, 0}, {130, 120, 0}, 8);
+  const TopoDS_Shape bracket = BRepPrimAPI_MakeBox(gp_Pnt(40, 40, 0), 5, 6, 7).Shape();
+  const std::string file = InOneProduct({Pipe(Elbow(10), {.wall_mm = 2}), nut, flange, bracket});
+  const auto done = Nominal(file);
+  test::ExpectRows(done, Elbow(10).program);
+  EXPECT_THAT(done.out, HasSubstr("sits on the first end, from 9.0 mm before it to 3.0 mm beyond "
+                                  "it, up to 30.0 mm in diameter: left out\n"));
+  EXPECT_THAT(done.out, HasSubstr("sits on the last end, from 1.0 mm beyond it to 7.0 mm beyond "
+                                  "it, up to 60.0 mm in diameter: left out\n"));
+  EXPECT_THAT(done.out, HasSubstr("\n1 other body, left out\n"));
+  EXPECT_THAT(done.out, HasSubstr("'line' sits"));  // and not 'SOLID', as its shapes are called
+  EXPECT_THAT(Nominal(file, {"--reverse"}).out, HasSubstr("sits on the last end, from 9.0 mm"));
+}
+
+TEST(Beside, WhetherACentreLineAgreesIsTold) {
+  const TopoDS_Shape pipe = Pipe(Elbow(10), {.wall_mm = 2});
+  const auto same = Nominal(InOneProduct({pipe, test::CentreLine(Elbow(10))}));
+  test::ExpectRows(same, Elbow(10).program);
+  EXPECT_THAT(same.out, HasSubstr("the file has its centre line, too, with the same bends: "
+                                  "227.124 mm long beside 227.124 mm of the tube\n"));
+  hal::Tube other = Elbow(10);
+  other.program.rows[0].bend_radius_mm = 32;
+  other.program.rows[0].length_mm = 98;
+  EXPECT_THAT(Nominal(InOneProduct({pipe, test::CentreLine(other)})).out,
+              HasSubstr("its centre line, too, with other bends: "));
+  EXPECT_THAT(Nominal(InOneProduct({pipe})).out, Not(HasSubstr("centre line")));
+}
+
 TEST(Beside, OnePartSeveralTimesIsThatPart) {
   const TopoDS_Shape pipe = Pipe(Elbow(10), {.wall_mm = 0});
   const auto done =

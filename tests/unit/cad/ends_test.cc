@@ -54,11 +54,15 @@ TEST(Ends, ANotchIsTold) {
   hal::BendProgram expected = Bow(8).program;
   expected.rows[0].length_mm = 96;
   test::ExpectRows(notched, expected);
-  EXPECT_THAT(notched.out, HasSubstr("first end: cut to a shape that is no plane"));
+  // Its longest side is the bend's outside.
+  EXPECT_THAT(notched.out, HasSubstr("first end: cut to a shape that is no plane; the length is up "
+                                     "to its farthest point about 90 degrees around, the tube "
+                                     "is whole all around up to"));
   EXPECT_THAT(notched.out, Not(HasSubstr("the plain tube ends")));
 }
 
-TEST(Ends, PressedFlatTheyCountToTheLength) {
+// Pressed flat at its first end to 22 by 4 mm, along y, for 65 mm.
+TopoDS_Shape Pressed() {
   BRepOffsetAPI_ThruSections loft(true);
   const gp_Circ round(gp_Ax2({0, 0, 0}, {1, 0, 0}), 8);
   loft.AddWire(BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(round).Edge()).Wire());
@@ -66,9 +70,11 @@ TEST(Ends, PressedFlatTheyCountToTheLength) {
   const TopoDS_Shape flat =
       BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(Slot(-45, 22, 4)).Face(), gp_Vec(-20, 0, 0))
           .Shape();
-  const TopoDS_Shape pressed =
-      test::Joined(test::Joined(Pipe(Bow(8), {.wall_mm = 0}), loft.Shape()), flat);
-  const auto done = Nominal(test::WriteStepFile({{"pressed", pressed}}));
+  return test::Joined(test::Joined(Pipe(Bow(8), {.wall_mm = 0}), loft.Shape()), flat);
+}
+
+TEST(Ends, PressedFlatTheyCountToTheLength) {
+  const auto done = Nominal(test::WriteStepFile({{"pressed", Pressed()}}));
   hal::BendProgram longer = Bow(8).program;
   longer.rows[0].length_mm += 65;
   test::ExpectRows(done, longer);
@@ -76,6 +82,32 @@ TEST(Ends, PressedFlatTheyCountToTheLength) {
                                   "whose end the length counts\n"));
   EXPECT_THAT(Nominal(test::TemporaryFile("made.step"), {"--reverse"}).out,
               HasSubstr("the last end has a form of its own (B-spline surface)"));
+}
+
+TEST(Ends, HolesInTheirFormAreTold) {
+  // 10 mm from the end, through the flat; another one into it from above, off the middle.
+  TopoDS_Shape drilled = test::Drilled(Pressed(), {-55, 0, -9}, {-55, 0, 9}, 3);
+  drilled = test::Drilled(drilled, {-50, 6, 0.5}, {-50, 6, 9}, 1);
+  const auto done = Nominal(test::WriteStepFile({{"pressed", drilled}}));
+  const auto bore = [](const std::string& what) {
+    return "a bore of " + what.substr(0, 5) + " mm goes across the form of the first end at " +
+           what.substr(6) + " mm of the developed length, towards ";
+  };
+  EXPECT_THAT(done.out, HasSubstr(bore("6.000 10.0") + "0 and 180 degrees around"));
+  EXPECT_THAT(done.out, HasSubstr(bore("2.000 15.0") + "0 degrees around: the part file does not"));
+  EXPECT_THAT(Nominal(test::TemporaryFile("made.step"), {"--reverse"}).out,
+              HasSubstr("across the form of the last end at 282.1 mm of the developed length"));
+}
+
+TEST(Ends, HowFlatTheyAreIsTold) {
+  const auto done = Nominal(test::WriteStepFile({{"pressed", Pressed()}}));
+  EXPECT_THAT(done.out, HasSubstr(" 1 bend, "));
+  EXPECT_THAT(done.out,
+              HasSubstr("first end: pressed flat to 22.000 by 4.000 mm, its wide way at 90.00 "
+                        "degrees around; the plain tube ends 65.000 mm before it\n"));
+  ASSERT_EQ(done.code, 0) << done.err;
+  EXPECT_NEAR(done.json["ends"][0]["pressed_flat"]["thick_mm"].get<double>(), 4, 1e-6);
+  EXPECT_TRUE(done.json["ends"][1]["pressed_flat"].is_null());
 }
 
 TEST(Ends, AReducerMakesTwoTubes) {

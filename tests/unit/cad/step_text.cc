@@ -51,6 +51,25 @@ std::vector<Segment> SegmentsOf(const hal::Tube& tube) {
   return segments;
 }
 
+// The last straight moved as `off` says.
+void MoveLast(const OffJoint& off, std::vector<Segment>& segments) {
+  if (off.beside_mm == 0 && off.askew_deg == 0) return;
+  Segment moved = segments.back();
+  const double length_mm = (moved.to - moved.from).norm() / (off.within_straight ? 2 : 1);
+  moved.from = moved.to - length_mm * moved.tangent_out;
+  if (off.within_straight) {
+    segments.back().to = moved.from;
+  } else {
+    segments.pop_back();
+  }
+  // Beside it one way and askew the other.
+  const Eigen::AngleAxisd turn(off.askew_deg * M_PI / 180, moved.side_in);
+  moved.from += off.beside_mm * moved.side_in;
+  moved.tangent_in = moved.tangent_out = turn * moved.tangent_in;
+  moved.to = moved.from + length_mm * moved.tangent_in;
+  segments.push_back(moved);
+}
+
 // A B-spline curve's knots and poles, as of a circle or a line; poles may have weights.
 struct Profile {
   int degree = 1;
@@ -100,7 +119,9 @@ Profile Line(int degree) {
 class Writer {
  public:
   Writer(const hal::Tube& tube, const StepStyle& style)
-      : style_(style), radius_mm_(tube.pipe_radius_mm), segments_(SegmentsOf(tube)) {}
+      : style_(style), radius_mm_(tube.pipe_radius_mm), segments_(SegmentsOf(tube)) {
+    MoveLast(style.off, segments_);
+  }
 
   std::string Text() {
     const int context = Context();
@@ -190,6 +211,12 @@ class Writer {
               last ? s.side_out : s.side_in,
               {},
               {}};
+    if (k > 0 && !last && style_.lean_deg != 0) {
+      const Vector3d about = s.is_arc ? s.normal : ring.side;
+      const Eigen::AngleAxisd lean(style_.lean_deg * M_PI / 180, about);
+      ring.tangent = lean * ring.tangent;
+      ring.side = lean * ring.side;
+    }
     const int parts = Parts();
     for (int i = 0; i < parts; ++i)
       ring.vertices.push_back(Vertex(ring.at + radius * SideOf(ring, i)));

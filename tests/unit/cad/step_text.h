@@ -28,6 +28,13 @@ enum class BodyStyle {
   kLoose,      // each face with edges of its own
 };
 
+// The last straight lies beside what it joins, and askew, though the two share their border; or the
+// second half of it does.
+struct OffJoint {
+  double beside_mm = 0, askew_deg = 0;
+  bool within_straight = false;
+};
+
 struct StepStyle {
   FaceStyle faces = FaceStyle::kNoSeam;
   SurfaceStyle surfaces = SurfaceStyle::kAnalytic;
@@ -39,6 +46,8 @@ struct StepStyle {
   double unit_mm = 1;     // what a length of 1 is in the file
   std::string unit;       // entities of the length unit; empty: SI millimetre
   std::string name = "tube";
+  double lean_deg = 0;  // of the borders between pieces from square to the centre line
+  OffJoint off;
 };
 
 // The text of a file. `tube` has a bend radius at each bend.

@@ -116,6 +116,24 @@ TEST(Told, BendsThatXyzCannotCarry) {
   EXPECT_THAT(Told(test::DemoTube()).out, Not(HasSubstr("XYZ")));
 }
 
+TEST(Told, BendsThatAClampHasNoRoomBetween) {
+  // 40, 0 and 80 mm lie between them.
+  EXPECT_THAT(Told(test::DemoTube()).out,
+              HasSubstr("\nless straight than a pipe diameter, for a clamp between, have bends 2 "
+                        "and 3\n"));
+  EXPECT_THAT(Told(WithRadii(40, 40)).out, Not(HasSubstr("clamp")));
+}
+
+TEST(Told, BendsThatAreRatherBows) {
+  EXPECT_THAT(Told(WithRadii(40, 1000)).out,
+              HasSubstr("bend 2 is rather a bow: its radius is 1000.000 mm, over 45.000 degrees"));
+  EXPECT_THAT(Told(WithRadii(40, 900)).out, Not(HasSubstr("bow")));
+}
+
+TEST(Told, ThatThePartFileIsWritten) {
+  EXPECT_EQ(Told(test::DemoTube()).err, "wrote " + test::TemporaryFile("part.toml") + "\n");
+}
+
 TEST(Told, WhereItBendsAsNoArc) {
   const auto hose = Nominal(test::WriteStepFile({{"hose", test::SplineHose(5)}}));
   EXPECT_EQ(hose.code, 3);
