@@ -33,7 +33,8 @@ bool BorderIsAround(const FormFace& face, const Vector3d& p, const EndView& view
   return inside;
 }
 
-// Of a patch that is a sphere, by this name or another: all of its normals meet in the centre.
+// Of a patch that is a sphere, by this name or another: all of its normals meet in the centre. Of a
+// hollow that opens outwards it is the bottom: the pole on the side where the face lies.
 std::optional<Vector3d> SphereTip(const SurfacePatch& patch, const EndView& view) {
   if (patch.kind != PatchKind::kFree || patch.samples.empty()) return std::nullopt;
   Vector3d point = Vector3d::Zero(), normal = Vector3d::Zero();
@@ -55,7 +56,11 @@ std::optional<Vector3d> SphereTip(const SurfacePatch& patch, const EndView& view
       return std::nullopt;
     }
   }
-  return centre + std::abs(radius) * view.outward;
+  double side = 0;
+  for (const OrientedPoint& s : patch.samples) {
+    if (s.in_face) side += (s.point - centre).dot(view.outward);
+  }
+  return centre + std::copysign(radius, side) * view.outward;
 }
 
 // The circle on which a torus about the axis, as of a rounded edge, lies farthest out.

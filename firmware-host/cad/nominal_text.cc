@@ -56,7 +56,8 @@ std::string FarthestAround(const CadTube& tube, bool is_first) {
   const TubeEnd& end = is_first ? tube.first : tube.last;
   if (end.longest.isZero()) return "";
   const double around_deg = AroundEndDeg(tube, is_first, end.longest);
-  const std::string other = end.longest_twice ? " and " + Turn(around_deg + 180, 0) : "";
+  const std::string other =
+      end.longest_twice ? " and " + Turn(hal::WrapRotationDeg(around_deg + 180), 0) : "";
   return " about " + Turn(around_deg, 0) + other + " degrees around";
 }
 

@@ -159,6 +159,12 @@ TEST(ClosedEnds, ABarsFlatEndStaysSquare) {
   const auto centred = Nominal(WriteStepFile({{"bar", test::Without(bar, centre)}}));
   test::ExpectRows(centred, Crook().program, 1e-5);
   EXPECT_THAT(centred.out, HasSubstr("last end: square\n"));
+  // A ball's seat in the rounded one: a hollow, whose other pole lies on no face.
+  const TopoDS_Shape ball = BRepPrimAPI_MakeSphere(gp_Pnt(130, 114.2, 0), 5).Shape();
+  const auto seat =
+      Nominal(WriteStepFile({{"bar", test::Without(Rounded(bar, {130, 110, 0}, 3), ball)}}));
+  test::ExpectRows(seat, Crook().program, 1e-5);
+  EXPECT_THAT(seat.out, HasSubstr("last end: square; the plain tube ends 3.000 mm before it"));
 }
 
 TEST(ClosedEnds, ATubesFlatEndIsClosed) {
