@@ -61,6 +61,8 @@ struct CadTube {
   bool is_ring = false;  // closed: without ends; one of its problems
 
   bool is_bent() const { return !spine.arcs.empty(); }
+  // No face of its surface goes around any axis.
+  bool is_free_form() const { return !is_wire && !is_ring && pipe_radius_mm == 0; }
   // Whether lines and arcs can come near to what is none.
   bool has_nearest() const { return is_round && !is_ring; }
 };

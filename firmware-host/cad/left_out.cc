@@ -46,8 +46,8 @@ std::vector<std::string> LeftOutNotes(const CadTube& tube,
                                       const std::vector<const TubeChain*>& others) {
   const double radius = tube.pipe_radius_mm, tolerance = MatchToleranceMm(radius);
   const Developed developed(tube.spine);
-  const EndView first{tube.spine.start, -tube.spine.direction};
-  const EndView last{tube.spine.end, tube.spine.end_direction()};
+  const EndView first{tube.spine.start, tube.spine.OutwardAt(true)};
+  const EndView last{tube.spine.end, tube.spine.OutwardAt(false)};
   std::vector<std::string> notes;
   double beside_mm = 0;
   for (const TubeChain* chain : others) {

@@ -35,9 +35,7 @@ TubeEndView EndViewOf(const Spine& spine, bool is_first) {
                                  : is_first         ? spine.arcs.front().from
                                                     : spine.arcs.back().to;
   const Eigen::Vector3d& end = is_first ? spine.start : spine.end;
-  const Eigen::Vector3d outward =
-      is_first ? Eigen::Vector3d(-spine.direction) : spine.end_direction();
-  return {{end, outward}, (end - inner).norm()};
+  return {{end, spine.OutwardAt(is_first)}, (end - inner).norm()};
 }
 
 bool IsAboutEnd(const CadBody& body, const EndView& view, double tolerance_mm) {
@@ -56,6 +54,17 @@ Reach ReachOfBody(const CadBody& body, const EndView& view) {
     }
   }
   return reach;
+}
+
+// Of tubes straight ones alone may sit on an end, and what has a free form: nuts do.
+bool MayBeSleeve(const std::vector<CadTube>& tubes, std::size_t body) {
+  bool may_be = false;
+  for (const CadTube& tube : tubes) {
+    if (tube.body != body) continue;
+    if (tube.is_bent()) return false;
+    may_be |= tube.problems.empty() || tube.is_free_form();
+  }
+  return may_be;
 }
 
 std::optional<OnEnd> OnEndOf(const CadBody& body, const CadTube& tube) {
@@ -109,14 +118,7 @@ OtherBodyNotes NotesOfOtherBodies(const CadShape& shape, const std::vector<CadTu
   for (std::size_t i = 0; i < shape.bodies.size(); ++i) {
     const CadBody& body = shape.bodies[i];
     if (i == tube.body || body.kind == BodyKind::kWire) continue;
-    // Of tubes straight ones alone may sit on an end.
-    const bool is_sleeve =
-        std::any_of(
-            tubes.begin(), tubes.end(),
-            [&](const CadTube& t) { return t.body == i && !t.is_bent() && t.problems.empty(); }) &&
-        std::none_of(tubes.begin(), tubes.end(),
-                     [&](const CadTube& t) { return t.body == i && t.is_bent(); });
-    if (body.has_tube && !is_sleeve) continue;
+    if (body.has_tube && !MayBeSleeve(tubes, i)) continue;
     const auto on = OnEndOf(body, tube);
     if (on) AddOnEnd(on_ends, *on);
     if (!on && !body.has_tube) ++others;

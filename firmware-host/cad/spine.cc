@@ -32,6 +32,15 @@ double Spine::length_mm() const {
   return length + (end - at).norm();
 }
 
+Vector3d Spine::OutwardAt(bool is_first) const {
+  constexpr double kLeastMm = 1e-3;  // of a shorter straight the bend knows better
+  const Vector3d along = is_first ? Vector3d(-direction) : end_direction();
+  if (arcs.empty()) return along;
+  const Vector3d way = is_first ? start - arcs.front().from : end - arcs.back().to;
+  // What is less than nothing goes back.
+  return way.norm() > kLeastMm && way.dot(along) > 0 ? Vector3d(way.normalized()) : along;
+}
+
 Spine Spine::Reversed() const {
   Spine other;
   other.start = end;

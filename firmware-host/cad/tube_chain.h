@@ -29,6 +29,9 @@ struct Spine {
   Eigen::Vector3d end_direction() const {
     return arcs.empty() ? direction : arcs.back().tangent_out;
   }
+  // Out of the tube at its first or last end: along the straight itself, which may be askew to the
+  // bend beside it.
+  Eigen::Vector3d OutwardAt(bool is_first) const;
   Spine Reversed() const;
 };
 

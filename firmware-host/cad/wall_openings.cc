@@ -143,9 +143,11 @@ bool LiesInForm(const std::vector<Vector3d>& border, const Developed& developed,
     low = std::min(low, along);
     high = std::max(high, along);
   }
-  const double from = tube.first.is_plane ? tube.first.fitting_mm : 0;
-  const double to = tube.spine.length_mm() - (tube.last.is_plane ? tube.last.fitting_mm : 0);
-  return !border.empty() && (high < from + tolerance || low > to - tolerance);
+  const auto is_in = [tolerance](const TubeEnd& end, double farthest_mm) {
+    return end.is_plane && end.fitting_mm > tolerance && farthest_mm < end.fitting_mm + tolerance;
+  };
+  return !border.empty() &&
+         (is_in(tube.first, high) || is_in(tube.last, tube.spine.length_mm() - low));
 }
 
 // Whether the border begins at the tube's inner surface or ends at its outer one, and not beyond.

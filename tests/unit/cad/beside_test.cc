@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <BRepAdaptor_Curve.hxx>
+#include <BRepBuilderAPI_GTransform.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
@@ -17,6 +18,7 @@
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
 #include <gp_Circ.hxx>
+#include <gp_GTrsf.hxx>
 #include <string>
 
 #include "firmware-host/cad/cad_helper.h"
@@ -178,6 +180,35 @@ TEST(Beside, BodiesOnTheEndsAreTold) {
   EXPECT_THAT(done.out, HasSubstr("\n1 other body, left out\n"));
   EXPECT_THAT(done.out, HasSubstr("'line' sits"));  // and not 'SOLID', as its shapes are called
   EXPECT_THAT(Nominal(file, {"--reverse"}).out, HasSubstr("sits on the last end, from 9.0 mm"));
+}
+
+TEST(Beside, ANutOfAFreeFormIsTold) {
+  gp_GTrsf wider;
+  wider.SetValue(3, 3, 1.3);
+  const TopoDS_Shape oval =
+      BRepBuilderAPI_GTransform(Bar({-3, 0, 0}, {1, 0, 0}, 15, 12), wider).Shape();
+  const TopoDS_Shape nut = test::Drilled(oval, {-4, 0, 0}, {20, 0, 0}, 10);
+  const auto done = Nominal(InOneProduct({Pipe(Elbow(10), {.wall_mm = 2}), nut}), {"--body", "1"});
+  test::ExpectRows(done, Elbow(10).program);
+  EXPECT_THAT(done.out,
+              HasSubstr("sits on the first end, from 9.0 mm before it to 3.0 mm beyond "));
+}
+
+TEST(Beside, ABoreInAPlateBesideAnEndIsInNoForm) {
+  // The last end lies at (130, 110, 0) and points along y.
+  const TopoDS_Shape plate =
+      test::Drilled(BRepPrimAPI_MakeBox(gp_Pnt(150, 50, -3), 30, 110, 6).Shape(), {160, 150, -9},
+                    {160, 150, 9}, 2);
+  TopoDS_Compound both;
+  BRep_Builder builder;
+  builder.MakeCompound(both);
+  for (const TopoDS_Shape& shape : {Pipe(Elbow(10), {.wall_mm = 0}), plate}) {
+    builder.Add(both, test::LooseFaces(shape));
+  }
+  const auto done = Nominal(test::WriteStepFile({{"bar", both}}));
+  test::ExpectRows(done, Elbow(10).program);
+  EXPECT_THAT(done.out, Not(HasSubstr("goes across the form")));
+  EXPECT_THAT(done.out, HasSubstr("other faces reach up to"));
 }
 
 TEST(Beside, WhetherACentreLineAgreesIsTold) {

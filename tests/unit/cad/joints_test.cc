@@ -6,7 +6,9 @@
 #include <BRepPrimAPI_MakeCylinder.hxx>
 #include <BRep_Builder.hxx>
 #include <TopoDS_Compound.hxx>
+#include <cmath>
 #include <fstream>
+#include <numbers>
 #include <string>
 
 #include "made_files.h"
@@ -97,6 +99,30 @@ TEST(Joints, AnEndIsSquareToItsOwnStraight) {
   test::ExpectRows(done, DemoTube().program, 1e-3);
   EXPECT_THAT(done.out, HasSubstr("first end: square\nlast end: square\n"));
   EXPECT_THAT(done.out, HasSubstr("straights and bends meet at up to 0.100 degrees"));
+}
+
+TEST(Joints, WhatSitsOnAnEndIsAboutItsOwnStraight) {
+  // The last straight begins where the bend ends, 0.1 degrees askew to it.
+  hal::Tube hook = Bow8();
+  hook.program.rows.back().length_mm = 0;
+  const double askew = 0.1 * std::numbers::pi / 180;
+  const gp_Dir along(std::sin(askew), std::cos(askew), 0);
+  const auto at = [&](double mm) { return gp_Pnt(gp_XYZ(130, 30, 0) + mm * along.XYZ()); };
+  TopoDS_Compound all, tube;
+  BRep_Builder builder;
+  builder.MakeCompound(tube);
+  builder.Add(tube, test::LooseFaces(test::Pipe(hook, {.wall_mm = 0})));
+  builder.Add(tube,
+              test::LooseFaces(BRepPrimAPI_MakeCylinder(gp_Ax2(at(0), along), 8, 80).Shape()));
+  const TopoDS_Shape ring =
+      test::Without(BRepPrimAPI_MakeCylinder(gp_Ax2(at(74), along), 14, 8).Shape(),
+                    BRepPrimAPI_MakeCylinder(gp_Ax2(at(70), along), 8, 20).Shape());
+  builder.MakeCompound(all);
+  builder.Add(all, tube);
+  builder.Add(all, ring);
+  const auto done = Nominal(test::WriteStepFile({{"line", all}}));
+  EXPECT_THAT(done.out, HasSubstr("straights and bends meet at up to 0.100 degrees"));
+  EXPECT_THAT(done.out, HasSubstr("sits on the last end, from 6.0 mm before it to 2.0 mm beyond"));
 }
 
 TEST(Joints, BordersThatLeanMakeBendsNoLarger) {
