@@ -21,8 +21,10 @@
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/end_forms.h"
 #include "pipeline/fit/explained_by_bows.h"
+#include "pipeline/fit/hidden_ends.h"
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/one_die.h"
+#include "pipeline/fit/other_parts.h"
 #include "pipeline/fit/registration.h"
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/fit/seam.h"
@@ -58,8 +60,6 @@ struct StageSettings {
   std::size_t shrink_samples = 30'000;
   // Times that a neighbour is taken off. Each takes one joint at least; more were never seen.
   int most_parted = 3;
-  // [of r_P] What is further from the spine may be another part of the tube, not yet found.
-  double beside_tube = 1.3;
   // [degrees] 1 sigma of an angle from which on the live view shows the bend.
   double settled_deg = 2.0;
 };
@@ -87,34 +87,6 @@ struct FinalFit {
     return beside_seam ? std::span<const PointBlock>(*beside_seam) : all;
   }
 };
-
-// [mm] From a piece of the spine; beside its ends there is none of it.
-std::optional<double> FromSpineMm(const hal::SpineSegment& segment, const Eigen::Vector3d& at_mm) {
-  if (!segment.is_arc()) {
-    const Eigen::Vector3d from = at_mm - segment.start_mm;
-    const double along_mm = from.dot(segment.tangent);
-    if (along_mm < 0 || along_mm > segment.length_mm) return std::nullopt;
-    return (from - along_mm * segment.tangent).norm();
-  }
-  const Eigen::Vector3d from = segment.axes().transpose() * (at_mm - segment.center_mm());
-  const double angle = std::atan2(from.x(), -from.y());
-  if (angle < 0 || angle > segment.angle_rad()) return std::nullopt;
-  return std::hypot(from.head<2>().norm() - segment.bend_radius_mm, from.z());
-}
-
-// Whether the block lies on a part of the tube other than the straight of row `own` and the bend
-// beside that.
-bool IsOfAnotherPart(const PointBlock& block, const EasedSpine& spine, std::size_t own,
-                     double pipe_radius_mm) {
-  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
-    const std::size_t row = spine.row(k);
-    const bool is_own = row == own || (!spine.is_line(k) && row + 1 == own);
-    if (is_own) continue;
-    const auto from_mm = FromSpineMm(spine.segments[k], block.center_mm);
-    if (from_mm && *from_mm < kStage.beside_tube * pipe_radius_mm) return true;
-  }
-  return false;
-}
 
 // What is left beside the tube: of straights beside their best-fit lines, all else beside the bows.
 SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
@@ -152,6 +124,8 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   final.seam = FindSeam(structure, tube.blocks, final.options.reach_mm);
   if (final.seam) final.beside_seam = WithoutSeam(structure, *final.seam, tube.blocks);
   const std::span<const PointBlock> blocks = final.Fitted(tube.blocks);
+  if (!getenv("NOHI"))
+    final.options.hidden_mm = HiddenMm(structure, blocks, final.options.reach_mm);
   FoundEasing found = FindEasing(structure, blocks, final.options);
   final.options.easing = std::move(found.easing);
   BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), blocks,
@@ -373,7 +347,7 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
   for (std::size_t i = 0; i < intake_.grid().blocks().size(); ++i) {
     const auto index = static_cast<std::int32_t>(i);
     const PointBlock block = BlockAt(index, true);
-    CandidateSegments(block, frames, kStage.beside_tube * r_mm, candidates);
+    CandidateSegments(block, frames, kBesideTube * r_mm, candidates);
     if (candidates.empty() && !intake_.IsPlanar(index)) others.push_back(block);
   }
   for (const bool at_start : {true, false}) {

@@ -44,7 +44,7 @@ Look LookForBows(std::span<const PointBlock> blocks, const OwnedBlocks& few, dou
 // Without bows: bends that ease into the middle of a straight turn its best-fit line all the same.
 void MoveToLines(const SurfaceFit& before, BowedTubeState state, std::span<const PointBlock> few,
                  const SurfaceFitOptions& options, SurfaceFit& fit) {
-  EndWithPoints(few, options.reach_mm, state);
+  EndWithPoints(few, options.reach_mm, options.hidden_mm, state);
   BowedTube(before, std::move(state), std::nullopt, options).MoveToLines(fit);
 }
 
@@ -75,7 +75,7 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
   bool is_last = false;
   int last_rounds = 0;
   for (int round = 1;; ++round) {
-    EndWithPoints(few, options.reach_mm, bows.state);
+    EndWithPoints(few, options.reach_mm, options.hidden_mm, bows.state);
     BowedTube bowed(before, std::move(bows.state), usual_radius_mm, options);
     const OwnedBlocks& points_now = is_last ? enough : few;
     bowed.Take(points_now, bows.noise_mm);

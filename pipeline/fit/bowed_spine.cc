@@ -233,7 +233,8 @@ SurfaceAssignment PointsOf(const BowedTubeState& state, const EasedSpine& spine,
   return points;
 }
 
-void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTubeState& state) {
+void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm,
+                   const std::array<double, 2>& beyond_mm, BowedTubeState& state) {
   const double r_mm = state.tube.pipe_radius_mm;
   const EasedSpine spine = SpineOf(state);
   SurfaceAssignment points;
@@ -244,13 +245,14 @@ void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTub
     return static_cast<Eigen::Index>(of.size) >= kExtent.least_points;
   };
   if (const SegmentPoints& last = points.segments.back(); tells(last)) {
-    const double to_mm = AlongAt(last, 1.0 - kExtent.part) / (1.0 - kExtent.part);
+    const double to_mm = AlongAt(last, 1.0 - kExtent.part) / (1.0 - kExtent.part) + beyond_mm[1];
     rows.back().length_mm =
         std::max(0.0, rows.back().length_mm + to_mm - spine.segments.back().length_mm);
   }
   if (const SegmentPoints& first = points.segments.front(); tells(first)) {
     const double to_mm = spine.segments.front().length_mm;
-    const double points_mm = (to_mm - AlongAt(first, kExtent.part)) / (1.0 - kExtent.part);
+    const double points_mm =
+        (to_mm - AlongAt(first, kExtent.part)) / (1.0 - kExtent.part) + beyond_mm[0];
     const double from_mm = std::min(to_mm - points_mm, rows.front().length_mm);
     rows.front().length_mm -= from_mm;
     state.tube.X_WT.position_mm +=

@@ -57,7 +57,9 @@ Eigen::Matrix<double, kLocalState, 1> TailsOf(const EasedSpine& spine, const Bow
 SurfaceAssignment PointsOf(const BowedTubeState& state, const EasedSpine& spine, double beyond_mm,
                            std::span<const PointBlock> blocks, double reach_mm);
 
-// Lets the first and last straight begin and end where points do, as far as these lie near them.
-void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm, BowedTubeState& state);
+// Lets the first and last straight begin and end where points do, as far as these lie near them, or
+// so far beyond.
+void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm,
+                   const std::array<double, 2>& beyond_mm, BowedTubeState& state);
 
 }  // namespace bendloop::pipeline

@@ -176,9 +176,14 @@ double ContinuesMm(const PlainEnd& end, double r_mm, std::span<const PointBlock>
 
 }  // namespace
 
+FoundEnd FindFitting(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
+                     std::span<const PointBlock> near) {
+  return Fitting(Sorted(end, pipe_radius_mm, noise_mm, near), pipe_radius_mm, noise_mm);
+}
+
 FoundEnd FindEndForm(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
                      std::span<const PointBlock> near, std::span<const PointBlock> others) {
-  FoundEnd found = Fitting(Sorted(end, pipe_radius_mm, noise_mm, near), pipe_radius_mm, noise_mm);
+  FoundEnd found = FindFitting(end, pipe_radius_mm, noise_mm, near);
   const PlainEnd beyond{end.position_mm + found.form.length_mm * end.outward, end.outward};
   found.form.continues_mm = ContinuesMm(beyond, pipe_radius_mm, others);
   return found;

@@ -26,6 +26,10 @@ struct FoundEnd {
 FoundEnd FindEndForm(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
                      std::span<const PointBlock> near, std::span<const PointBlock> others);
 
+// What sits on the end alone.
+FoundEnd FindFitting(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
+                     std::span<const PointBlock> near);
+
 // How far from the end `near` is asked for, in pipe radii.
 constexpr double kEndFormReach = 8.0;
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <limits>
 #include <span>
 #include <vector>
@@ -28,8 +29,11 @@ struct SurfaceFitOptions {
   double min_sigma_mm = 1e-4;
   bool free_pipe_radius = true;
   double max_length_mm = 1e6;  // of a straight
-  bool flattened = false;      // the bends need not be round
-  Easing easing = {};          // to begin with; none: the bends are sharp
+  // Of the first and the last straight so much lies beyond the points on it, hidden by what sits on
+  // the end. Its best-fit line is of all of it.
+  std::array<double, 2> hidden_mm{0, 0};
+  bool flattened = false;  // the bends need not be round
+  Easing easing = {};      // to begin with; none: the bends are sharp
   FitPriors priors = {};
   FormDeviation form = {};  // what samples are worth where structures are compared
   int max_steps = 40;       // of Levenberg-Marquardt

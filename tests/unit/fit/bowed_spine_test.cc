@@ -55,7 +55,7 @@ TEST(BowedSpine, StraightsEndWherePointsDo) {
   state.tube.program.rows.back().length_mm -= 3;
   state.tube.program.rows.front().length_mm += 3;
   state.tube.X_WT.position_mm -= 3 * (tube.X_WT.orientation * Eigen::Vector3d::UnitX());
-  EndWithPoints(blocks, 1, state);
+  EndWithPoints(blocks, 1, {0, 0}, state);
   for (const std::size_t row : {std::size_t{0}, tube.program.rows.size() - 1}) {
     EXPECT_NEAR(state.tube.program.rows[row].length_mm, tube.program.rows[row].length_mm, 0.04);
   }
