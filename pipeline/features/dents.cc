@@ -50,6 +50,13 @@ struct DentSettings {
   double denied = 0.5, denied_sigmas = 3.0;
   // Nor is one of which fewer points lie as deep as that.
   std::ptrdiff_t least_deep = 8;
+  // [of its size] Of a dent that is known: what is fitted no further from its middle is that dent
+  // once more; what lies further than `apart` is looked at without the points where the known one
+  // is deeper than so many [sigma].
+  double same = 0.25, apart = 0.75, rim_sigmas = 0.3;
+  // [of its depth] What cannot be fitted and is no deeper is what cells make of its flanks, and of
+  // the wall opposite it.
+  double echo = 0.3;
 };
 constexpr DentSettings kDents;
 
@@ -233,6 +240,12 @@ class DentFit {
   Unknowns at_ = Unknowns::Zero(), about_ = Unknowns::Zero(), certainty_ = Unknowns::Zero();
 };
 
+// A circle on the wall that a dent that is known reaches to.
+struct DentCircle {
+  Eigen::Vector3d middle_mm;
+  double radius_mm;
+};
+
 // The wall about a place, unrolled.
 class Wall {
  public:
@@ -248,10 +261,22 @@ class Wall {
     }
   }
 
-  // At most `enough_points`, as far apart as all of them; off the wall that is flattened.
+  // At most `enough_points`, as far apart as all of them; off the wall that is flattened; without
+  // those in `others`.
   std::vector<WallPoint> About(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
-                               double off_mm, std::size_t enough_points) const {
-    const std::vector<SeenPoint> seen = SeenAbout(frame, along_mm, reach_mm, off_mm + flat_mm_);
+                               double off_mm, std::span<const DentCircle> others) const {
+    std::vector<SeenPoint> seen = SeenAbout(frame, along_mm, reach_mm, off_mm + flat_mm_);
+    const UnrolledWall unrolled(spine_.segments, frame, r_mm_);
+    for (const DentCircle& other : others) {
+      const auto middle = PlaceOf(other.middle_mm, unrolled, along_mm);
+      if (!middle) continue;
+      std::erase_if(seen, [&](const SeenPoint& point) {
+        const double around_mm = std::remainder(point.place.around_mm - middle->around_mm,
+                                                2.0 * std::numbers::pi * r_mm_);
+        return std::hypot(point.place.along_mm - middle->along_mm, around_mm) < other.radius_mm;
+      });
+    }
+    constexpr std::size_t enough_points = kDents.enough_points;
     const std::size_t stride = StrideTo(seen.size(), enough_points);
     std::vector<WallPoint> points;
     for (std::size_t i = 0; i < seen.size(); i += stride) {
@@ -268,6 +293,16 @@ class Wall {
   double length_mm() const { return spine_.length_mm(); }
 
  private:
+  std::optional<WallPoint> PlaceOf(const Eigen::Vector3d& point, const UnrolledWall& unrolled,
+                                   double along_mm) const {
+    std::vector<std::int32_t> all(spine_.segments.size());
+    std::iota(all.begin(), all.end(), 0);
+    const SpineFoot foot = NearestFoot(point, spine_.segments, frames_, all);
+    if (foot.segment < 0) return std::nullopt;
+    const auto at = static_cast<std::size_t>(foot.segment);
+    return WallPoint{spine_.segments[at].from_start_mm + foot.along_mm - along_mm,
+                     -unrolled.PlaceOf(point, foot).y(), 0};
+  }
   struct SeenPoint {
     WallPoint place;  // off the round wall
     const Eigen::Vector3d* point;
@@ -360,6 +395,68 @@ void Doubt(double pipe_radius_mm, DentFound& dent) {
   dent.sigma_mm = dent.depth_mm;
 }
 
+// Whether it was fitted, and not left as the cells have it.
+bool IsFitted(const DentFound& dent) { return dent.sigma_mm < kDents.vague * dent.depth_mm; }
+
+// How far from its middle the dent is deeper than `rim_mm`, as a gaussian is.
+double ReachOf(const DentFound& dent, double rim_mm) {
+  return 0.5 * dent.size_mm * std::sqrt(std::log2(std::max(2.0, dent.depth_mm / rim_mm)));
+}
+
+// Whether it is one of `known` once more.
+bool IsKnown(const DentFound& dent, std::span<const DentFound> known) {
+  return std::any_of(known.begin(), known.end(), [&](const DentFound& other) {
+    const double apart_mm = (dent.position_mm - other.position_mm).norm();
+    return IsFitted(other) && apart_mm < kDents.same * std::max(dent.size_mm, other.size_mm);
+  });
+}
+
+// Whether it, which could not be fitted, is what one of `known` looks like from beside it.
+bool IsEcho(const DentFound& dent, const Eigen::Vector3d& tangent, double r_mm, double noise_mm,
+            std::span<const DentFound> known) {
+  return std::any_of(known.begin(), known.end(), [&](const DentFound& other) {
+    if (!IsFitted(other) || dent.depth_mm > kDents.echo * other.depth_mm) return false;
+    const double reach_mm = ReachOf(other, kDents.rim_sigmas * noise_mm) + 0.5 * dent.size_mm;
+    const Eigen::Vector3d apart_mm = dent.position_mm - other.position_mm;
+    return std::abs(apart_mm.dot(tangent)) < reach_mm && apart_mm.norm() < reach_mm + 2.0 * r_mm;
+  });
+}
+
+// From the points about it. False: there is none, or it is one of `known`.
+bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const DentFound> known,
+                 DentFound& dent) {
+  Doubt(r_mm, dent);
+  std::vector<DentCircle> others;
+  for (const DentFound& other : known) {
+    const bool is_apart = (dent.position_mm - other.position_mm).norm() >
+                          kDents.apart * std::max(dent.size_mm, other.size_mm);
+    if (IsFitted(other) && is_apart) {
+      others.push_back({other.position_mm, ReachOf(other, kDents.rim_sigmas * noise_mm)});
+    }
+  }
+  const hal::SurfaceFrame frame = wall.FrameAt(dent.along_mm, dent.around_deg);
+  const double reach_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
+  const double off_mm = kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm;
+  const std::vector<WallPoint> points = wall.About(frame, dent.along_mm, reach_mm, off_mm, others);
+  const FittedDent fitted = FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
+  if (!fitted.is_fitted) {
+    return !IsDenied(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm) &&
+           !IsKnown(dent, known) && !IsEcho(dent, frame.tangent, r_mm, noise_mm, known);
+  }
+  const double along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, wall.length_mm());
+  const hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
+  const Eigen::Vector3d outward = UnrolledWall::Carried(
+      Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
+      there.tangent);
+  dent.position_mm = there.spine_mm + r_mm * outward;
+  dent.along_sigma_mm = fitted.along_sigma_mm;
+  dent.around_sigma_deg = fitted.around_sigma_mm / r_mm * hal::kDegreesPerRadian;
+  dent.depth_mm = fitted.depth_mm, dent.sigma_mm = fitted.depth_sigma_mm;
+  dent.area_mm2 = fitted.area_mm2, dent.area_sigma_mm2 = fitted.area_sigma_mm2;
+  dent.size_mm = 2.0 * std::sqrt(fitted.area_mm2 / std::numbers::pi);
+  return !IsKnown(dent, known);
+}
+
 }  // namespace
 
 FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,
@@ -389,42 +486,22 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
                   double noise_mm, std::span<const PointBlock> blocks,
                   std::vector<DentFound>& dents) {
   if (dents.empty()) return;
-  const double r_mm = tube.pipe_radius_mm, length_mm = hal::SpineLength(tube.program);
+  const double length_mm = hal::SpineLength(tube.program);
   const Wall wall(tube, form, blocks);
   const PlacesOfTube places(tube);
-  for (DentFound& dent : dents) {
-    Doubt(r_mm, dent);
-    const hal::SurfaceFrame frame = wall.FrameAt(dent.along_mm, dent.around_deg);
-    const double reach_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
-    const std::vector<WallPoint> points = wall.About(
-        frame, dent.along_mm, reach_mm,
-        kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm, kDents.enough_points);
-    const FittedDent fitted =
-        FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
-    if (!fitted.is_fitted &&
-        IsDenied(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm)) {
-      dent.depth_mm = 0;
-      continue;
-    }
-    if (fitted.is_fitted) {
-      const double along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, wall.length_mm());
-      const hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
-      const Eigen::Vector3d outward = UnrolledWall::Carried(
-          Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
-          there.tangent);
-      dent.position_mm = there.spine_mm + r_mm * outward;
-      dent.along_sigma_mm = fitted.along_sigma_mm;
-      dent.around_sigma_deg = fitted.around_sigma_mm / r_mm * hal::kDegreesPerRadian;
-      dent.depth_mm = fitted.depth_mm, dent.sigma_mm = fitted.depth_sigma_mm;
-      dent.area_mm2 = fitted.area_mm2, dent.area_sigma_mm2 = fitted.area_sigma_mm2;
-      dent.size_mm = 2.0 * std::sqrt(fitted.area_mm2 / std::numbers::pi);
-    }
+  // The deepest first: cells may have parted it, and taken the wall opposite it for pressed in.
+  std::stable_sort(dents.begin(), dents.end(),
+                   [](const DentFound& a, const DentFound& b) { return a.depth_mm > b.depth_mm; });
+  std::vector<DentFound> known;
+  for (DentFound dent : dents) {
+    if (!MeasureDent(wall, tube.pipe_radius_mm, noise_mm, known, dent)) continue;
     places.Name(dent);
     const bool from_end = 2.0 * dent.along_mm > length_mm;
     dent.along_sigma_mm =
         std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
+    known.push_back(dent);
   }
-  std::erase_if(dents, [](const DentFound& dent) { return dent.depth_mm == 0; });
+  dents = std::move(known);
 }
 
 }  // namespace bendloop::pipeline

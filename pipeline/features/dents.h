@@ -24,6 +24,8 @@ struct WallForm {
 // place on the unrolled surface, 1 where the dent is half as deep as in its middle. The power s
 // tells round dents (1: a gaussian) from flats. What cannot be fitted stays as the cells have it,
 // its depth known to about itself, or goes where its points deny it.
+// The deepest first, each once: cells may have parted one, or taken what is beside it or opposite
+// it for pressed in.
 // `noise_mm`: 1 sigma of a point along the normal.
 // `wall`: how its bends ease and are flattened; places are those of `tube`, whose bends are sharp
 // and round.

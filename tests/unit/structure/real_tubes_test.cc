@@ -268,6 +268,25 @@ TEST(FittedTube, KnowsNotHowItBowsUnderWhatSitsOnItsEnd) {
   EXPECT_LT(squares, 2 * kTubes);
 }
 
+// Cells of the surface may part a deep one, and take the wall opposite it for pressed in.
+TEST(DentedTube, HasEachDentOnce) {
+  const hal::SteadyClock clock;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    const auto part = static_cast<double>(seed) / 11.0;
+    const auto cloud = tests::ScanRealTube(
+        FourBends(), {.dents = {{.along = part, .around_rad = 6.0 * part, .depth_r = 0.17}}}, {},
+        random);
+    ReconstructionOptions options;
+    options.nominal = cloud.truth.program;
+    const auto measured = Reconstruct(cloud.points_W, options, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    ASSERT_EQ(measured->dents.size(), 1U);
+    EXPECT_NEAR(measured->dents.front().depth_mm, 0.85, 4 * measured->dents.front().sigma_mm);
+  }
+}
+
 // They may be one, as a dent parts it.
 TEST(BendUponBend, IsToldWhereNoNominalHasIt) {
   hal::Tube tube = FourBends();
