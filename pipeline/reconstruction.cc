@@ -124,8 +124,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   final.seam = FindSeam(structure, tube.blocks, final.options.reach_mm);
   if (final.seam) final.beside_seam = WithoutSeam(structure, *final.seam, tube.blocks);
   const std::span<const PointBlock> blocks = final.Fitted(tube.blocks);
-  if (!getenv("NOHI"))
-    final.options.hidden_mm = HiddenMm(structure, blocks, final.options.reach_mm);
+  final.options.hidden_mm = HiddenMm(structure, blocks, final.options.reach_mm);
   FoundEasing found = FindEasing(structure, blocks, final.options);
   final.options.easing = std::move(found.easing);
   BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), blocks,
