@@ -108,8 +108,21 @@ void DropPlanesOfFittings(Measurement& measurement) {
   if (measurement.last_end.length_mm > 0) measurement.features.last_end.reset();
 }
 
+// The nominal's bends in place of more, where dents explain what those do.
+void TryNominalWithDents(const hal::BendProgram& nominal, const SpinePolygon& polygon,
+                         std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+                         BowedSolution& solution, double& margin) {
+  if (nominal.bend_count() >= solution.fit.tube.program.bend_count()) return;
+  const double r_mm = solution.fit.tube.pipe_radius_mm;
+  BowedSolution other = SolveAnew(NominalAlong(nominal, r_mm, polygon), blocks, options);
+  const auto more = MoreThanDents(solution, other, blocks, options.reach_mm);
+  if (!more || !MayBeByCorners(nominal, other.fit.tube, other.fit.sigma)) return;
+  margin = std::min(margin, std::abs(*more));
+  if (*more < 0) solution = std::move(other);
+}
+
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& drift,
-                      std::optional<std::size_t> nominal_bends, Workers* workers) {
+                      const std::optional<hal::BendProgram>& nominal, Workers* workers) {
   const SurfaceFit& structure = tube.structure;
   FinalFit final;
   tube.registration = RegisterPasses(
@@ -129,8 +142,14 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   final.options.easing = std::move(found.easing);
   BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), blocks,
                                          final.options, std::move(found.sharp));
+  const auto nominal_bends =
+      nominal ? std::optional<std::size_t>(nominal->bend_count()) : std::nullopt;
   tube.structure.margin =
       std::min(structure.margin, ReviseBends(blocks, final.options, nominal_bends, solution));
+  if (nominal) {
+    TryNominalWithDents(*nominal, tube.polygon, blocks, final.options, solution,
+                        tube.structure.margin);
+  }
   TryOneDie(blocks, final.options, solution);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);
@@ -195,7 +214,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   SayLeftOut(tube->left_out_mm, measurement.warnings);
   timer.Done("structure");
   const FinalFit final =
-      FitAllPoints(*tube, intake_.passes(), options_.pass_drift, NominalBends(), workers);
+      FitAllPoints(*tube, intake_.passes(), options_.pass_drift, options_.nominal, workers);
   ReportPasses(tube->registration, options_.pass_drift, measurement);
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");

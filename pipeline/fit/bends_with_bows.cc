@@ -57,6 +57,8 @@ struct ReviseSettings {
   // than these are left.
   int most_undented = 6;
   double undented = 0.999;
+  // [of the points] That dents leave, or they explain too much.
+  double beside_dents = 0.8;
   // Times that samples of a place are worth less: what makes them disagree so much may be a dent
   // that its bend has taken in.
   double disagree = 4.0;
@@ -267,15 +269,11 @@ double GainOf(const BowedSolution& a, const BowedSolution& b, std::span<const Po
 }
 
 BowedSolution Solved(const ControlPolygon& corners, std::span<const PointBlock> blocks,
-                     SurfaceFitOptions options, double pipe_radius_mm) {
+                     const SurfaceFitOptions& options, double pipe_radius_mm) {
   auto tube = TubeFromPolygon(corners);
   if (!tube) return {};
   tube->pipe_radius_mm = pipe_radius_mm;
-  SurfaceFit start;
-  start.tube = *tube;
-  FoundEasing found = FindEasing(start, blocks, options);
-  options.easing = std::move(found.easing);
-  return SolveWithBows(found.eased.value_or(*tube), blocks, options, std::move(found.sharp));
+  return SolveAnew(*tube, blocks, options);
 }
 
 // As FitSurface(). Where a part of the tube ends up off its points, those have no weight beside a
@@ -453,6 +451,31 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
   const bool is_found = !other.bows.is_lost && other.fit.tube.program.bend_count() == bends &&
                         GainOf(other, solution, blocks, options.reach_mm) > 0;
   return is_found ? std::move(other) : std::move(solution);
+}
+
+BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> blocks,
+                        SurfaceFitOptions options) {
+  SurfaceFit sharp;
+  sharp.tube = start;
+  FoundEasing found = FindEasing(sharp, blocks, options);
+  options.easing = std::move(found.easing);
+  return SolveWithBows(found.eased.value_or(start), blocks, options, std::move(found.sharp));
+}
+
+std::optional<double> MoreThanDents(const BowedSolution& found, const BowedSolution& fewer,
+                                    std::span<const PointBlock> blocks, double reach_mm) {
+  if (!fewer.undented) return std::nullopt;
+  const auto all = static_cast<double>(CountPoints(blocks));
+  if (static_cast<double>(fewer.undented->point_count()) < kRevise.beside_dents * all) {
+    return std::nullopt;
+  }
+  const OwnedBlocks points =
+      Thinned(*fewer.undented, StrideTo(fewer.undented->point_count(), kRevise.points));
+  const double sigma_mm = std::min(found.bows.noise_mm, fewer.bows.noise_mm);
+  const double gain = CostOf(fewer.bows.state, points, reach_mm, sigma_mm) -
+                      CostOf(found.bows.state, points, reach_mm, sigma_mm);
+  const double worth = std::max(1.0, std::min(found.bows.worth, fewer.bows.worth));
+  return gain / worth;
 }
 
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,

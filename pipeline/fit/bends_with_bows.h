@@ -28,6 +28,16 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);
 
+// The same where it is not known whether the bends ease.
+BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> blocks,
+                        SurfaceFitOptions options);
+
+// How much better the points but those of the dents of `fewer`, a tube of fewer bends, speak for
+// `found` [twice the logarithm of the odds]: below 0 dents explain what its bends do. None: `fewer`
+// has no dents, or too many.
+std::optional<double> MoreThanDents(const BowedSolution& found, const BowedSolution& fewer,
+                                    std::span<const PointBlock> blocks, double reach_mm);
+
 // Bends are found as if straights were straight, and dents no dents: now and then one stands in for
 // those, or a bow of what no bender leaves stands in for a slight bend. Once both are fitted that
 // shows: two bends with nothing between them become one, one that no machine makes none, such a bow

@@ -287,6 +287,65 @@ TEST(DentedTube, HasEachDentOnce) {
   }
 }
 
+// Two, `at_mm` of the spine and 9 mm further, about on the other side.
+std::vector<tests::Dent> TwoDents(double at_mm, double around_rad, double next_rad,
+                                  double depth_r) {
+  constexpr double kLengthMm = 303.7;  // of FourBends()
+  return {{.along = at_mm / kLengthMm, .around_rad = around_rad, .depth_r = depth_r},
+          {.along = (at_mm + 9) / kLengthMm, .around_rad = next_rad, .depth_r = 0.7 * depth_r}};
+}
+
+// Beside the dents nothing asks for more bends.
+TEST(DentedTube, HasTheNominalsBendsWhereTwoDentsLookLikeMore) {
+  struct Case {
+    double ovality;
+    std::vector<tests::Dent> dents;
+  };
+  const std::vector<Case> cases = {{0, TwoDents(176, 0.3, 3.3, 0.12)},
+                                   {0, TwoDents(245, 2.3, 5.3, 0.17)},
+                                   {0.05, TwoDents(184, -1.8, 1.2, 0.17)}};
+  const hal::SteadyClock clock;
+  for (const Case& a_case : cases) {
+    SCOPED_TRACE(a_case.dents.front().along);
+    std::mt19937_64 random(1);
+    const auto cloud =
+        tests::ScanRealTube(FourBends(), {.ovality = a_case.ovality, .dents = a_case.dents},
+                            {.points = 40'000, .noise_mm = 0.02}, random);
+    ReconstructionOptions options;
+    options.nominal = cloud.truth.program;
+    const auto measured = Reconstruct(cloud.points_W, options, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    ASSERT_EQ(measured->tube.program.bend_count(), 4U);
+    for (std::size_t i = 0; i < 4; ++i) {
+      EXPECT_NEAR(measured->tube.program.rows[i].angle_deg, cloud.truth.program.rows[i].angle_deg,
+                  5 * measured->sigma.rows[i].angle_deg);
+    }
+  }
+}
+
+// A bend that the drawing does not have is no dent, even where there are some.
+TEST(DentedTube, HasTheBendThatItsNominalLacks) {
+  const hal::SteadyClock clock;
+  for (const auto& [after_mm, depth_r] : {std::pair{5.0, 0.12}, {12.0, 0.2}}) {
+    SCOPED_TRACE(after_mm);
+    hal::Tube tube = FourBends();
+    hal::BendProgram nominal = tube.program;
+    nominal.rows[3].rotation_deg += 180;
+    tube.program.rows[3].length_mm -= after_mm;
+    tube.program.rows.insert(tube.program.rows.begin() + 3, {after_mm, 180, 1.5, 15.0});
+    std::mt19937_64 random(1);
+    const auto cloud =
+        tests::ScanRealTube(tube, {.dents = TwoDents(189 + after_mm, 1, -2, depth_r)},
+                            {.points = 40'000, .noise_mm = 0.02}, random);
+    ReconstructionOptions options;
+    options.nominal = nominal;
+    const auto measured = Reconstruct(cloud.points_W, options, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    EXPECT_GT(measured->tube.program.bend_count(), 4U);
+    EXPECT_FALSE(measured->warnings.empty());
+  }
+}
+
 // They may be one, as a dent parts it.
 TEST(BendUponBend, IsToldWhereNoNominalHasIt) {
   hal::Tube tube = FourBends();
