@@ -27,19 +27,6 @@ struct Frame {
   }
 };
 
-// Sectors between neighbouring points of an edge are covered, too.
-void Cover(const std::vector<Vector3d>& points, const Frame& frame, Around& around) {
-  const auto set = [&](double angle) {
-    const double turn = angle / (2 * std::numbers::pi);
-    around.set(std::size_t(std::clamp(int((turn - std::floor(turn)) * 72), 0, 71)));
-  };
-  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
-    const double a = frame.Angle(points[i]);
-    const double step = std::remainder(frame.Angle(points[i + 1]) - a, 2 * std::numbers::pi);
-    for (int k = 0; k <= 8; ++k) set(a + step * k / 8);
-  }
-}
-
 bool IsAlongAxis(const FaceEdge& edge, const Frame& frame, double tolerance_mm) {
   const Vector3d d = edge.points.back() - edge.points.front();
   return edge.points.size() == 2 && (d - d.dot(frame.along) * frame.along).norm() < tolerance_mm;
@@ -186,7 +173,7 @@ std::optional<EndCut> CutOf(const CadBody& body, const TubePiece& piece, const V
   std::optional<EndCut> farthest;
   for (const auto& loop : Loops(BorderOf(body, piece, frame, tolerance_mm), tolerance_mm)) {
     Around around;
-    for (const FaceEdge* edge : loop) Cover(edge->points, frame, around);
+    for (const FaceEdge* edge : loop) AddAround(edge->points, frame.origin, frame.along, around);
     if (around.count() < kAllAround) continue;
     const EndCut cut = CutThrough(loop, frame, tolerance_mm);
     if (!farthest || cut.highest_mm + cut.lowest_mm > farthest->highest_mm + farthest->lowest_mm) {

@@ -60,6 +60,18 @@ void GrowFaces(const CadBody& body, const std::set<int>& among, std::set<int>& f
   }
 }
 
+// Whether faces go around the axis by half a turn and more: what does not, as a plate beside the
+// tube, is no form of its end.
+bool GoAround(const std::vector<const FormFace*>& faces, const EndView& view) {
+  Around around;
+  for (const FormFace* face : faces) {
+    for (const FaceEdge* edge : face->edges) {
+      AddAround(edge->points, view.origin, view.outward, around);
+    }
+  }
+  return 2 * around.count() >= around.size();
+}
+
 // What lies over the axis lower than `least_mm` is the bottom of something hollow.
 EndCover CoverOf(const AxisHit& hit, double least_mm) {
   if (hit.is_plane || hit.along_mm < least_mm) return EndCover::kFlat;
@@ -129,6 +141,7 @@ EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& v
   std::set<int> seen;
   EndForm form{at_mm, EndCover::kNone};
   std::optional<AxisHit> cover;
+  std::vector<const FormFace*> beyond;
   while (!open.empty()) {
     const int edge = *open.begin();
     open.erase(open.begin());
@@ -140,11 +153,14 @@ EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& v
         continue;
       }
       form.end_mm = std::max(form.end_mm, reach.highest);
+      if (reach.highest > at_mm + tolerance) beyond.push_back(&face);
       for (const FaceEdge* next : face.edges) open.insert(next->edge);
       const auto hit = OverAxis(face, view, tolerance / 4);
       if (hit && (!cover || hit->along_mm > cover->along_mm)) cover = hit;
     }
   }
+  const bool is_over_axis = cover && cover->along_mm > at_mm + tolerance;
+  if (!is_over_axis && !GoAround(beyond, view)) form.end_mm = at_mm;
   if (cover) form.cover = CoverOf(*cover, form.end_mm - 2 * tolerance);
   return form;
 }

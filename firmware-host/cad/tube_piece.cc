@@ -165,6 +165,25 @@ void AddPiecesOf(Group& group, std::vector<TubePiece>& pieces) {
 
 }  // namespace
 
+void AddAround(const std::vector<Vector3d>& points, const Vector3d& origin, const Vector3d& along,
+               Around& around) {
+  constexpr int kBetween = 8;  // places from one point to the next
+  const Vector3d x = along.unitOrthogonal(), y = along.cross(x);
+  const auto angle_of = [&](const Vector3d& p) {
+    return std::atan2((p - origin).dot(y), (p - origin).dot(x));
+  };
+  const auto last = int(around.size()) - 1;
+  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+    const double a = angle_of(points[i]);
+    const double step = std::remainder(angle_of(points[i + 1]) - a, 2 * std::numbers::pi);
+    for (int k = 0; k <= kBetween; ++k) {
+      const double turn = (a + step * k / kBetween) / (2 * std::numbers::pi);
+      const double part = (turn - std::floor(turn)) * double(around.size());
+      around.set(std::size_t(std::clamp(int(part), 0, last)));
+    }
+  }
+}
+
 Vector3d TubePiece::PointAt(double along) const {
   if (!is_arc) return origin + along * axis;
   return origin + bend_radius_mm * (std::cos(along) * x + std::sin(along) * axis.cross(x));

@@ -17,6 +17,10 @@ inline constexpr double kKinkDeg = 0.5;
 // Sectors of 5 degrees around a tube.
 using Around = std::bitset<72>;
 
+// Adds those that a line of points goes through, about an axis through `origin` along `along`.
+void AddAround(const std::vector<Eigen::Vector3d>& points, const Eigen::Vector3d& origin,
+               const Eigen::Vector3d& along, Around& around);
+
 // The faces of one straight or one bend: all that lie on the same cylinder or torus and touch, be
 // they halves, quarters, or pieces of a B-spline. CAD systems cut them each in its own way.
 struct TubePiece {

@@ -211,6 +211,18 @@ TEST(Beside, ABoreInAPlateBesideAnEndIsInNoForm) {
   EXPECT_THAT(done.out, HasSubstr("other faces reach up to"));
 }
 
+// A tab that is welded on, from 60 mm before the last end to 50 mm beyond it.
+TEST(Beside, APlateThatGoesOnBeyondAnEndIsNoFormOfIt) {
+  for (const double wall_mm : {0.0, 2.0}) {
+    SCOPED_TRACE(wall_mm);
+    const TopoDS_Shape plate = BRepPrimAPI_MakeBox(gp_Pnt(138, 50, -3), 32, 110, 6).Shape();
+    const auto done = Nominal(test::WriteStepFile(
+        {{"bracket", test::Joined(Pipe(Elbow(10), {.wall_mm = wall_mm}), plate)}}));
+    test::ExpectRows(done, Elbow(10).program);
+    EXPECT_THAT(done.out, HasSubstr("other faces reach up to 64.1 mm from its axis"));
+  }
+}
+
 TEST(Beside, WhetherACentreLineAgreesIsTold) {
   const TopoDS_Shape pipe = Pipe(Elbow(10), {.wall_mm = 2});
   const auto same = Nominal(InOneProduct({pipe, test::CentreLine(Elbow(10))}));
