@@ -255,7 +255,8 @@ bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit) {
                        arc_mm2 > std::pow(std::max(least_mm, kMoves.unexplained * r_mm), 2);
     return bends && both_mm2 > std::pow(std::max(least_mm, kMoves.unexplained_beyond * r_mm), 2);
   };
-  // Up to where samples are: the straight beyond it may go on for as long as the fit likes.
+  // As far as its samples reach where they are as thin as is still seen: the straight beyond it may
+  // go on for as long as the fit likes.
   const double few_per_mm = kMoves.seen * UsualSamplesPerMm(fit);
   const auto seen_end = [&](std::size_t outer, const Eigen::Vector3d& arc_mm,
                             const Eigen::Vector3d& end_mm) {

@@ -40,8 +40,9 @@ double UsualSamplesPerMm(const SurfaceFit& fit);
 bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit);
 
 // Without a first or last bend that no tube has: its samples lie so far off it, and off the
-// straight beyond it, that it follows what sits on the end, as a nut, a flare or a cap. Where a
-// bent tube goes on for long behind it it stays. `fit` is of the spline. False: there was none.
+// straight beyond it, that it follows what sits on the end, as a nut, a flare or a cap. It
+// stays where a tube goes on for long behind it, or where it leads far aside. `fit` is of the
+// spline. False: there was none.
 bool DropUnexplained(ArcLineSpline& spline, const SurfaceFit& fit);
 
 // The end straights as long as the polygon's ends are away, if that is more. False: neither was

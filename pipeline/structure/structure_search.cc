@@ -406,12 +406,13 @@ bool StructureSearch::Added(SurfaceFit& fit) {
   }
   // Two that one of a wider radius stands in for have other places and planes than it: how little
   // it would have to turn says next to nothing of what they gain.
+  const ArcLineSpline spline = SplineFromTube(fit.tube);
+  std::size_t tries = 0;
   for (const MissingBend& missing : places) {
-    if (missing.gain < kSearch.worth_splitting) break;
-    if (missing.segment % 2 == 1 && IsWide(fit.tube.program, missing.segment / 2) &&
-        SplitAt(fit, SplineFromTube(fit.tube), missing.segment / 2)) {
-      return true;
-    }
+    if (missing.gain < kSearch.worth_splitting || tries == kSearch.most_places) break;
+    if (missing.segment % 2 == 0 || !IsWide(fit.tube.program, missing.segment / 2)) continue;
+    ++tries;
+    if (SplitAt(fit, spline, missing.segment / 2)) return true;
   }
   return false;
 }

@@ -178,6 +178,7 @@ TEST(BowedFit, KnowsNoRadiusOfASlightBend) {
       const auto &is = fit.tube.program.rows[i], &was = cloud.truth.program.rows[i];
       EXPECT_NEAR(*is.bend_radius_mm, *was.bend_radius_mm, 4 * *fit.sigma.rows[i].bend_radius_mm);
       EXPECT_NEAR(is.length_mm, was.length_mm, 4 * fit.sigma.rows[i].length_mm);
+      EXPECT_LT(*fit.sigma.rows[i].bend_radius_mm, 30);
     }
   }
 }
