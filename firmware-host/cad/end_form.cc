@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 #include <vector>
 
 namespace bendloop::host {
@@ -60,16 +61,47 @@ void GrowFaces(const CadBody& body, const std::set<int>& among, std::set<int>& f
   }
 }
 
-// Whether faces go around the axis by half a turn and more: what does not, as a plate beside the
-// tube, is no form of its end.
-bool GoAround(const std::vector<const FormFace*>& faces, const EndView& view) {
+// A face beyond an end.
+struct BeyondFace {
+  const FormFace* face;
+  double highest_mm;
+  bool is_narrow;  // no wider than the tube, and beside nothing that is
+  bool is_over_axis;
+};
+
+// Whether faces go around the axis by half a turn and more, or lie over it.
+bool GoAround(const std::vector<BeyondFace>& faces, const EndView& view) {
   Around around;
-  for (const FormFace* face : faces) {
-    for (const FaceEdge* edge : face->edges) {
+  for (const BeyondFace& of : faces) {
+    if (of.is_over_axis) return true;
+    for (const FaceEdge* edge : of.face->edges) {
       AddAround(edge->points, view.origin, view.outward, around);
     }
   }
   return 2 * around.count() >= around.size();
+}
+
+// How far the form goes on: to where what reaches as far is as narrow as the tube, as the tip of
+// one that is milled, or goes around the axis; a plate beside it does neither.
+double HighestOf(std::vector<BeyondFace> faces, const EndView& view, double at_mm,
+                 double tolerance_mm) {
+  std::sort(faces.begin(), faces.end(),
+            [](const BeyondFace& a, const BeyondFace& b) { return a.highest_mm > b.highest_mm; });
+  std::vector<BeyondFace> as_far;
+  bool is_narrow = true;
+  for (std::size_t i = 0; i < faces.size(); ++i) {
+    as_far.push_back(faces[i]);
+    is_narrow = is_narrow && faces[i].is_narrow;
+    const bool is_last =
+        i + 1 == faces.size() || faces[i + 1].highest_mm < faces[i].highest_mm - tolerance_mm;
+    if (is_last && (is_narrow || GoAround(as_far, view))) return as_far.front().highest_mm;
+    // What reaches less far is looked at by itself.
+    if (is_last) {
+      as_far.clear();
+      is_narrow = true;
+    }
+  }
+  return at_mm;
 }
 
 // What lies over the axis lower than `least_mm` is the bottom of something hollow.
@@ -141,7 +173,15 @@ EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& v
   std::set<int> seen;
   EndForm form{at_mm, EndCover::kNone};
   std::optional<AxisHit> cover;
-  std::vector<const FormFace*> beyond;
+  std::vector<BeyondFace> beyond;
+  const auto is_narrow = [&](const FormFace& face) {
+    return std::all_of(face.edges.begin(), face.edges.end(), [&](const FaceEdge* of) {
+      const auto& beside = faces_of_edge[of->edge];
+      return std::all_of(beside.begin(), beside.end(), [&](int number) {
+        return ReachOf(faces.at(number), view).widest < piece.radius_mm + tolerance;
+      });
+    });
+  };
   while (!open.empty()) {
     const int edge = *open.begin();
     open.erase(open.begin());
@@ -152,15 +192,15 @@ EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& v
       if (reach.lowest < at_mm - tolerance || reach.widest > kWidestRadii * piece.radius_mm) {
         continue;
       }
-      form.end_mm = std::max(form.end_mm, reach.highest);
-      if (reach.highest > at_mm + tolerance) beyond.push_back(&face);
       for (const FaceEdge* next : face.edges) open.insert(next->edge);
       const auto hit = OverAxis(face, view, tolerance / 4);
       if (hit && (!cover || hit->along_mm > cover->along_mm)) cover = hit;
+      if (reach.highest > at_mm + tolerance) {
+        beyond.push_back({&face, reach.highest, is_narrow(face), hit.has_value()});
+      }
     }
   }
-  const bool is_over_axis = cover && cover->along_mm > at_mm + tolerance;
-  if (!is_over_axis && !GoAround(beyond, view)) form.end_mm = at_mm;
+  form.end_mm = HighestOf(std::move(beyond), view, at_mm, tolerance);
   if (cover) form.cover = CoverOf(*cover, form.end_mm - 2 * tolerance);
   return form;
 }

@@ -15,6 +15,8 @@ namespace {
 
 // What lies farther beyond an end than so many pipe radii is not on it.
 constexpr double kOnEndRadii = 4;
+// What reaches farther beyond it and has a tube's surface is a tube, and no sleeve.
+constexpr double kFarthestRadii = 20;
 // Axes that lean less than this are one direction [rad].
 constexpr double kOneAxisRad = 1e-3;
 
@@ -74,7 +76,9 @@ std::optional<OnEnd> OnEndOf(const CadBody& body, const CadTube& tube) {
     const auto [view, straight_mm] = EndViewOf(tube.spine, is_first);
     if (!IsAboutEnd(body, view, 4 * MatchToleranceMm(radius))) continue;
     const Reach reach = ReachOfBody(body, view);
-    const bool is_near = reach.lowest < kOnEndRadii * radius && reach.highest > -straight_mm;
+    // A hose that is a free form begins there, too, and goes on.
+    const bool is_near = reach.lowest < kOnEndRadii * radius && reach.highest > -straight_mm &&
+                         (!body.has_tube || reach.highest < kFarthestRadii * radius);
     const auto off = [](const Reach& r) { return std::abs(r.lowest + r.highest); };
     if (!is_near || (best && off(best->reach) <= off(reach))) continue;
     best = {body.name, is_first, reach};

@@ -33,12 +33,9 @@ double Spine::length_mm() const {
 }
 
 Vector3d Spine::OutwardAt(bool is_first) const {
-  constexpr double kLeastMm = 1e-3;  // of a shorter straight the bend knows better
-  const Vector3d along = is_first ? Vector3d(-direction) : end_direction();
-  if (arcs.empty()) return along;
-  const Vector3d way = is_first ? start - arcs.front().from : end - arcs.back().to;
-  // What is less than nothing goes back.
-  return way.norm() > kLeastMm && way.dot(along) > 0 ? Vector3d(way.normalized()) : along;
+  const Vector3d& own = is_first ? start_outward : end_outward;
+  if (!own.isZero(0.0)) return own;
+  return is_first ? Vector3d(-direction) : end_direction();
 }
 
 Spine Spine::Reversed() const {
@@ -46,6 +43,8 @@ Spine Spine::Reversed() const {
   other.start = end;
   other.end = start;
   other.direction = -end_direction();
+  other.start_outward = end_outward;
+  other.end_outward = start_outward;
   for (auto arc = arcs.rbegin(); arc != arcs.rend(); ++arc) {
     SpineArc turned = *arc;
     std::swap(turned.from, turned.to);

@@ -292,6 +292,7 @@ class BodyTubes {
     const Vector3d origin = spine.end;
     const Vector3d outward =
         chain_end.at_to ? piece.TangentAt(piece.to) : Vector3d(-piece.TangentAt(piece.from));
+    spine.end_outward = outward;
     double at = 0, whole = 0;
     if (!piece.is_arc && !piece.inferred) {
       if (const auto cut = CutOf(body_, piece, origin, outward)) {

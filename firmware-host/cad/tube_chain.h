@@ -24,13 +24,14 @@ struct Spine {
   Eigen::Vector3d start, end;
   Eigen::Vector3d direction;  // of the first straight
   std::vector<SpineArc> arcs;
+  // Out of the tube at its ends, along the straights themselves, which may be askew to the bends
+  // beside them; zero: they are not.
+  Eigen::Vector3d start_outward = Eigen::Vector3d::Zero(), end_outward = Eigen::Vector3d::Zero();
 
   double length_mm() const;
   Eigen::Vector3d end_direction() const {
     return arcs.empty() ? direction : arcs.back().tangent_out;
   }
-  // Out of the tube at its first or last end: along the straight itself, which may be askew to the
-  // bend beside it.
   Eigen::Vector3d OutwardAt(bool is_first) const;
   Spine Reversed() const;
 };

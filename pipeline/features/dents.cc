@@ -262,18 +262,21 @@ class Wall {
   }
 
   // At most `enough_points`, as far apart as all of them; off the wall that is flattened; without
-  // those in `others`.
+  // those in `others`, as far as these are no nearer than `own_mm`.
   std::vector<WallPoint> About(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
-                               double off_mm, std::span<const DentCircle> others) const {
+                               double off_mm, std::span<const DentCircle> others,
+                               double own_mm) const {
     std::vector<SeenPoint> seen = SeenAbout(frame, along_mm, reach_mm, off_mm + flat_mm_);
     const UnrolledWall unrolled(spine_.segments, frame, r_mm_);
     for (const DentCircle& other : others) {
       const auto middle = PlaceOf(other.middle_mm, unrolled, along_mm);
       if (!middle) continue;
+      const double radius_mm =
+          std::min(other.radius_mm, std::hypot(middle->along_mm, middle->around_mm) - own_mm);
       std::erase_if(seen, [&](const SeenPoint& point) {
         const double around_mm = std::remainder(point.place.around_mm - middle->around_mm,
                                                 2.0 * std::numbers::pi * r_mm_);
-        return std::hypot(point.place.along_mm - middle->along_mm, around_mm) < other.radius_mm;
+        return std::hypot(point.place.along_mm - middle->along_mm, around_mm) < radius_mm;
       });
     }
     constexpr std::size_t enough_points = kDents.enough_points;
@@ -437,7 +440,8 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
   const hal::SurfaceFrame frame = wall.FrameAt(dent.along_mm, dent.around_deg);
   const double reach_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
   const double off_mm = kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm;
-  const std::vector<WallPoint> points = wall.About(frame, dent.along_mm, reach_mm, off_mm, others);
+  const std::vector<WallPoint> points =
+      wall.About(frame, dent.along_mm, reach_mm, off_mm, others, 0.5 * dent.size_mm);
   const FittedDent fitted = FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
   if (!fitted.is_fitted) {
     return !IsDenied(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm) &&
@@ -490,8 +494,10 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
   const Wall wall(tube, form, blocks);
   const PlacesOfTube places(tube);
   // The deepest first: cells may have parted it, and taken the wall opposite it for pressed in.
-  std::stable_sort(dents.begin(), dents.end(),
-                   [](const DentFound& a, const DentFound& b) { return a.depth_mm > b.depth_mm; });
+  const auto is_deeper = [](const DentFound& a, const DentFound& b) {
+    return a.depth_mm > b.depth_mm;
+  };
+  std::stable_sort(dents.begin(), dents.end(), is_deeper);
   std::vector<DentFound> known;
   for (DentFound dent : dents) {
     if (!MeasureDent(wall, tube.pipe_radius_mm, noise_mm, known, dent)) continue;
@@ -499,8 +505,15 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
     const bool from_end = 2.0 * dent.along_mm > length_mm;
     dent.along_sigma_mm =
         std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
+    // What could not be fitted and was deeper in cells may have been this one.
+    if (IsFitted(dent)) {
+      std::erase_if(known, [&](const DentFound& other) {
+        return !IsFitted(other) && IsKnown(other, std::span(&dent, 1));
+      });
+    }
     known.push_back(dent);
   }
+  std::stable_sort(known.begin(), known.end(), is_deeper);
   dents = std::move(known);
 }
 

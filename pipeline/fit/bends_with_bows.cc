@@ -464,7 +464,7 @@ BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> bloc
 
 std::optional<double> MoreThanDents(const BowedSolution& found, const BowedSolution& fewer,
                                     std::span<const PointBlock> blocks, double reach_mm) {
-  if (!fewer.undented) return std::nullopt;
+  if (!fewer.undented || found.bows.is_lost || fewer.bows.is_lost) return std::nullopt;
   const auto all = static_cast<double>(CountPoints(blocks));
   if (static_cast<double>(fewer.undented->point_count()) < kRevise.beside_dents * all) {
     return std::nullopt;

@@ -34,7 +34,7 @@ BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> bloc
 
 // How much better the points but those of the dents of `fewer`, a tube of fewer bends, speak for
 // `found` [twice the logarithm of the odds]: below 0 dents explain what its bends do. None: `fewer`
-// has no dents, or too many.
+// has no dents, or too many, or bows led one of them astray.
 std::optional<double> MoreThanDents(const BowedSolution& found, const BowedSolution& fewer,
                                     std::span<const PointBlock> blocks, double reach_mm);
 

@@ -159,6 +159,23 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations,
   SetSigmas(parameters, fit);
 }
 
+// Points with weight by segment.
+std::vector<double> UsedOf(std::span<const SegmentPoints> segments, double sigma_mm) {
+  std::vector<double> used;
+  for (const SegmentPoints& of : segments) {
+    const std::span<const double> distances_mm(of.distance.data(), of.size);
+    used.push_back(static_cast<double>(
+        std::count_if(distances_mm.begin(), distances_mm.end(),
+                      [&](double d_mm) { return std::abs(d_mm) < kNoWeight * sigma_mm; })));
+  }
+  return used;
+}
+std::vector<double> UsedOf(std::span<const CondensedSum> sums) {
+  std::vector<double> used;
+  for (const CondensedSum& sum : sums) used.push_back(sum(kPipeRadiusState, kPipeRadiusState));
+  return used;
+}
+
 void SetMeanSquares(std::span<const double> sum_mm2, std::span<const double> count,
                     SurfaceFit& fit) {
   fit.segment_samples.assign(count.begin(), count.end());
@@ -262,6 +279,7 @@ class FitOfFew {
                       kNoWeight * state_.sigma_mm);
     fit_.design_effect = design_effect.Value();
     SetMeanSquares(state_.assignment.segment_sum_mm2, state_.assignment.segment_count, fit_);
+    fit_.segment_used = UsedOf(state_.assignment.segments, fit_.sigma_mm);
     if (options_.report == FitReport::kAll) {
       Linearize();
       Report(state_.Parameters(options_), *equations_, options_.form, fit_);
@@ -348,6 +366,7 @@ void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coa
       fit.points = pass.total;
       fit.design_effect = pass.design_effect.Value();
       SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
+      fit.segment_used = UsedOf(pass.sums);
       Report(parameters, *equations, options.form, fit);
       sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * pass.magnitudes.Quantile(0.5));
       fit.sigma_mm = sigma_mm;

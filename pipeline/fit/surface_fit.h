@@ -66,6 +66,7 @@ struct SurfaceFit {
   std::vector<double> distances_mm;  // of the points within reach, if they are few
   std::vector<double> segment_mean_square_mm2;  // of min(d, reach): line, arc, ..., line
   std::vector<double> segment_samples;          // near line, arc, ..., line
+  std::vector<double> segment_used;             // of these, with weight
   std::size_t used = 0;                         // points with weight
   std::size_t points = 0;                       // all points looked at
   double cost_mm2 = 0;                          // sum of squares, bounded for what is far off

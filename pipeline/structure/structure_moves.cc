@@ -28,6 +28,8 @@ struct MoveSettings {
   // elsewhere: a scan may grow thin; or for so many of the bend alone, where others are not. What
   // lies beside a tube's end by chance is off by a fifth of a pipe radius (the fit's reach).
   double seen = 0.4, thin_samples = 8, thin_beyond = 4, thin_arc = 20, thin_sigmas = 2.5;
+  // Or, [of r_P] beyond a straight of more than that, for such a part of them all that lies there.
+  double thin_straight = 4.0, thin_part = 0.5;
   // [of r_P] and [sigma] 1 sigma of an outermost bend's samples, and of them together with those
   // beyond it: fittings and caps leave 0.07 and more, and 0.19; a dent in the bend leaves less.
   double unexplained = 0.06, unexplained_beyond = 0.1, unexplained_sigmas = 5.0;
@@ -215,11 +217,17 @@ bool DropUnseen(ArcLineSpline& spline, const SurfaceFit& fit) {
   };
   const auto lies_there = [&](std::size_t arc, std::size_t outer) {
     const double of_arc = fit.segment_samples[arc], beyond = fit.segment_samples[outer];
+    if (beyond < kMoves.thin_beyond) return false;
     const double arc_mm2 = of_arc * fit.segment_mean_square_mm2[arc];
     const double beyond_mm2 = beyond * fit.segment_mean_square_mm2[outer];
-    return beyond >= kMoves.thin_beyond &&
-           (lie_on_it(kMoves.thin_arc, of_arc, arc_mm2) ||
-            lie_on_it(kMoves.thin_samples, of_arc + beyond, arc_mm2 + beyond_mm2));
+    if (lie_on_it(kMoves.thin_arc, of_arc, arc_mm2) ||
+        lie_on_it(kMoves.thin_samples, of_arc + beyond, arc_mm2 + beyond_mm2)) {
+      return true;
+    }
+    // Nor is there none because something sits on the end of a straight that goes on for long.
+    const double used = fit.segment_used[arc] + fit.segment_used[outer];
+    return segments[outer].length_mm > kMoves.thin_straight * fit.tube.pipe_radius_mm &&
+           used >= kMoves.thin_samples && used > kMoves.thin_part * (of_arc + beyond);
   };
   const auto unseen = [&](std::size_t arc, std::size_t outer) {
     const bool few_are_there =

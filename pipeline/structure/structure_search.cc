@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <set>
 #include <utility>
 
 #include "hal/spine.h"
@@ -407,12 +408,12 @@ bool StructureSearch::Added(SurfaceFit& fit) {
   // Two that one of a wider radius stands in for have other places and planes than it: how little
   // it would have to turn says next to nothing of what they gain.
   const ArcLineSpline spline = SplineFromTube(fit.tube);
-  std::size_t tries = 0;
+  std::set<std::size_t> tried;
   for (const MissingBend& missing : places) {
-    if (missing.gain < kSearch.worth_splitting || tries == kSearch.most_places) break;
-    if (missing.segment % 2 == 0 || !IsWide(fit.tube.program, missing.segment / 2)) continue;
-    ++tries;
-    if (SplitAt(fit, spline, missing.segment / 2)) return true;
+    const std::size_t bend = missing.segment / 2;
+    if (missing.gain < kSearch.worth_splitting || tried.size() == kSearch.most_places) break;
+    if (missing.segment % 2 == 0 || !IsWide(fit.tube.program, bend)) continue;
+    if (tried.insert(bend).second && SplitAt(fit, spline, bend)) return true;
   }
   return false;
 }

@@ -220,6 +220,14 @@ TEST(Beside, APlateThatGoesOnBeyondAnEndIsNoFormOfIt) {
         {{"bracket", test::Joined(Pipe(Elbow(10), {.wall_mm = wall_mm}), plate)}}));
     test::ExpectRows(done, Elbow(10).program);
     EXPECT_THAT(done.out, HasSubstr("other faces reach up to 64.1 mm from its axis"));
+    // Nor beside one that has a chamfer.
+    const TopoDS_Shape chamfer =
+        BRepPrimAPI_MakeCone(gp_Ax2({130, 110, 0}, {0, 1, 0}), 10, 9, 1).Shape();
+    const TopoDS_Shape bar = test::Joined(Pipe(Elbow(10), {.wall_mm = 0}), chamfer);
+    hal::Tube longer = Elbow(10);
+    longer.program.rows.back().length_mm += 1;
+    test::ExpectRows(Nominal(test::WriteStepFile({{"bracket", test::Joined(bar, plate)}})),
+                     longer.program);
   }
 }
 

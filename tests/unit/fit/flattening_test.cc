@@ -132,6 +132,7 @@ TEST(StructureMoves, BendsWithoutSamplesAreDropped) {
   fit.tube = tube;
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   for (const auto& segment : segments) fit.segment_samples.push_back(20 * segment.length_mm);
+  fit.segment_used = fit.segment_samples;
   fit.sigma_mm = 0.05;
   fit.segment_mean_square_mm2.assign(segments.size(), fit.sigma_mm * fit.sigma_mm);
   ArcLineSpline spline = SplineFromTube(tube);
@@ -139,6 +140,7 @@ TEST(StructureMoves, BendsWithoutSamplesAreDropped) {
   fit.segment_samples[4] = 0;  // the arc still is seen: the scan ended in the bend
   EXPECT_FALSE(DropUnseen(spline, fit));
   fit.segment_samples[3] *= 0.1;
+  fit.segment_used = fit.segment_samples;
   EXPECT_TRUE(DropUnseen(spline, fit));
   EXPECT_EQ(spline.arcs.size(), 1U);
 }
@@ -150,13 +152,18 @@ TEST(StructureMoves, BendsOfAThinScanAreKeptWhereTheirSamplesLieOnThem) {
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   for (const auto& segment : segments) fit.segment_samples.push_back(20 * segment.length_mm);
   fit.segment_samples[3] = 4;
-  fit.segment_samples[4] = 6;
+  fit.segment_samples[4] = 8;
+  fit.segment_used = fit.segment_samples;
   fit.sigma_mm = 0.05;
   fit.segment_mean_square_mm2.assign(segments.size(), fit.sigma_mm * fit.sigma_mm);
   ArcLineSpline spline = SplineFromTube(fit.tube);
   EXPECT_FALSE(DropUnseen(spline, fit));
-  // As far off as what lies there by chance.
+  // Some of them belong to a nut, say.
   fit.segment_mean_square_mm2[4] = 25 * fit.sigma_mm * fit.sigma_mm;
+  fit.segment_used[4] = 5;
+  EXPECT_FALSE(DropUnseen(spline, fit));
+  // As far off as what lies there by chance.
+  fit.segment_used[4] = 1;
   EXPECT_TRUE(DropUnseen(spline, fit));
 }
 

@@ -110,6 +110,23 @@ TEST(ThinTube, HasTheBendBeforeWhatSitsOnItsThinEnd) {
   }
 }
 
+// As few as 1.6 samples a mm there, of which the fitting has a quarter.
+TEST(ThinTube, HasTheNominalsBendBeforeAnyFittingOnItsThinEnd) {
+  const hal::SteadyClock clock;
+  using enum tests::EndFitting;
+  for (const tests::EndFitting fitting : {kNut, kFlange, kFlare, kBead}) {
+    SCOPED_TRACE(static_cast<int>(fitting));
+    std::mt19937_64 random(1);
+    const auto cloud = tests::ScanRealTube(FourBends(), {.at_end = fitting},
+                                           {.points = 30'000, .thinning = 60}, random);
+    ReconstructionOptions options;
+    options.nominal = cloud.truth.program;
+    const auto measured = Reconstruct(cloud.points_W, options, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    EXPECT_EQ(measured->tube.program.bend_count(), 4U);
+  }
+}
+
 // Straights of 25 to 40 pipe radii that bow by L / 500, as tests/bench draws it; `others`: numbers
 // that it draws beside them.
 tests::RealCloud LongBowedScan(std::uint64_t seed, std::uint64_t others) {
