@@ -121,12 +121,13 @@ void TryNominalWithDents(const hal::BendProgram& nominal, const SpinePolygon& po
   if (*more < 0) solution = std::move(other);
 }
 
-FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& drift,
-                      const std::optional<hal::BendProgram>& nominal, Workers* workers) {
+FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
+                      const BlocksAbout& about_end, Workers* workers) {
   const SurfaceFit& structure = tube.structure;
   FinalFit final;
-  tube.registration = RegisterPasses(
-      structure, passes, drift, kStage.final_reach * structure.tube.pipe_radius_mm, tube.blocks);
+  tube.registration =
+      RegisterPasses(structure, passes, given.pass_drift,
+                     kStage.final_reach * structure.tube.pipe_radius_mm, tube.blocks);
   final.options = {.reach_mm = kStage.final_reach * structure.tube.pipe_radius_mm,
                    .max_length_mm = 2.0 * LengthOf(tube.polygon),
                    .flattened = !structure.flattening.empty(),
@@ -137,11 +138,12 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const PassDrift& 
   final.seam = FindSeam(structure, tube.blocks, final.options.reach_mm);
   if (final.seam) final.beside_seam = WithoutSeam(structure, *final.seam, tube.blocks);
   const std::span<const PointBlock> blocks = final.Fitted(tube.blocks);
-  final.options.hidden_mm = HiddenMm(structure, blocks, final.options.reach_mm);
+  final.options.hidden_mm = HiddenMm(structure, blocks, final.options.reach_mm, about_end);
   FoundEasing found = FindEasing(structure, blocks, final.options);
   final.options.easing = std::move(found.easing);
   BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), blocks,
                                          final.options, std::move(found.sharp));
+  const auto& nominal = given.nominal;
   const auto nominal_bends =
       nominal ? std::optional<std::size_t>(nominal->bend_count()) : std::nullopt;
   tube.structure.margin =
@@ -176,6 +178,14 @@ class Reconstruction::Impl {
   hal::Result<ApproximatedTube> Connect(std::span<const SpineNode> nodes) const;
   hal::Result<void> Approximate(ApproximatedTube& tube) const;
   void LookAround(ApproximatedTube& tube) const;
+  BlocksAbout AboutEnds() const {
+    return [this](const PlainEnd& end, const EasedSpine& spine, std::size_t row) {
+      return AboutEnd(end, spine, row);
+    };
+  }
+  // Points about an end, but those on other parts of the tube than the straight of that row.
+  std::vector<PointBlock> AboutEnd(const PlainEnd& end, const EasedSpine& spine,
+                                   std::size_t row) const;
   // What sits on the ends, and what goes on beyond them.
   void LookBeyondEnds(const TubeEnds& ends, double noise_mm, Measurement& measurement) const;
   bool IsNominal(const SurfaceFit& structure) const {
@@ -213,8 +223,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   if (const auto done = Approximate(*tube); !done) return hal::Fail(done.error());
   SayLeftOut(tube->left_out_mm, measurement.warnings);
   timer.Done("structure");
-  const FinalFit final =
-      FitAllPoints(*tube, intake_.passes(), options_.pass_drift, options_.nominal, workers);
+  const FinalFit final = FitAllPoints(*tube, intake_.passes(), options_, AboutEnds(), workers);
   ReportPasses(tube->registration, options_.pass_drift, measurement);
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");
@@ -353,6 +362,23 @@ PointBlock Reconstruction::Impl::BlockAt(std::int32_t index, bool all_points) co
   return out;
 }
 
+std::vector<PointBlock> Reconstruction::Impl::AboutEnd(const PlainEnd& end, const EasedSpine& spine,
+                                                       std::size_t row) const {
+  const double r_mm = intake_.pipe_radius_mm();
+  std::vector<Eigen::Vector3d> places;
+  for (double at = -3.0; at <= kEndFormReach; at += 0.5) {
+    places.push_back(end.position_mm + at * r_mm * end.outward);
+  }
+  // What nearly meets this end is no fitting but another part of the tube.
+  std::vector<PointBlock> near;
+  for (const std::int32_t index : intake_.grid().BlocksNear(places, 3.0 * r_mm)) {
+    const PointBlock block = BlockAt(index, true);
+    if (!intake_.IsPlanar(index) && !IsOfAnotherPart(block, spine, row, r_mm))
+      near.push_back(block);
+  }
+  return near;
+}
+
 void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
                                           Measurement& measurement) const {
   const hal::Tube plain = measurement.tube;
@@ -373,18 +399,7 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     const hal::SpineSegment& straight = at_start ? spine.segments.front() : spine.segments.back();
     const PlainEnd end{at_start ? straight.start_mm : straight.PointAt(straight.length_mm),
                        at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent};
-    std::vector<Eigen::Vector3d> places;
-    for (double at = -3.0; at <= kEndFormReach; at += 0.5) {
-      places.push_back(end.position_mm + at * r_mm * end.outward);
-    }
-    // What nearly meets this end is no fitting but another part of the tube.
-    const std::size_t own = at_start ? 0 : plain.program.bend_count();
-    std::vector<PointBlock> near;
-    for (const std::int32_t index : intake_.grid().BlocksNear(places, 3.0 * r_mm)) {
-      const PointBlock block = BlockAt(index, true);
-      if (!intake_.IsPlanar(index) && !IsOfAnotherPart(block, spine, own, r_mm))
-        near.push_back(block);
-    }
+    const auto near = AboutEnd(end, spine, at_start ? 0 : plain.program.bend_count());
     const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others);
     ReportEndForm(at_start, found, measurement);
     EndForm& form = at_start ? measurement.first_end : measurement.last_end;
