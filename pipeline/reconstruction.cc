@@ -394,13 +394,15 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     CandidateSegments(block, frames, kBesideTube * r_mm, candidates);
     if (candidates.empty() && !intake_.IsPlanar(index)) others.push_back(block);
   }
+  const double usual_per_mm =
+      static_cast<double>(intake_.grid().kept_count()) / hal::SpineLength(plain.program);
   for (const bool at_start : {true, false}) {
     if (!(at_start ? ends.first_seen : ends.last_seen)) continue;
     const hal::SpineSegment& straight = at_start ? spine.segments.front() : spine.segments.back();
     const PlainEnd end{at_start ? straight.start_mm : straight.PointAt(straight.length_mm),
                        at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent};
     const auto near = AboutEnd(end, spine, at_start ? 0 : plain.program.bend_count());
-    const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others);
+    const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others, usual_per_mm);
     ReportEndForm(at_start, found, measurement);
     EndForm& form = at_start ? measurement.first_end : measurement.last_end;
     const double plain_mm = at_start ? ends.first_sigma_mm : ends.last_sigma_mm;

@@ -36,6 +36,10 @@ struct EndFormSettings {
   double widest_ball = 1.7;
   // [of r_P] What ends sooner is no tube that goes on.
   double least_continuation = 4.0;
+  // [of the usual points a length] Fewer are a thin end. [of r_P] Beyond one a tube that bends away
+  // is looked for in a ball so large, so far ahead.
+  double thin = 0.2, wide_ball = 5.0, wide_ahead = 1.0;
+  double back = -0.3;  // [cosine] What lies further back is none.
   int most_steps = 500;
 };
 constexpr EndFormSettings kEndForms;
@@ -151,17 +155,31 @@ Ball BallAbout(const Eigen::Vector3d& center_mm, double radius_mm, const Eigen::
   return crowd;
 }
 
-// Steps from ball to ball, as far as there are points in them.
-double ContinuesMm(const PlainEnd& end, double r_mm, std::span<const PointBlock> others) {
+// Steps from ball to ball, as far as there are points in them. `may_bend`: also to where it bends.
+double ContinuesMm(const PlainEnd& end, double r_mm, std::span<const PointBlock> others,
+                   bool may_bend) {
   Eigen::Vector3d at = end.position_mm, direction = end.outward;
   double way_mm = 0, last_mm = 0;
   int empty = 0;
   for (int i = 0; i < kEndForms.most_steps && empty < 2; ++i) {
     const double step_mm = kEndForms.step * r_mm;
-    const Ball crowd =
-        BallAbout(at + step_mm * direction, kEndForms.ball * r_mm, at, direction, others);
-    const bool goes_on =
-        crowd.points >= kEndForms.least_points && crowd.spread_mm < kEndForms.widest_ball * r_mm;
+    const auto ahead = [&](const Eigen::Vector3d& towards) {
+      return BallAbout(at + step_mm * towards, kEndForms.ball * r_mm, at, towards, others);
+    };
+    const auto is_tube = [r_mm](const Ball& ball) {
+      return ball.points >= kEndForms.least_points && ball.spread_mm < kEndForms.widest_ball * r_mm;
+    };
+    Ball crowd = ahead(direction);
+    if (may_bend && !is_tube(crowd)) {
+      const Ball about = BallAbout(at + kEndForms.wide_ahead * r_mm * direction,
+                                   kEndForms.wide_ball * r_mm, at, direction, others);
+      const Eigen::Vector3d towards = (about.middle_mm - at).normalized();
+      if (about.points >= kEndForms.least_points && towards.dot(direction) > kEndForms.back) {
+        crowd = ahead(towards);
+        if (is_tube(crowd)) direction = towards;
+      }
+    }
+    const bool goes_on = is_tube(crowd);
     empty = goes_on ? 0 : empty + 1;
     if (goes_on) {
       const Eigen::Vector3d towards = (crowd.middle_mm - at).normalized();
@@ -182,10 +200,13 @@ FoundEnd FindFitting(const PlainEnd& end, double pipe_radius_mm, double noise_mm
 }
 
 FoundEnd FindEndForm(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
-                     std::span<const PointBlock> near, std::span<const PointBlock> others) {
-  FoundEnd found = FindFitting(end, pipe_radius_mm, noise_mm, near);
+                     std::span<const PointBlock> near, std::span<const PointBlock> others,
+                     double usual_per_mm) {
+  const AlongAxis along = Sorted(end, pipe_radius_mm, noise_mm, near);
+  FoundEnd found = Fitting(along, pipe_radius_mm, noise_mm);
   const PlainEnd beyond{end.position_mm + found.form.length_mm * end.outward, end.outward};
-  found.form.continues_mm = ContinuesMm(beyond, pipe_radius_mm, others);
+  const bool is_thin = along.on_tube_per_mm < kEndForms.thin * usual_per_mm;
+  found.form.continues_mm = ContinuesMm(beyond, pipe_radius_mm, others, is_thin);
   return found;
 }
 

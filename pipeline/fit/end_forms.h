@@ -23,8 +23,11 @@ struct FoundEnd {
 // What sits on the end: a nut, a flange, a flare, a bead, a cap, which stand out all round it. And
 // whether samples go on beyond it, too thin for a tube to be followed, be it straight or not.
 // `near`: points about the end; `others`: those that no part of the tube was found near.
+// `usual_per_mm`: points of the whole tube by its length; where an end has far fewer, what goes on
+// may bend away from it.
 FoundEnd FindEndForm(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
-                     std::span<const PointBlock> near, std::span<const PointBlock> others);
+                     std::span<const PointBlock> near, std::span<const PointBlock> others,
+                     double usual_per_mm);
 
 // What sits on the end alone.
 FoundEnd FindFitting(const PlainEnd& end, double pipe_radius_mm, double noise_mm,

@@ -95,6 +95,18 @@ TEST(ThinTube, HasTheBendsAndTheEndOfItsThinPart) {
   }
 }
 
+// Some 15 samples are all that there is of its last bend, of 85 degrees: that the tube goes on
+// behind it is told.
+TEST(ThinTube, TellsThatItGoesOnWhereItBendsAway) {
+  const auto cloud = DrawnScan(213'000'020, {}, {.thinning = 100}, 12);
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  if (measured->tube.program.bend_count() == 5U) return;
+  EXPECT_GT(measured->first_end.continues_mm + measured->last_end.continues_mm, 30);
+  EXPECT_FALSE(measured->warnings.empty());
+}
+
 // What sits there lies off the tube, and few samples show the bend before it.
 TEST(ThinTube, HasTheBendBeforeWhatSitsOnItsThinEnd) {
   const hal::SteadyClock clock;
