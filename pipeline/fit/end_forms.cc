@@ -35,7 +35,7 @@ struct EndFormSettings {
   // [of r_P] So far apart points of a ball may be from their middle, or they fill the space.
   double widest_ball = 1.7;
   // [of r_P] What ends sooner is no tube that goes on.
-  double least_continuation = 4.0;
+  double least_continuation = 4.0, least_thin_continuation = 2.0;
   // [of the usual points a length] Fewer are a thin end. [of r_P] Beyond one a tube that bends away
   // is looked for in a ball so large, so far ahead.
   double thin = 0.2, wide_ball = 5.0, wide_ahead = 1.0;
@@ -155,9 +155,10 @@ Ball BallAbout(const Eigen::Vector3d& center_mm, double radius_mm, const Eigen::
   return crowd;
 }
 
-// Steps from ball to ball, as far as there are points in them. `may_bend`: also to where it bends.
+// Steps from ball to ball, as far as there are points in them; beyond a thin end also to where the
+// tube bends away.
 double ContinuesMm(const PlainEnd& end, double r_mm, std::span<const PointBlock> others,
-                   bool may_bend) {
+                   bool is_thin) {
   Eigen::Vector3d at = end.position_mm, direction = end.outward;
   double way_mm = 0, last_mm = 0;
   int empty = 0;
@@ -170,7 +171,7 @@ double ContinuesMm(const PlainEnd& end, double r_mm, std::span<const PointBlock>
       return ball.points >= kEndForms.least_points && ball.spread_mm < kEndForms.widest_ball * r_mm;
     };
     Ball crowd = ahead(direction);
-    if (may_bend && !is_tube(crowd)) {
+    if (is_thin && !is_tube(crowd)) {
       const Ball about = BallAbout(at + kEndForms.wide_ahead * r_mm * direction,
                                    kEndForms.wide_ball * r_mm, at, direction, others);
       const Eigen::Vector3d towards = (about.middle_mm - at).normalized();
@@ -189,7 +190,8 @@ double ContinuesMm(const PlainEnd& end, double r_mm, std::span<const PointBlock>
     at += step_mm * direction;
     way_mm += step_mm;
   }
-  return last_mm < kEndForms.least_continuation * r_mm ? 0.0 : last_mm;
+  const double least = is_thin ? kEndForms.least_thin_continuation : kEndForms.least_continuation;
+  return last_mm < least * r_mm ? 0.0 : last_mm;
 }
 
 }  // namespace

@@ -107,6 +107,25 @@ TEST(ThinTube, TellsThatItGoesOnWhereItBendsAway) {
   EXPECT_FALSE(measured->warnings.empty());
 }
 
+// Some 11 samples are all that there is of its last 21 mm.
+TEST(ThinTube, IsNoSurerOfItsEndThanItsLastSamplesTell) {
+  const hal::SteadyClock clock;
+  for (const std::uint64_t seed : {213'000'069, 213'000'001, 213'000'002, 213'000'003}) {
+    SCOPED_TRACE(seed);
+    const auto cloud = DrawnScan(seed, {}, {.thinning = 70}, 12);
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    ASSERT_EQ(measured->tube.program.bend_count(), 5U);
+    const auto& rows = measured->tube.program.rows;
+    const double first_mm = cloud.truth.program.rows.front().length_mm;
+    const bool is_reversed =
+        std::abs(rows.front().length_mm - first_mm) > std::abs(rows.back().length_mm - first_mm);
+    const std::size_t end = is_reversed ? 0 : 5;
+    EXPECT_NEAR(rows[end].length_mm, cloud.truth.program.rows.back().length_mm,
+                4 * measured->sigma.rows[end].length_mm);
+  }
+}
+
 // What sits there lies off the tube, and few samples show the bend before it.
 TEST(ThinTube, HasTheBendBeforeWhatSitsOnItsThinEnd) {
   const hal::SteadyClock clock;
