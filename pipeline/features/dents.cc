@@ -279,8 +279,7 @@ class Wall {
         return std::hypot(point.place.along_mm - middle->along_mm, around_mm) < radius_mm;
       });
     }
-    constexpr std::size_t enough_points = kDents.enough_points;
-    const std::size_t stride = StrideTo(seen.size(), enough_points);
+    const std::size_t stride = StrideTo(seen.size(), kDents.enough_points);
     std::vector<WallPoint> points;
     for (std::size_t i = 0; i < seen.size(); i += stride) {
       WallPoint point = seen[i].place;

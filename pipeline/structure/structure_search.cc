@@ -407,13 +407,12 @@ bool StructureSearch::Added(SurfaceFit& fit) {
   }
   // Two that one of a wider radius stands in for have other places and planes than it: how little
   // it would have to turn says next to nothing of what they gain.
-  const ArcLineSpline spline = SplineFromTube(fit.tube);
   std::set<std::size_t> tried;
   for (const MissingBend& missing : places) {
     const std::size_t bend = missing.segment / 2;
     if (missing.gain < kSearch.worth_splitting || tried.size() == kSearch.most_places) break;
     if (missing.segment % 2 == 0 || !IsWide(fit.tube.program, bend)) continue;
-    if (tried.insert(bend).second && SplitAt(fit, spline, bend)) return true;
+    if (tried.insert(bend).second && SplitAt(fit, SplineFromTube(fit.tube), bend)) return true;
   }
   return false;
 }
