@@ -187,7 +187,7 @@ class Reconstruction::Impl {
   std::vector<PointBlock> AboutEnd(const PlainEnd& end, const EasedSpine& spine,
                                    std::size_t row) const;
   // What sits on the ends, and what goes on beyond them.
-  void LookBeyondEnds(const TubeEnds& ends, double noise_mm, Measurement& measurement) const;
+  void LookBeyondEnds(const TubeEnds& ends, const FinalFit& final, Measurement& measurement) const;
   bool IsNominal(const SurfaceFit& structure) const {
     return options_.nominal && MayBeByCorners(*options_.nominal, structure.tube, structure.sigma);
   }
@@ -245,7 +245,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
                tube->blocks, measurement.dents);
   SayDeepDents(measurement);
   SayUnsureBends(measurement);
-  LookBeyondEnds(ends, final.noise_mm, measurement);
+  LookBeyondEnds(ends, final, measurement);
   SayOtherPart(measurement);
   timer.Done("ends");
   WallCells cells = DescribeSamples(tube->blocks, intake_.grid().kept_count(), final.noise_mm,
@@ -379,8 +379,9 @@ std::vector<PointBlock> Reconstruction::Impl::AboutEnd(const PlainEnd& end, cons
   return near;
 }
 
-void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
+void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, const FinalFit& final,
                                           Measurement& measurement) const {
+  const double noise_mm = final.noise_mm;
   const hal::Tube plain = measurement.tube;
   const double r_mm = plain.pipe_radius_mm;
   const EasedSpine spine = SpineOf(plain.program, plain.X_WT, measurement.easing);
@@ -395,7 +396,7 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, double noise_mm,
     if (candidates.empty() && !intake_.IsPlanar(index)) others.push_back(block);
   }
   const double usual_per_mm =
-      static_cast<double>(intake_.grid().kept_count()) / hal::SpineLength(plain.program);
+      static_cast<double>(final.fit.used) / hal::SpineLength(plain.program);
   for (const bool at_start : {true, false}) {
     if (!(at_start ? ends.first_seen : ends.last_seen)) continue;
     const hal::SpineSegment& straight = at_start ? spine.segments.front() : spine.segments.back();
