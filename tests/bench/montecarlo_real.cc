@@ -44,6 +44,7 @@ struct RealKind {
   Range points = {24e3, 24e3};  // evenly in their logarithm
   Range wrinkles = {0, 0}, seam = {0, 0};
   bool thins_all_along = false;
+  bool on_table = false;
 };
 
 // Of anything: how often a tube has each of what makes it real.
@@ -109,6 +110,8 @@ const std::vector<RealKind>& Kinds() {
       {.name = "seam", .seam = {0.02, 0.06}},
       {.name = "thinning", .thinning = {10, 100}, .thins_all_along = true},
       {.name = kAnything},
+      {.name = "on a table", .bow = {0, 0.001}, .easing_r = {0, 0.7}, .on_table = true},
+      {.name = "thin end, on a table", .thinning = {10, 100}, .on_table = true},
   };
   return kinds;
 }
@@ -385,6 +388,7 @@ RealCase DrawRealCase(std::uint64_t seed, const std::string& kind_name) {
   scan.drift_deg = 0.2 * scan.drift_mm;
   scan.thinning = LogUniform(random, kind.thinning);
   scan.thins_all_along = kind.thins_all_along;
+  scan.on_table = kind.on_table;
   result.cloud = tests::ScanRealTube(tube, form, scan, random);
   result.form = form;
   result.nominal = result.cloud.truth.program;

@@ -14,6 +14,9 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 constexpr double kStep = 0.02;    // of the pipe radius, between the places of a spine
 constexpr double kWrinkle = 0.6;  // of the pipe radius, from crest to crest
+// Of a table: how far it reaches beyond the tube, in pipe radii; of the tube's points at most; how
+// far aslant it is seen.
+constexpr double kTable = 8, kMostOfTable = 4, kAslant = 1.2;
 constexpr double kSeamAt = 1.0, kSeamWidth = 0.12;  // [rad]
 
 double Uniform(std::mt19937_64& random, double low, double high) {
@@ -317,6 +320,38 @@ class Scanner {
   std::mt19937_64& random_;
 };
 
+// Of the plane on which the tube lies flattest.
+Eigen::Vector3d Upright(const Spine& spine, const Eigen::Vector3d& middle_mm) {
+  Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& place : spine.place) {
+    squares += (place - middle_mm) * (place - middle_mm).transpose();
+  }
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(squares).eigenvectors().col(0);
+}
+
+// A rectangle that reaches well beyond the tube.
+void AddTable(const Spine& spine, double r_mm, const Eigen::Vector3d& up, const RealScan& scan,
+              std::mt19937_64& random, std::vector<Eigen::Vector3d>& cloud) {
+  const Eigen::Vector3d u = up.unitOrthogonal(), v = up.cross(u);
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& place : spine.place) {
+    box.extend(Eigen::Vector3d(place.dot(u), place.dot(v), place.dot(up)));
+  }
+  const Eigen::Vector3d low = box.min().array() - kTable * r_mm;
+  const Eigen::Vector3d high = box.max().array() + kTable * r_mm;
+  const double height_mm = box.min().z() - r_mm;
+  const double per_mm2 = static_cast<double>(scan.points) / (2 * kPi * r_mm * spine.length_mm());
+  const auto points =
+      static_cast<std::size_t>(std::min(per_mm2 * (high - low).x() * (high - low).y(),
+                                        kMostOfTable * static_cast<double>(scan.points)));
+  std::normal_distribution<double> noise(0.0, scan.noise_mm);
+  for (std::size_t i = 0; i < points; ++i) {
+    const double x_mm = Uniform(random, low.x(), high.x()),
+                 y_mm = Uniform(random, low.y(), high.y());
+    cloud.push_back(x_mm * u + y_mm * v + (height_mm + noise(random)) * up);
+  }
+}
+
 }  // namespace
 
 RealCloud ScanRealTube(const hal::Tube& program, const Form& form, const RealScan& scan,
@@ -325,10 +360,14 @@ RealCloud ScanRealTube(const hal::Tube& program, const Form& form, const RealSca
   RealCloud cloud;
   cloud.truth = TradeTube(program, form, spine);
   Scanner scanner(program, form, scan, spine, random);
-  const Eigen::Vector3d axis = RandomUnit(random), first = axis.unitOrthogonal();
+  Eigen::Vector3d axis = RandomUnit(random), first = axis.unitOrthogonal();
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& p : spine.place)
     middle += p / static_cast<double>(spine.place.size());
+  if (scan.on_table) {
+    axis = Upright(spine, middle);
+    first = (axis + kAslant * axis.unitOrthogonal()).normalized();
+  }
   std::normal_distribution<double> normal;
   const auto drift = [&] {
     return Eigen::Vector3d(normal(random), normal(random), normal(random));
@@ -342,6 +381,7 @@ RealCloud ScanRealTube(const hal::Tube& program, const Form& form, const RealSca
       cloud.points_W.push_back(p + move + turn.cross(p - middle));
     }
   }
+  if (scan.on_table) AddTable(spine, program.pipe_radius_mm, axis, scan, random, cloud.points_W);
   return cloud;
 }
 

@@ -47,6 +47,9 @@ struct RealScan {
   double drift_deg = 0;    // and turned
   double thinning = 1;     // the last third is so many times thinner, gradually
   bool thins_all_along = false;  // instead from the start to the end of the tube
+  // It lies on a table, of which as many points a square millimetre are seen as of the tube, and is
+  // seen from above only.
+  bool on_table = false;
 };
 
 struct RealCloud {
