@@ -42,6 +42,8 @@ struct Doubts {
   double along_sides = 2.5;
   // [of r_P] Dents deeper than this are told as doubtful: on tubes that are sold they are less.
   double deep_dent = 0.21;
+  // [of r_P] Before an end beyond which samples go on, a shorter straight may be more of the bend.
+  double shows_direction = 2.0;
   // [sigma] A bend of a smaller angle may be none.
   double least_bend = 1.5;
 };
@@ -76,13 +78,23 @@ void EndAtNodes(const TubeEnds& ends, const Eigen::Vector3d& first_node_mm,
   }
 }
 
-// A bend whose outer straight no sample shows may go on behind what hides it.
-void DoubtBend(std::size_t bend, const std::string& which_straight, Measurement& measurement) {
+// A bend whose outer straight no sample shows, or too few, may go on behind what hides it.
+void DoubtBend(std::size_t bend, const std::string& samples, Measurement& measurement) {
   double& sigma_deg = measurement.sigma.rows[bend].angle_deg;
   sigma_deg = std::max(sigma_deg, 0.5 * measurement.tube.program.rows[bend].angle_deg);
-  measurement.warnings.push_back("no samples on the " + which_straight +
+  measurement.warnings.push_back(samples +
                                  " straight: the bend beside it may be longer than seen; scan "
                                  "that end again");
+}
+
+// Where samples go on beyond the end found, what looks like the straight may be more of the bend.
+void DoubtBendThatGoesOn(bool at_start, Measurement& measurement) {
+  const auto& rows = measurement.tube.program.rows;
+  const std::size_t bends = measurement.tube.program.bend_count();
+  const double straight_mm = (at_start ? rows.front() : rows.back()).length_mm;
+  if (bends == 0 || straight_mm > kDoubts.shows_direction * measurement.tube.pipe_radius_mm) return;
+  DoubtBend(at_start ? 0 : bends - 1,
+            "too few samples on the " + std::string(at_start ? "first" : "last"), measurement);
 }
 
 // Whether a bend has no room to ease further.
@@ -293,8 +305,8 @@ void ReportEnds(const SurfaceFit& fit, const TubeEnds& ends, const Eigen::Vector
     sigma_rows.back().length_mm = std::hypot(sigma_rows.back().length_mm, ends.last_sigma_mm);
   }
   const std::size_t bends = measurement.tube.program.bend_count();
-  if (bends > 0 && !ends.first_seen) DoubtBend(0, "first", measurement);
-  if (bends > 0 && !ends.last_seen) DoubtBend(bends - 1, "last", measurement);
+  if (bends > 0 && !ends.first_seen) DoubtBend(0, "no samples on the first", measurement);
+  if (bends > 0 && !ends.last_seen) DoubtBend(bends - 1, "no samples on the last", measurement);
 }
 
 void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measurement) {
@@ -322,6 +334,7 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
                                    which +
                                    " end found, too thin to follow: scan that end again, or take "
                                    "away what is there");
+    DoubtBendThatGoesOn(at_start, measurement);
   }
 }
 

@@ -175,6 +175,27 @@ TEST(ReportQuality, ABendThatIsHardlyKnownIsToldToBeDoubtful) {
   EXPECT_NE(measurement.warnings.front().find("bend 2 turns by 1.40 +- 1.70"), std::string::npos);
 }
 
+// Of a bend of 90 degrees whose other end is thin 52 may be followed, and 3 mm of it look straight.
+TEST(ReportQuality, ABendBesideAnEndThatGoesOnMayBeLonger) {
+  for (const bool at_start : {true, false}) {
+    for (const double straight_mm : {3.0, 30.0}) {
+      Measurement measurement;
+      measurement.tube = {
+          5, {{{30, 0, 52, 17.5}, {30, 0, 40, 17.5}, {30, 0, 0, std::nullopt}}}, {}};
+      measurement.sigma.rows.assign(3, {0.02, 0.02, 0.9, 0.1});
+      (at_start ? measurement.tube.program.rows.front() : measurement.tube.program.rows.back())
+          .length_mm = straight_mm;
+      FoundEnd found;
+      found.form.continues_mm = 80;
+      ReportEndForm(at_start, found, measurement);
+      const double sigma_deg = measurement.sigma.rows[at_start ? 0 : 1].angle_deg;
+      EXPECT_EQ(sigma_deg, straight_mm > 10 ? 0.9 : at_start ? 26 : 20);
+      EXPECT_EQ(measurement.sigma.rows[at_start ? 1 : 0].angle_deg, 0.9);
+      EXPECT_EQ(measurement.warnings.size(), straight_mm > 10 ? 1U : 2U);
+    }
+  }
+}
+
 // The tube's first straight ends 13 mm beside its fourth bend.
 TEST(EndForms, ABendBesideTheEndIsNoFitting) {
   hal::Tube tube;
