@@ -145,6 +145,19 @@ class NominalOnNodes final : public ceres::EvaluationCallback {
   const hal::Tube& tube() const { return tube_; }
   const std::vector<Foot>& feet() const { return feet_; }
   const std::vector<hal::SpineSegment>& segments() const { return segments_; }
+  // Its end straights end where the nodes do: what lies on the line beyond is not its own.
+  hal::Tube EndingAtNodes() const {
+    hal::Tube tube = tube_;
+    double& first_mm = tube.program.rows.front().length_mm;
+    double& last_mm = tube.program.rows.back().length_mm;
+    const double beyond_mm = segments_.back().from_start_mm;
+    last_mm =
+        std::max(0.0, last_mm + feet_.back().along_mm - beyond_mm - segments_.back().length_mm);
+    const double before_mm = std::min(feet_.front().along_mm, first_mm);
+    tube.X_WT.position_mm += before_mm * segments_.front().tangent;
+    first_mm -= before_mm;
+    return tube;
+  }
   // Of every segment's frame by the step.
   const std::vector<Eigen::MatrixXd>& derivatives() const { return derivatives_; }
 
@@ -314,7 +327,8 @@ AlongNodes BendAlong(const hal::BendProgram& nominal, double pipe_radius_mm,
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) return {start};
-  return {TubeOf(numbers.data(), start), summary.final_cost};
+  on_nodes.PrepareForEvaluation(false, true);
+  return {on_nodes.EndingAtNodes(), summary.final_cost};
 }
 
 // The same corners, and between them bends with the nominal's radii.

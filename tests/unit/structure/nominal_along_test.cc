@@ -67,6 +67,29 @@ TEST(NominalAlong, FollowsNodesOfAPartThatSprangBack) {
   }
 }
 
+// What lies on its line beyond, as a strip of the table it lies on, speaks for no structure.
+TEST(NominalAlong, EndsWhereItsNodesDo) {
+  std::mt19937_64 random(9);
+  for (int i = 0; i < 12; ++i) {
+    const hal::Tube part = tests::RandomTube({.bends = i % 4}, random);
+    hal::BendProgram drawing = part.program;
+    drawing.rows.front().length_mm += 31;
+    drawing.rows.back().length_mm += i % 2 == 0 ? 24 : -8;
+    const SpinePolygon nodes = NodesOf(part, 0.05, random);
+    const hal::Tube along = NominalAlong(drawing, part.pipe_radius_mm, nodes);
+    const auto segments = hal::SpineSegments(along.program, along.X_WT);
+    const double step_mm = 0.4 * part.pipe_radius_mm;
+    const Eigen::Vector3d first_mm = segments.front().start_mm;
+    const Eigen::Vector3d last_mm = segments.back().PointAt(segments.back().length_mm);
+    // Either way round.
+    const double as_drawn_mm = std::max((first_mm - nodes.front().position_mm).norm(),
+                                        (last_mm - nodes.back().position_mm).norm());
+    const double reversed_mm = std::max((last_mm - nodes.front().position_mm).norm(),
+                                        (first_mm - nodes.back().position_mm).norm());
+    EXPECT_LT(std::min(as_drawn_mm, reversed_mm), 2 * step_mm) << i;
+  }
+}
+
 TEST(NominalAlong, AMissingOrAnotherBendIsNoVariation) {
   hal::Tube tube;
   tube.pipe_radius_mm = 4;
