@@ -62,6 +62,8 @@ struct LeaveSettings {
   double nearly_all = 0.9;
   // [pipe radii] A canal without a tube is as long as this.
   double least_length = 6.0;
+  // [of r_P] So much of the tube beside what sits on its end a canal follows that with.
+  double beside_fitting = 1.0;
   // [of the tube's samples] The other model must hold so many.
   double least_share = 0.8;
   // So many points are compared: far more than the models have numbers.
@@ -151,6 +153,29 @@ bool WorthALook(const Measurement& m) {
          SystematicMm(m) > kLook.systematic * r || IsArcUponArc(m.tube);
 }
 
+// Of a canal's spine, place by place: whether it is the pipe's, and not of what sits on its ends.
+std::vector<bool> IsPlain(const Measurement& tube, const CanalScan& scan) {
+  const auto segments = hal::SpineSegments(tube.tube.program, tube.tube.X_WT);
+  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
+  std::vector<std::int32_t> all(frames.size());
+  std::iota(all.begin(), all.end(), 0);
+  const auto last = static_cast<std::int32_t>(segments.size()) - 1;
+  const auto of_form_mm = [&tube](const EndForm& form) {
+    const double long_mm = std::max(form.length_mm, form.begins_mm);
+    return long_mm > 0 ? long_mm + kLeave.beside_fitting * tube.tube.pipe_radius_mm : 0.0;
+  };
+  const double first_mm = of_form_mm(tube.first_end), last_mm = of_form_mm(tube.last_end);
+  std::vector<bool> plain;
+  for (const SpineSample& sample : scan.spine) {
+    const std::int32_t near = NearestSegment(sample.position_mm, frames, all).segment;
+    const hal::SpineSegment& segment = segments[static_cast<std::size_t>(near)];
+    const double along_mm = (sample.position_mm - segment.start_mm).dot(segment.tangent);
+    plain.push_back(!(near == 0 && first_mm > 0 && along_mm < first_mm) &&
+                    !(near == last && last_mm > 0 && along_mm > segment.length_mm - last_mm));
+  }
+  return plain;
+}
+
 struct Comparison {
   double tube_mm2 = 0;
   double other_mm2 = 0;
@@ -170,6 +195,13 @@ Comparison Compare(const Measurement& measured, const CanalScan& scan) {
   Comparison result;
   const std::size_t stride = scan.points.size() / kLeave.compared_points + 1;
   NearestLanes nearest;
+  const std::vector<bool> plain = IsPlain(measured, scan);
+  const double per_mm = static_cast<double>(plain.size() - 1) / (scan.to_mm - scan.from_mm);
+  const auto is_plain = [&](std::size_t i) {
+    const double at = std::clamp(per_mm * (scan.along_mm[i] - scan.from_mm), 0.0,
+                                 static_cast<double>(plain.size() - 1));
+    return plain[static_cast<std::size_t>(std::lround(at))];
+  };
   std::vector<Eigen::Vector3d> batch;
   const auto add_batch = [&] {
     if (batch.empty()) return;
@@ -182,7 +214,7 @@ Comparison Compare(const Measurement& measured, const CanalScan& scan) {
   };
   for (std::size_t i = 0; i < scan.points.size(); i += stride) {
     const CanalFoot& foot = scan.feet[i];
-    if (foot.beyond || std::abs(foot.distance_mm) > reach_mm) continue;
+    if (foot.beyond || std::abs(foot.distance_mm) > reach_mm || !is_plain(i)) continue;
     batch.push_back(scan.points[i]);
     if (batch.size() == kBatch) add_batch();
     result.other_mm2 += foot.distance_mm * foot.distance_mm;
@@ -208,6 +240,13 @@ std::vector<double> Radii(const CanalScan& scan) {
   for (const SpineSample& sample : scan.spine) radii.push_back(sample.pipe_radius_mm);
   return radii;
 }
+std::vector<double> PlainRadii(const CanalScan& scan, const std::vector<bool>& plain) {
+  std::vector<double> radii;
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    if (plain[i]) radii.push_back(scan.spine[i].pipe_radius_mm);
+  }
+  return radii;
+}
 
 // Why the points are a canal surface and not this tube; empty: they are not.
 std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
@@ -215,14 +254,17 @@ std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
   std::vector<std::int32_t> all;
   const std::vector<SegmentFrame> frames = SegmentFrames(segments);
   for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
+  const std::vector<bool> plain = IsPlain(tube, scan);
   std::vector<double> straight;
-  for (const SpineSample& sample : scan.spine) {
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    const SpineSample& sample = scan.spine[i];
+    if (!plain[i]) continue;
     const auto near = NearestSegment(sample.position_mm, frames, all);
     if (!segments[static_cast<std::size_t>(near.segment)].is_arc()) {
       straight.push_back(sample.pipe_radius_mm);
     }
   }
-  const std::vector<double> radii = Radii(scan);
+  const std::vector<double> radii = PlainRadii(scan, plain);
   const double mean_mm = Median(radii);
   const double noise_mm = kLeave.range_sigmas * scan.fit.pipe_radius_sigma_mm;
   const double range_mm = Range(radii);

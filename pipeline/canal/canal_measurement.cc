@@ -35,6 +35,8 @@ struct DescriptionSettings {
   // Times the usual evidence for a bend: what shrinking to an even pipe leaves, neighbours have in
   // common (by trial).
   double caution = 4.0;
+  // [of r_P] Of the spine that lines and arcs leave by as much, one way.
+  double spine_together = 4.0;
 };
 constexpr DescriptionSettings kDescription;
 
@@ -42,6 +44,26 @@ double MeanRadius(const CanalScan& scan) {
   double sum = 0;
   for (const SpineSample& sample : scan.spine) sum += sample.pipe_radius_mm;
   return sum / static_cast<double>(scan.spine.size());
+}
+
+// Of the radius along the spine about its mean: no surer is it, if it is to be that of one pipe.
+double RadiusScatterMm(const CanalScan& scan) {
+  const double mean_mm = MeanRadius(scan);
+  double sum2 = 0;
+  for (const SpineSample& sample : scan.spine) {
+    sum2 += (sample.pipe_radius_mm - mean_mm) * (sample.pipe_radius_mm - mean_mm);
+  }
+  return std::sqrt(sum2 / static_cast<double>(scan.spine.size()));
+}
+
+// What lines and arcs leave of the spine (`rms_mm`), all points of a few pipe radii have in common:
+// by how much that makes the variances of the fit greater.
+double OfSpineLeft(const SurfaceFit& fit, double rms_mm) {
+  const double together_mm = kDescription.spine_together * fit.tube.pipe_radius_mm;
+  const double points =
+      static_cast<double>(fit.used) * together_mm / hal::SpineLength(fit.tube.program);
+  const double ratio = rms_mm / fit.sigma_mm;
+  return points * ratio * ratio / fit.design_effect;
 }
 
 // Variance of means over small patches against that of independent distances, at least 1: scanners
@@ -220,7 +242,8 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
 
   // The even pipe takes the radius for known; that it is not makes the spine less sure.
   const double factor =
-      std::sqrt(scan.fit.radius_inflation * std::max(1.0, design_effect / fit.design_effect));
+      std::sqrt(scan.fit.radius_inflation * std::max(1.0, design_effect / fit.design_effect) +
+                OfSpineLeft(fit, rms_mm));
   measurement.sigma = fit.sigma;
   for (hal::BendRow& row : measurement.sigma.rows) {
     row.length_mm *= factor;
@@ -253,7 +276,8 @@ Measurement DescribeCanal(const CanalScan& scan, bool freeform, const hal::Clock
       std::numeric_limits<double>::quiet_NaN();
   measurement.noise_mm = scan.fit.sigma_mm;
   const double design_effect = DesignEffect(scan);
-  measurement.pipe_radius_sigma_mm = scan.fit.pipe_radius_sigma_mm * std::sqrt(design_effect);
+  measurement.pipe_radius_sigma_mm =
+      std::hypot(scan.fit.pipe_radius_sigma_mm * std::sqrt(design_effect), RadiusScatterMm(scan));
   DescribePoints(scan, measurement);
   if (scan.is_closed) {
     measurement.warnings.push_back(std::string(kClosedTube) +

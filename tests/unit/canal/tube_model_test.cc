@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "hal/spine.h"
+#include "tests/support/real_tube.h"
 #include "tests/support/synthetic_cloud.h"
 
 namespace bendloop::pipeline {
@@ -127,6 +128,50 @@ TEST(TubeModel, AutoSeesTapers) {
       EXPECT_NEAR(std::min(first, last), 4.0, tolerance);
       EXPECT_NEAR(std::max(first, last), 5.6, tolerance);
       ExpectRowsNear(tube, *result, one_side ? 1.5 : 0.8, one_side ? 1.5 : 0.5);
+    }
+  }
+}
+
+// Dents move the spine of a canal, and what lines and arcs leave of it is no noise of its points.
+TEST(TubeModel, ACanalIsNoSurerThanLinesAndArcsFollowIt) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 3.3;
+  tube.program.rows = {{50, 0, 84, 12.3}, {25, 0, 0, std::nullopt}};
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    const auto cloud =
+        tests::ScanRealTube(tube,
+                            {.dents = {{.along = 0.67, .around_rad = -1.4, .depth_r = 0.13},
+                                       {.along = 0.5, .around_rad = 1.7, .depth_r = 0.19}}},
+                            {.points = 60'000, .noise_mm = 0.008}, random);
+    const auto found = Measure(cloud.points_W, TubeModel::kCanal);
+    ASSERT_TRUE(found) << found.error().message;
+    ASSERT_EQ(found->tube.program.bend_count(), 1U);
+    const auto& row = found->tube.program.rows.front();
+    const auto& sigma = found->sigma.rows.front();
+    EXPECT_NEAR(row.angle_deg, cloud.truth.program.rows.front().angle_deg, 4 * sigma.angle_deg);
+    EXPECT_NEAR(*row.bend_radius_mm, 12.3, 4 * *sigma.bend_radius_mm);
+    EXPECT_NEAR(found->tube.pipe_radius_mm, 3.3, 4 * found->pipe_radius_sigma_mm);
+  }
+}
+
+// A nut is thicker than its tube, whose radius is even all the same.
+TEST(TubeModel, WhatSitsOnAnEndMakesNoCanal) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 4.8;
+  tube.program.rows = {{38, 0, 57, 16.5}, {48, -44, 35, 16.5}, {36, 0, 0, std::nullopt}};
+  for (const auto fitting : {tests::EndFitting::kNut, tests::EndFitting::kFlare}) {
+    for (unsigned seed = 1; seed <= 3; ++seed) {
+      SCOPED_TRACE(seed);
+      std::mt19937_64 random(seed);
+      const auto cloud =
+          tests::ScanRealTube(tube, {.ovality = 0.05, .seam = 0.03, .at_end = fitting},
+                              {.points = 97'000, .noise_mm = 0.014}, random);
+      const auto found = Measure(cloud.points_W, TubeModel::kAuto);
+      ASSERT_TRUE(found) << found.error().message;
+      EXPECT_GT(found->structure_margin, 0) << "of a canal there is none";
+      ASSERT_EQ(found->tube.program.bend_count(), 2U);
     }
   }
 }
