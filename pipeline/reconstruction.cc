@@ -108,17 +108,23 @@ void DropPlanesOfFittings(Measurement& measurement) {
   if (measurement.last_end.length_mm > 0) measurement.features.last_end.reset();
 }
 
-// The nominal's bends in place of more, where dents explain what those do.
-void TryNominalWithDents(const hal::BendProgram& nominal, const SpinePolygon& polygon,
-                         std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
-                         BowedSolution& solution, double& margin) {
+// The nominal's bends in place of more, where dents explain what those do, or all points speak for
+// them: bends may ease so that the search has never been near them.
+void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
+                std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+                BowedSolution& solution, double& margin) {
   if (nominal.bend_count() >= solution.fit.tube.program.bend_count()) return;
   const double r_mm = solution.fit.tube.pipe_radius_mm;
   BowedSolution other = SolveAnew(NominalAlong(nominal, r_mm, polygon), blocks, options);
+  if (MayHideBends(other) || !MayBeByCorners(nominal, other.fit.tube, other.fit.sigma)) return;
   const auto more = MoreThanDents(solution, other, blocks, options.reach_mm);
-  if (!more || !MayBeByCorners(nominal, other.fit.tube, other.fit.sigma)) return;
-  margin = std::min(margin, std::abs(*more));
-  if (*more < 0) solution = std::move(other);
+  const double evidence = EvidenceFor(other, solution, blocks, options.reach_mm);
+  if (evidence > 0) {
+    margin = evidence;
+  } else if (more) {
+    margin = std::min(margin, std::abs(*more));
+  }
+  if (evidence > 0 || (more && *more < 0)) solution = std::move(other);
 }
 
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
@@ -149,8 +155,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   tube.structure.margin =
       std::min(structure.margin, ReviseBends(blocks, final.options, nominal_bends, solution));
   if (nominal) {
-    TryNominalWithDents(*nominal, tube.polygon, blocks, final.options, solution,
-                        tube.structure.margin);
+    TryNominal(*nominal, tube.polygon, blocks, final.options, solution, tube.structure.margin);
   }
   TryOneDie(blocks, final.options, solution);
   final.fit = std::move(solution.fit);
@@ -395,8 +400,7 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, const FinalFit& 
     CandidateSegments(block, frames, kBesideTube * r_mm, candidates);
     if (candidates.empty() && !intake_.IsPlanar(index)) others.push_back(block);
   }
-  const double usual_per_mm =
-      static_cast<double>(final.fit.used) / hal::SpineLength(plain.program);
+  const double usual_per_mm = static_cast<double>(final.fit.used) / hal::SpineLength(plain.program);
   for (const bool at_start : {true, false}) {
     if (!(at_start ? ends.first_seen : ends.last_seen)) continue;
     const hal::SpineSegment& straight = at_start ? spine.segments.front() : spine.segments.back();

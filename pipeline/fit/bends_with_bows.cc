@@ -95,6 +95,11 @@ ControlPolygon Without(ControlPolygon polygon, std::size_t corner) {
   return polygon;
 }
 
+bool IsMoreThanBendersLeave(const Bow& bow, double straight_mm) {
+  const double height_mm = 1.5 * bow.modes_mm.head<2>().norm();
+  return !bow.is_none() && height_mm >= kRevise.bow * bow.LengthMm(straight_mm);
+}
+
 // A straight gets a corner in the middle of its bow.
 ControlPolygon Bent(ControlPolygon polygon, std::size_t straight, const hal::SpineSegment& line,
                     const Bow& bow, double radius_mm) {
@@ -108,25 +113,27 @@ ControlPolygon Bent(ControlPolygon polygon, std::size_t straight, const hal::Spi
   return polygon;
 }
 
-bool MayBeOne(const SurfaceFit& fit, std::size_t bend) {
+// `between`: [of r_P] the straight between them is less.
+bool MayBeOne(const SurfaceFit& fit, std::size_t bend, double between) {
   const auto& rows = fit.tube.program.rows;
   const double slight_deg = std::min(rows[bend - 1].angle_deg, rows[bend].angle_deg);
   const double least_deg =
       (slight_deg < kRevise.slight_deg ? kRevise.slight_turned_deg : kRevise.turned_deg) +
       kRevise.turned_sigmas * fit.sigma.rows[bend].rotation_deg;
-  return rows[bend].length_mm < kRevise.between * fit.tube.pipe_radius_mm &&
+  return rows[bend].length_mm < between * fit.tube.pipe_radius_mm &&
          std::abs(rows[bend].rotation_deg) < least_deg;
 }
 
 // Bends that follow each other and may all be one, from the first to the last.
 struct Run {
   std::size_t first = 0, last = 0;
+  bool operator==(const Run&) const = default;
 };
 
-std::vector<Run> Runs(const SurfaceFit& fit) {
+std::vector<Run> Runs(const SurfaceFit& fit, double between) {
   std::vector<Run> runs;
   for (std::size_t i = 1; i < fit.tube.program.bend_count(); ++i) {
-    if (!MayBeOne(fit, i)) continue;
+    if (!MayBeOne(fit, i, between)) continue;
     if (!runs.empty() && runs.back().last + 1 == i) {
       runs.back().last = i;
     } else {
@@ -150,34 +157,39 @@ struct Change {
   double unmade = 0;        // bends that it takes away and no machine makes
 };
 
-// Bends that follow each other as one, those of all places at once before those of one: bends that
-// ease are alike in that, and one that does not for once hides it of the others.
-std::vector<Change> WithRunsMerged(const SurfaceFit& fit, const ControlPolygon& polygon) {
-  const std::vector<Run> runs = Runs(fit);
-  const auto merged = [&fit](const ControlPolygon& from, const Run& run) {
-    return Merged(from, run.first + 1, run.last + 1, RadiusOf(fit.tube.program, run));
-  };
-  const auto unmade = [&fit](const Run& run) {
-    double count = 0;
+// Every run as one bend.
+Change WithRunsMerged(const SurfaceFit& fit, const ControlPolygon& polygon,
+                      std::span<const Run> runs) {
+  Change change{polygon};
+  // From the last on, so that those before it keep their places.
+  for (std::size_t k = runs.size(); k-- > 0;) {
+    const Run& run = runs[k];
+    change.corners =
+        Merged(change.corners, run.first + 1, run.last + 1, RadiusOf(fit.tube.program, run));
     for (std::size_t i = run.first + 1; i <= run.last; ++i) {
       const double between_mm = fit.tube.program.rows[i].length_mm;
-      count += between_mm < kRevise.clamp * fit.tube.pipe_radius_mm ? 1.0 : 0.0;
-    }
-    return count;
-  };
-  std::vector<Change> list;
-  if (runs.size() > 1) {
-    // From the last on, so that those before it keep their places.
-    list.push_back({polygon});
-    for (std::size_t i = runs.size(); i-- > 0;) {
-      list.front().corners = merged(list.front().corners, runs[i]);
-      list.front().unmade += unmade(runs[i]);
+      change.unmade += between_mm < kRevise.clamp * fit.tube.pipe_radius_mm ? 1.0 : 0.0;
     }
   }
-  for (const Run& run : runs) list.push_back({merged(polygon, run), false, unmade(run)});
+  return change;
+}
+
+// Bends that follow each other as one, those of all places at once before those of one: bends that
+// ease are alike in that, and one that does not for once hides it of the others. And those that no
+// clamp holds apart before the others: between them may be two that are none.
+std::vector<Change> MergeRuns(const SurfaceFit& fit, const ControlPolygon& polygon) {
+  const std::vector<Run> unclamped = Runs(fit, kRevise.clamp), runs = Runs(fit, kRevise.between);
+  std::vector<Change> list;
+  const auto add = [&](std::span<const Run> of) {
+    list.push_back(WithRunsMerged(fit, polygon, of));
+  };
+  if (!unclamped.empty() && unclamped != runs) add(unclamped);
+  if (runs.size() > 1) add(runs);
+  for (const Run& run : runs) add({&run, 1});
   for (const Run& run : runs) {
     for (std::size_t i = run.first; run.last > run.first + 1 && i < run.last; ++i) {
-      list.push_back({merged(polygon, {i, i + 1}), false, unmade({i, i + 1})});
+      const Run two{i, i + 1};
+      add({&two, 1});
     }
   }
   return list;
@@ -212,7 +224,7 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
     changes.push_back(std::move(change));
   };
   if (fewer) {
-    for (Change& change : WithRunsMerged(now.fit, *polygon)) add(std::move(change));
+    for (Change& change : MergeRuns(now.fit, *polygon)) add(std::move(change));
   }
   const std::vector<std::size_t> slight = SlightBends(now);
   if (fewer && slight.size() > 1) {
@@ -232,9 +244,7 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
   }
   for (std::size_t k = 0; more && k < now.bows.state.bows.size(); ++k) {
     const Bow& bow = now.bows.state.bows[k];
-    const double height_mm = 1.5 * bow.modes_mm.head<2>().norm();
-    const double length_mm = bow.LengthMm(spine.segments[k].length_mm);
-    if (bow.is_none() || height_mm < kRevise.bow * length_mm) continue;
+    if (!IsMoreThanBendersLeave(bow, spine.segments[k].length_mm)) continue;
     add({Bent(*polygon, spine.row(k), spine.segments[k], bow, radius_mm)});
   }
   return changes;
@@ -420,8 +430,13 @@ bool IsOfLinesAndArcs(const BowedSolution& solution) {
   return FormNumbers(solution) == 0 && !solution.undented;
 }
 
-// How much better the points, and the numbers of bends and of form, speak for `a` [twice the
-// logarithm of the odds].
+// Whether bends of this tube may look like two.
+bool ExplainsParted(const BowedSolution& solution) {
+  return !solution.fit.easing.empty() || solution.undented;
+}
+
+}  // namespace
+
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm) {
   const double more_bends = static_cast<double>(a.fit.tube.program.bend_count()) -
@@ -434,13 +449,6 @@ double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
   return GainOf(a, b, blocks, reach_mm, points) / worth - more_bends * PriceOfBend(blocks, points) -
          kRevise.number_price * (FormNumbers(a) - FormNumbers(b));
 }
-
-// Whether bends of this tube may look like two.
-bool ExplainsParted(const BowedSolution& solution) {
-  return !solution.fit.easing.empty() || solution.undented;
-}
-
-}  // namespace
 
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
                             const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
@@ -460,6 +468,15 @@ BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> bloc
   FoundEasing found = FindEasing(sharp, blocks, options);
   options.easing = std::move(found.easing);
   return SolveWithBows(found.eased.value_or(start), blocks, options, std::move(found.sharp));
+}
+
+bool MayHideBends(const BowedSolution& solution) {
+  const auto& bows = solution.bows.state.bows;
+  const EasedSpine spine = SpineOf(solution.bows.state);
+  for (std::size_t k = 0; k < bows.size(); ++k) {
+    if (IsMoreThanBendersLeave(bows[k], spine.segments[k].length_mm)) return true;
+  }
+  return false;
 }
 
 std::optional<double> MoreThanDents(const BowedSolution& found, const BowedSolution& fewer,

@@ -28,9 +28,17 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);
 
+// How much better the points, and the numbers of bends and of form, speak for `a` [twice the
+// logarithm of the odds].
+double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
+                   std::span<const PointBlock> blocks, double reach_mm);
+
 // The same where it is not known whether the bends ease.
 BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> blocks,
                         SurfaceFitOptions options);
+
+// Whether a straight bows by more than benders leave: a slight bend in it looks like that.
+bool MayHideBends(const BowedSolution& solution);
 
 // How much better the points but those of the dents of `fewer`, a tube of fewer bends, speak for
 // `found` [twice the logarithm of the odds]: below 0 dents explain what its bends do. None: `fewer`

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <string>
@@ -62,14 +63,15 @@ INSTANTIATE_TEST_SUITE_P(
 
 // The tubes that tests/bench draws with these seeds, and their scans.
 tests::RealCloud DrawnScan(std::uint64_t seed, const tests::Form& form,
-                           const tests::RealScan& scan = {}, unsigned long long draws = 10) {
+                           const tests::RealScan& scan = {}, unsigned long long draws = 10,
+                           std::array<double, 2> straight_r = {4, 14}) {
   std::mt19937_64 random(seed);
   const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = 5,
                                             .bends = 5,
                                             .min_bend_radius = 2,
                                             .max_bend_radius = 4,
-                                            .min_straight = 4,
-                                            .max_straight = 14,
+                                            .min_straight = straight_r[0],
+                                            .max_straight = straight_r[1],
                                             .min_angle_deg = 15,
                                             .max_angle_deg = 100},
                                            random);
@@ -463,6 +465,37 @@ TEST(EasedTube, HasASlightBendBetweenBowsOnce) {
   const auto measured = Reconstruct(cloud.points_W, {}, clock);
   ASSERT_TRUE(measured) << measured.error().message;
   EXPECT_EQ(measured->tube.program.bend_count(), 5U);
+}
+
+// Two of its bends were shown by three each, with nothing between those, and a straight between two
+// that is hardly longer than the pipe is wide: six of them as one were none.
+TEST(EasedTube, HasItsBendsWhereStraightsBetweenThemAreShort) {
+  const auto cloud = DrawnScan(
+      311'000'265,
+      {.bow = 0.00098171401591701, .s_bow = 0.00020068441854474, .easing_r = 0.5184966647948},
+      {.noise_mm = 0.005}, 12);
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  EXPECT_EQ(measured->tube.program.bend_count(), 5U);
+}
+
+// Bows led the seven bends astray that were found of it. Its nominal explains the points far
+// better.
+TEST(LongBowedTube, IsItsNominalWhereBowsLeadAstray) {
+  const auto cloud = DrawnScan(311'000'163, {.bow = 0.002, .s_bow = 0.00057605087436081},
+                               {.points = 48'000}, 12, {25, 40});
+  ReconstructionOptions options;
+  options.nominal = cloud.truth.program;
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, options, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  ASSERT_EQ(measured->tube.program.bend_count(), 5U);
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_LT(measured->sigma.rows[i].angle_deg, 0.05);
+    EXPECT_NEAR(measured->tube.program.rows[i].angle_deg, cloud.truth.program.rows[i].angle_deg,
+                5 * measured->sigma.rows[i].angle_deg);
+  }
 }
 
 // A thousand times more points, or a thirtieth of the noise, never turn a right structure into a
