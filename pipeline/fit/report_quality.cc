@@ -46,6 +46,9 @@ struct Doubts {
   double shows_direction = 2.0;
   // [sigma] A bend of a smaller angle may be none.
   double least_bend = 1.5;
+  // [of 1 sigma of the pipe radius, which is how far sides of it disagree] What leads less far
+  // aside may be passes that were displaced.
+  double aside = 3.0;
 };
 constexpr Doubts kDoubts;
 
@@ -95,6 +98,16 @@ void DoubtBendThatGoesOn(bool at_start, Measurement& measurement) {
   if (bends == 0 || straight_mm > kDoubts.shows_direction * measurement.tube.pipe_radius_mm) return;
   DoubtBend(at_start ? 0 : bends - 1,
             "too few samples on the " + std::string(at_start ? "first" : "last"), measurement);
+}
+
+// How far a bend's corner lies beside the line between the middles of its straights.
+double AsideMm(const hal::BendProgram& program, std::size_t bend) {
+  const hal::BendRow& row = program.rows[bend];
+  const double turn = std::min(row.angle_deg, 90.0) / hal::kDegreesPerRadian;
+  const double tangent_mm = row.bend_radius_mm.value_or(0.0) * std::tan(0.5 * turn);
+  const double before_mm = tangent_mm + 0.5 * row.length_mm;
+  const double after_mm = tangent_mm + 0.5 * program.rows[bend + 1].length_mm;
+  return before_mm + after_mm > 0 ? before_mm * after_mm / (before_mm + after_mm) * turn : 0.0;
 }
 
 // Whether a bend has no room to ease further.
@@ -367,11 +380,19 @@ void SayUnsureBends(Measurement& measurement) {
   const auto& rows = measurement.tube.program.rows;
   for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
     const double sigma_deg = measurement.sigma.rows[i].angle_deg;
-    if (!(rows[i].angle_deg < kDoubts.least_bend * sigma_deg)) continue;
-    measurement.warnings.push_back("bend " + std::to_string(i + 1) + " turns by " +
-                                   Fixed(rows[i].angle_deg, 2) + " +- " + Fixed(sigma_deg, 2) +
-                                   " degrees: it may be none; compare the number of bends with "
-                                   "the drawing, or scan again with more points");
+    const std::string turn = "bend " + std::to_string(i + 1) + " turns by " +
+                             Fixed(rows[i].angle_deg, 2) + " +- " + Fixed(sigma_deg, 2) +
+                             " degrees";
+    constexpr const char* kMayBeNone =
+        ": it may be none; compare the number of bends with the drawing, or scan again ";
+    if (rows[i].angle_deg < kDoubts.least_bend * sigma_deg) {
+      measurement.warnings.push_back(turn + kMayBeNone + "with more points");
+    } else if (const double aside_mm = AsideMm(measurement.tube.program, i);
+               aside_mm < kDoubts.aside * measurement.pipe_radius_sigma_mm) {
+      measurement.warnings.push_back(turn + ", which leads " + Mm(aside_mm) +
+                                     " aside, hardly more than the sides of the tube disagree by" +
+                                     kMayBeNone + "in one pass");
+    }
   }
 }
 

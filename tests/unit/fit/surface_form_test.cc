@@ -175,6 +175,24 @@ TEST(ReportQuality, ABendThatIsHardlyKnownIsToldToBeDoubtful) {
   EXPECT_NE(measurement.warnings.front().find("bend 2 turns by 1.40 +- 1.70"), std::string::npos);
 }
 
+// Passes that are 0.2 mm apart, seen from other sides before and after, look like a slight bend.
+TEST(ReportQuality, ABendThatLeadsNoFurtherAsideThanSidesDisagreeIsDoubtful) {
+  Measurement measurement;
+  measurement.tube = {
+      5,
+      {{{28, 0, 35, 16.8}, {14, 127, 1.17, 16.8}, {11, 88, 47, 16.9}, {30, 0, 0, std::nullopt}}},
+      {}};
+  measurement.sigma.rows.assign(4, {0.2, 0.2, 0.15, 0.5});
+  measurement.pipe_radius_sigma_mm = 0.0005;
+  SayUnsureBends(measurement);
+  EXPECT_TRUE(measurement.warnings.empty());
+  measurement.pipe_radius_sigma_mm = 0.053;
+  SayUnsureBends(measurement);
+  ASSERT_EQ(measurement.warnings.size(), 1U);
+  EXPECT_NE(measurement.warnings.front().find("bend 2 turns by 1.17"), std::string::npos);
+  EXPECT_NE(measurement.warnings.front().find("disagree"), std::string::npos);
+}
+
 // Of a bend of 90 degrees whose other end is thin 52 may be followed, and 3 mm of it look straight.
 TEST(ReportQuality, ABendBesideAnEndThatGoesOnMayBeLonger) {
   for (const bool at_start : {true, false}) {
