@@ -175,17 +175,19 @@ Change WithRunsMerged(const SurfaceFit& fit, const ControlPolygon& polygon,
 }
 
 // Bends that follow each other as one, those of all places at once before those of one: bends that
-// ease are alike in that, and one that does not for once hides it of the others. And those that no
-// clamp holds apart before the others: between them may be two that are none.
+// ease are alike in that, and one that does not for once hides it of the others. Those that no
+// clamp holds apart by themselves, too: one that does may part two that are none.
 std::vector<Change> MergeRuns(const SurfaceFit& fit, const ControlPolygon& polygon) {
   const std::vector<Run> unclamped = Runs(fit, kRevise.clamp), runs = Runs(fit, kRevise.between);
   std::vector<Change> list;
   const auto add = [&](std::span<const Run> of) {
     list.push_back(WithRunsMerged(fit, polygon, of));
   };
+  if (!runs.empty()) add(runs);
   if (!unclamped.empty() && unclamped != runs) add(unclamped);
-  if (runs.size() > 1) add(runs);
-  for (const Run& run : runs) add({&run, 1});
+  for (const Run& run : runs) {
+    if (runs.size() > 1) add({&run, 1});
+  }
   for (const Run& run : runs) {
     for (std::size_t i = run.first; run.last > run.first + 1 && i < run.last; ++i) {
       const Run two{i, i + 1};
