@@ -32,7 +32,7 @@ struct EndSettings {
   // [of r_P] The nodes reach this near to the tube's ends.
   double beyond_nodes = 2.0;
   // By trial; of scattered points so many that two or three fliers are no crowd.
-  Crowd line_crowd = {1.0 / 3.0, 0.15}, scattered_crowd = {10.0, 0.3};
+  Crowd line_crowd = {1.0 / 3.0, 0.15}, scattered_crowd = {10.0, 0.2};
   // Usual number on a line; where fewer stand together the points are scattered. By trial.
   double least_crowd = 10.0;
   // Fewer points with a distance to the end tell nothing of their spacing. By trial.
@@ -41,6 +41,12 @@ struct EndSettings {
   std::size_t begun = 20;
   // Of the mean gap: shorter ones are not those between laser lines. By trial.
   double least_gap = 0.3;
+  // So many points before the border tell how far apart they are there: by so many times more than
+  // within the window they are in one of twelve by chance.
+  std::size_t last_points = 10;
+  double thinner = 1.5;
+  // They grow thinner still up to the border: of their gap. By trial.
+  double still_thinner = 1.5;
   // Of the mean gap: a point with a longer one behind it stands alone. By trial.
   double lone_gap = 4.0;
   // Of the mean gap between laser lines: scatter of those that are even. By trial.
@@ -120,6 +126,13 @@ Spacing SpacingWithin(std::span<const double> inward, std::size_t begin, std::si
   return spacing;
 }
 
+// The same gap of scattered points as Spacing::gap_mm, by the next few behind point i.
+double GapBehind(std::span<const double> inward, std::size_t i) {
+  const std::size_t first = i + 1, last = std::min(i + kEnds.last_points, inward.size() - 1);
+  if (last < first + kEnds.least_points) return 0.0;
+  return 2.0 * (inward[last] - inward[first]) / static_cast<double>(last - first);
+}
+
 // Puts those of `inward` in front and in order that FindBorder looks at, which are few of many:
 // up to a window and a quarter after where the straight certainly has begun, and the next one.
 std::span<const double> SortBorder(std::span<double> inward, double pipe_radius_mm) {
@@ -149,13 +162,16 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
   for (std::size_t i = 0; i < end; ++i) {
     // Lone points beyond the tube are fliers; the border has as many neighbours as the rest.
     if (CrowdAt(inward, i, spacing.crowd_mm, last) < spacing.least_crowd) continue;
-    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > kEnds.lone_gap * spacing.gap_mm)
-      continue;
+    // Where they grow thinner towards the end, the last of them count.
+    const double last_mm = GapBehind(inward, i);
+    const double gap_mm =
+        last_mm > kEnds.thinner * spacing.gap_mm ? kEnds.still_thinner * last_mm : spacing.gap_mm;
+    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > kEnds.lone_gap * gap_mm) continue;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
-    const double at_mm = inward[i] - 0.5 * spacing.gap_mm;
+    const double at_mm = inward[i] - 0.5 * gap_mm;
     // Scattered points begin behind the end by half a gap, give or take as much.
-    return Border{at_mm, spacing.gap_mm / (spacing.even ? std::sqrt(12.0) : kEnds.scattered),
-                  at_mm + (spacing.even ? 1.0 : 0.5) * spacing.gap_mm};
+    return Border{at_mm, gap_mm / (spacing.even ? std::sqrt(12.0) : kEnds.scattered),
+                  at_mm + (spacing.even ? 1.0 : 0.5) * gap_mm};
   }
   return std::nullopt;
 }

@@ -133,6 +133,32 @@ TEST(TubeEnds, OfScatteredPointsAreAsSureAsTheySay) {
   EXPECT_LT(ratio, 1.1);
 }
 
+// As where a scan fades out: a third as dense at the end as three pipe radii before it.
+TEST(TubeEnds, WherePointsGrowThinnerAreAsSureAsTheLastOfThem) {
+  Random random(13);
+  double squares = 0;
+  int beyond = 0;
+  constexpr int kRuns = 400;
+  for (int run = 0; run < kRuns; ++run) {
+    const hal::Tube tube = Truth(1 + run % 3, random);
+    auto cloud = tests::SyntheticCloud(tube, {.points = 8000, .noise_mm = 0.001}, random);
+    const hal::SpineSegment first = hal::SpineSegments(tube.program, tube.X_WT).front();
+    std::erase_if(cloud, [&](const Eigen::Vector3d& point) {
+      const double along = (point - first.start_mm).dot(first.tangent) / kRadius;
+      const bool is_beside = along < 4 && (point - first.start_mm).norm() < 5 * kRadius;
+      return is_beside && std::uniform_real_distribution<double>(0, 1)(random) >
+                              0.25 + 0.19 * std::max(0.0, along);
+    });
+    const TubeEnds ends =
+        FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+    const double ratio = EndErrors(tube, ends).first / ends.first_sigma_mm;
+    squares += ratio * ratio;
+    beyond += std::abs(ratio) > 6 ? 1 : 0;
+  }
+  EXPECT_LT(std::sqrt(squares / kRuns), 1.35);
+  EXPECT_LE(beyond, kRuns / 100);
+}
+
 TEST(TubeEnds, TheStartMovesWithTheFirstLength) {
   Random random(3);
   const hal::Tube tube = Truth(2, random);
