@@ -51,6 +51,7 @@ bool BowedTube::MoveTo(SurfaceFit& fit) const {
   moved.last_start = at.FrameDerivatives(spine).back().row(0);
   const Eigen::MatrixXd covariance =
       Mapped(map, noise_mm2_ * inverse_ + Disagreement(kBowed.noise_sigmas_of_bowed));
+  moved.turn_surplus.resize(0);
   SetCovariance(NoSurer(at, moved.tube.program, covariance), options_.free_pipe_radius, moved);
   fit = std::move(moved);
   return true;

@@ -19,8 +19,11 @@ struct PatchSettings {
   double long_part = 2.0 / 3.0;
   // Rows of patches of a segment: bounds the memory.
   double most_rows = 1024;
+  // Fewer slopes of sides tell nothing of how they scatter.
+  double least_freedom = 10;
 };
 constexpr PatchSettings kPatch;
+constexpr double kDirection = 2;   // numbers of a line's
 constexpr int kPatchesAround = 8;  // a power of two: numbers wrap by their bits
 
 // How a segment is parted: all round the centre of a bend, or along a line.
@@ -89,9 +92,6 @@ PatchRows RowsOf(const SegmentPoints& points, double bend_radius_mm, double patc
 
 void DesignEffect::Add(std::span<const SegmentPoints> points, std::span<const SegmentFrame> frames,
                        double pipe_radius_mm, double limit_mm) {
-  struct Patch {
-    double n = 0, sum = 0, sum2 = 0;
-  };
   std::vector<Patch> all;
   std::array<std::int32_t, kBatch> number;
   for (std::size_t k = 0; k < frames.size(); ++k) {
@@ -113,6 +113,7 @@ void DesignEffect::Add(std::span<const SegmentPoints> points, std::span<const Se
         patch.sum2 += d * d;
       }
     }
+    if (grid.bend_radius_mm == 0) AddSlopes(all);
     for (const Patch& patch : all) {
       if (patch.n < 2) continue;
       const double of_mean = patch.sum * patch.sum / patch.n;
@@ -124,7 +125,34 @@ void DesignEffect::Add(std::span<const SegmentPoints> points, std::span<const Se
   }
 }
 
+void DesignEffect::AddSlopes(std::span<const Patch> patches_of_line) {
+  double sides = 0, of_sides = 0;
+  for (std::size_t side = 0; side < kPatchesAround; ++side) {
+    double n = 0, at = 0, at2 = 0, sum = 0, at_sum = 0;
+    for (std::size_t i = side; i < patches_of_line.size(); i += kPatchesAround) {
+      const Patch& patch = patches_of_line[i];
+      const auto row = static_cast<double>(i / kPatchesAround);
+      n += patch.n;
+      at += patch.n * row;
+      at2 += patch.n * row * row;
+      sum += patch.sum;
+      at_sum += patch.sum * row;
+    }
+    if (n < 2) continue;
+    const double apart = at2 - at * at / n;
+    if (!(apart > 0)) continue;
+    const double pull = at_sum - at * sum / n;
+    of_sides += pull * pull / apart;
+    sides += 1;
+  }
+  if (sides <= kDirection) return;
+  slopes += of_sides;
+  slopes_freedom += sides - kDirection;
+}
+
 void DesignEffect::Add(const DesignEffect& other) {
+  slopes += other.slopes;
+  slopes_freedom += other.slopes_freedom;
   between += other.between;
   within += other.within;
   patches += other.patches;
@@ -134,6 +162,11 @@ void DesignEffect::Add(const DesignEffect& other) {
 double DesignEffect::Value() const {
   if (freedom < 1 || within <= 0) return 1.0;
   return std::max(1.0, (between / patches) / (within / freedom));
+}
+
+double DesignEffect::OfDirections() const {
+  if (slopes_freedom < kPatch.least_freedom || within <= 0) return Value();
+  return std::clamp((slopes / slopes_freedom) / (within / freedom), 1.0, Value());
 }
 
 }  // namespace bendloop::pipeline

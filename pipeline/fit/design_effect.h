@@ -14,12 +14,23 @@ namespace bendloop::pipeline {
 // blocks, whose faces, where they lie along the surface, part the points by their noise.
 struct DesignEffect {
   double between = 0, within = 0, patches = 0, freedom = 0;
+  // Of the slopes of the sides of straights, beyond what the straight's direction explains.
+  double slopes = 0, slopes_freedom = 0;
 
   // `points`: by segment; those further than `limit_mm` from the surface are left out.
   void Add(std::span<const SegmentPoints> points, std::span<const SegmentFrame> frames,
            double pipe_radius_mm, double limit_mm);
   void Add(const DesignEffect& other);
   double Value() const;  // at least 1
+  // Of directions: what a side of a straight has in common all along moves the straight, as passes
+  // of a scan do that are displaced, and hardly turns it. At least 1, at most Value().
+  double OfDirections() const;
+
+ private:
+  struct Patch {
+    double n = 0, sum = 0, sum2 = 0;
+  };
+  void AddSlopes(std::span<const Patch> patches_of_line);
 };
 
 }  // namespace bendloop::pipeline

@@ -50,6 +50,10 @@ struct SurfaceFitSettings {
   double little = 300.0;
   // What all points ask for makes chi square of a part worse by one a parameter, or a few.
   double no_worse = 4.0;
+
+  // [of r_P] Between a straight so short, or shorter, and one so long directions are known by more
+  // and more of the straights, by such exponents. By trial on passes that drift.
+  double short_straight = 2.5, long_straight = 4.0, of_short = 0.65, of_long = 0.8;
 };
 constexpr SurfaceFitSettings kFit;
 
@@ -111,7 +115,9 @@ double LeastVarianceMm2(const FormDeviation& form, const SurfaceFit& fit) {
 
 void SetSigmas(const TubeParameters& parameters, SurfaceFit& fit) {
   const Eigen::MatrixXd& covariance = fit.covariance;
-  const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+  Eigen::VectorXd variance = covariance.diagonal();
+  if (fit.turn_surplus.size() == variance.size()) variance -= fit.turn_surplus;
+  const Eigen::VectorXd sigma = variance.cwiseMax(0.0).cwiseSqrt();
   if (parameters.pipe_radius() >= 0) fit.pipe_radius_sigma_mm = sigma[parameters.pipe_radius()];
   fit.sigma = fit.tube.program;
   for (std::size_t i = 0; i < fit.sigma.rows.size(); ++i) {
@@ -141,6 +147,27 @@ void SetSigmas(const TubeParameters& parameters, SurfaceFit& fit) {
       std::sqrt(std::max(0.0, fit.last_start.dot(covariance * fit.last_start)));
 }
 
+// What turns between two straights shorter than some pipe radii are known by, arcs tell as well.
+Eigen::VectorXd TurnSurplus(const TubeParameters& parameters, const SurfaceFit& fit) {
+  const auto& rows = fit.tube.program.rows;
+  Eigen::VectorXd surplus = Eigen::VectorXd::Zero(fit.covariance.rows());
+  const auto add = [&](int parameter, double shortest_mm) {
+    const double r_mm = fit.tube.pipe_radius_mm;
+    const double part = std::clamp(
+        (shortest_mm / r_mm - kFit.short_straight) / (kFit.long_straight - kFit.short_straight),
+        0.0, 1.0);
+    const double of_straights = kFit.of_short + (kFit.of_long - kFit.of_short) * part;
+    const double effect = std::pow(fit.direction_effect / fit.design_effect, of_straights);
+    surplus[parameter] = (1.0 - effect) * std::max(0.0, fit.covariance(parameter, parameter));
+  };
+  for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
+    const double beside_mm = std::min(rows[i].length_mm, rows[i + 1].length_mm);
+    add(parameters.angle(i), beside_mm);
+    if (i > 0) add(parameters.rotation(i), std::min(rows[i - 1].length_mm, beside_mm));
+  }
+  return surplus;
+}
+
 void SetPenalty(const TubeParameters& parameters, const FormDeviation& form, SurfaceFit& fit) {
   fit.occam_penalty = fit.priors.OccamPenalty(
       parameters, fit.tube, fit.information,
@@ -155,6 +182,7 @@ void Report(const TubeParameters& parameters, const NormalEquations& equations,
   SetForm(form, fit);
   SetPenalty(parameters, form, fit);
   fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);
+  fit.turn_surplus = TurnSurplus(parameters, fit);
   fit.last_start = equations.last_start;
   SetSigmas(parameters, fit);
 }
@@ -278,6 +306,7 @@ class FitOfFew {
     design_effect.Add(state_.assignment.segments, state_.Frames(), state_.tube.pipe_radius_mm,
                       kNoWeight * state_.sigma_mm);
     fit_.design_effect = design_effect.Value();
+    fit_.direction_effect = design_effect.OfDirections();
     SetMeanSquares(state_.assignment.segment_sum_mm2, state_.assignment.segment_count, fit_);
     fit_.segment_used = UsedOf(state_.assignment.segments, fit_.sigma_mm);
     if (options_.report == FitReport::kAll) {
@@ -365,6 +394,7 @@ void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coa
       equations.emplace(parameters, spine, pass.sums, options.priors, sigma_mm);
       fit.points = pass.total;
       fit.design_effect = pass.design_effect.Value();
+      fit.direction_effect = pass.design_effect.OfDirections();
       SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
       fit.segment_used = UsedOf(pass.sums);
       Report(parameters, *equations, options.form, fit);

@@ -59,6 +59,9 @@ struct SurfaceFit {
   double sigma_mm = 0;                   // robust standard deviation of the distances
   // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
   double design_effect = 1;
+  double direction_effect = 1;  // the same of directions, DesignEffect::OfDirections()
+  // [rad^2] Of rotations and angles, by parameter: what `covariance` has of them beyond that.
+  Eigen::VectorXd turn_surplus;
   // Of a sample, where structures are compared: that of the distances with the design effect, or
   // what the form of real tubes leaves of it, whichever is more.
   double variance_mm2 = 0;
