@@ -31,6 +31,9 @@ struct Doubts {
   double rough = 0.04;
   // [of r_P] A clamp does not hold a shorter straight between two bends.
   double clamped = 0.9;
+  // [of r_P] Nor one that is hardly longer: a slight bend so near another one, and in its plane,
+  // may be a part of it.
+  double beside = 2.5, slight_deg = 5.0, in_plane_deg = 3.0, in_plane_sigmas = 2.5;
   // [of a straight's length] and [sigma] Bows of more: EN 10305-1 lets precision tube have 0.0015,
   // and benders leave L / 300, with one that changes sides on it.
   double bow = 1.0 / 220.0, bow_sigmas = 6.0;
@@ -227,14 +230,24 @@ bool LiesOffTogether(const SurfaceFit& fit) {
 }
 
 // A bend that is dented, or eases further than its arc is long, looks like two with next to nothing
-// between them.
-void DoubtBendUponBend(const hal::Tube& tube, Measurement& measurement) {
-  for (std::size_t i = 1; i < tube.program.bend_count(); ++i) {
-    const double straight_mm = tube.program.rows[i].length_mm;
-    if (!(straight_mm < kDoubts.clamped * tube.pipe_radius_mm)) continue;
+// between them, or like one with a slight one beside it, in its plane.
+bool MayBeOne(const SurfaceFit& fit, std::size_t bend) {
+  const auto& rows = fit.tube.program.rows;
+  const double straight = rows[bend].length_mm / fit.tube.pipe_radius_mm;
+  if (straight < kDoubts.clamped) return true;
+  const double in_plane_deg =
+      std::max(kDoubts.in_plane_deg, kDoubts.in_plane_sigmas * fit.sigma.rows[bend].rotation_deg);
+  return straight < kDoubts.beside &&
+         std::min(rows[bend - 1].angle_deg, rows[bend].angle_deg) < kDoubts.slight_deg &&
+         std::abs(rows[bend].rotation_deg) < in_plane_deg;
+}
+
+void DoubtBendUponBend(const SurfaceFit& fit, Measurement& measurement) {
+  for (std::size_t i = 1; i < fit.tube.program.bend_count(); ++i) {
+    if (!MayBeOne(fit, i)) continue;
     measurement.warnings.push_back(
         "bends " + std::to_string(i) + " and " + std::to_string(i + 1) + " have " +
-        Mm(std::max(0.0, straight_mm)) +
+        Mm(std::max(0.0, fit.tube.program.rows[i].length_mm)) +
         " of straight between them, too little for a clamp: they may be one, dented or eased; "
         "compare the number of bends with the drawing");
     return;
@@ -270,7 +283,7 @@ void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const Hal
                                    " bends, the nominal has " + std::to_string(*nominal_bends) +
                                    ": another part, or one that was bent wrongly");
   }
-  if (!nominal_bends) DoubtBendUponBend(fit.tube, measurement);
+  if (!nominal_bends) DoubtBendUponBend(fit, measurement);
   for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
     const Flattening& f = fit.flattening[i];
     const FlatteningSigma& sigma = fit.flattening_sigma[i];

@@ -175,6 +175,28 @@ TEST(ReportQuality, ABendThatIsHardlyKnownIsToldToBeDoubtful) {
   EXPECT_NE(measurement.warnings.front().find("bend 2 turns by 1.40 +- 1.70"), std::string::npos);
 }
 
+// A dent beside a bend of 75 degrees made a bend of 2.5 more of it, 8 mm behind and in its plane.
+TEST(ReportQuality, ASlightBendRightBesideAnotherInItsPlaneIsDoubtful) {
+  SurfaceFit fit;
+  fit.margin = 22;
+  fit.tube = {
+      5, {{{60, 0, 50, 19}, {65, -58, 73, 18}, {8, 0.5, 2.5, 19}, {53, 0, 0, std::nullopt}}}, {}};
+  fit.sigma.rows.assign(4, {0.1, 1.3, 0.2, 0.3});
+  const auto warnings = [&](std::optional<std::size_t> nominal_bends) {
+    Measurement measurement;
+    ReportQuality(fit, fit, {}, nominal_bends, measurement);
+    return measurement.warnings;
+  };
+  ASSERT_EQ(warnings({}).size(), 1U);
+  EXPECT_NE(warnings({}).front().find("bends 2 and 3"), std::string::npos);
+  EXPECT_TRUE(warnings(3).empty()) << "the nominal has it";
+  fit.tube.program.rows[2].rotation_deg = 40;
+  EXPECT_TRUE(warnings({}).empty()) << "in another plane";
+  fit.tube.program.rows[2].rotation_deg = 0.5;
+  fit.tube.program.rows[2].length_mm = 30;
+  EXPECT_TRUE(warnings({}).empty()) << "a clamp holds what is between";
+}
+
 // Passes that are 0.2 mm apart, seen from other sides before and after, look like a slight bend.
 TEST(ReportQuality, ABendThatLeadsNoFurtherAsideThanSidesDisagreeIsDoubtful) {
   Measurement measurement;
