@@ -119,12 +119,11 @@ void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
   if (MayHideBends(other) || !MayBeByCorners(nominal, other.fit.tube, other.fit.sigma)) return;
   const auto more = MoreThanDents(solution, other, blocks, options.reach_mm);
   const double evidence = EvidenceFor(other, solution, blocks, options.reach_mm);
-  if (evidence > 0) {
-    margin = evidence;
-  } else if (more) {
-    margin = std::min(margin, std::abs(*more));
-  }
-  if (evidence > 0 || (more && *more < 0)) solution = std::move(other);
+  // Of the points but those of the dents, where there are any.
+  const double against = more.value_or(-evidence);
+  // What is taken by all points is as sure as they say; else it stays a close call that was one.
+  margin = against < 0 && !more ? -against : std::min(margin, std::abs(against));
+  if (against < 0) solution = std::move(other);
 }
 
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
@@ -243,13 +242,14 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
-  ReportForm(FormOf(final, measurement.tube, fitted), fit.priors.radii_alike > 0, measurement);
+  const SurfaceForm form = FormOf(final, measurement.tube, fitted);
+  ReportForm(form, fit.priors.radii_alike > 0, measurement);
   measurement.bows_explain_mm2 =
       ExplainedByBowsMm2(final.bowed, measurement.tube, tube->blocks, final.options.reach_mm);
   MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
                tube->blocks, measurement.dents);
   SayDeepDents(measurement);
-  SayUnsureBends(measurement);
+  SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
   LookBeyondEnds(ends, final, measurement);
   SayOtherPart(measurement);
   timer.Done("ends");

@@ -196,7 +196,8 @@ Comparison Compare(const Measurement& measured, const CanalScan& scan) {
   const std::size_t stride = scan.points.size() / kLeave.compared_points + 1;
   NearestLanes nearest;
   const std::vector<bool> plain = IsPlain(measured, scan);
-  const double per_mm = static_cast<double>(plain.size() - 1) / (scan.to_mm - scan.from_mm);
+  const double per_mm =
+      static_cast<double>(plain.size() - 1) / std::max(1e-9, scan.to_mm - scan.from_mm);
   const auto is_plain = [&](std::size_t i) {
     const double at = std::clamp(per_mm * (scan.along_mm[i] - scan.from_mm), 0.0,
                                  static_cast<double>(plain.size() - 1));

@@ -222,10 +222,13 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
   }
   const SurfaceFit structure =
       FindStructure(polygon, even_mm, blocks, blocks, {.caution = kDescription.caution});
-  const SurfaceFit fit = FitSurface(structure.tube, blocks,
-                                    {.reach_mm = 0.5 * even_mm,
+  const SurfaceFitOptions options = {.reach_mm = 0.5 * even_mm,
                                      .max_length_mm = 2.0 * LengthOf(polygon),
-                                     .priors = structure.priors});
+                                     .priors = structure.priors};
+  SurfaceFit fit = FitSurface(structure.tube, blocks, options);
+  // What lines and arcs leave of the spine turns straights as much as it moves them.
+  fit.turn_surplus.resize(0);
+  SetCovariance(fit.covariance, options.free_pipe_radius, fit);
   const TubeEnds ends = FindTubeEnds(fit.tube, fit.sigma_mm, blocks);
   measurement.tube = ends.tube;
   measurement.tube.pipe_radius_mm = mean_mm;

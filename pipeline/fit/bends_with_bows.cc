@@ -473,6 +473,7 @@ BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> bloc
 }
 
 bool MayHideBends(const BowedSolution& solution) {
+  if (solution.bows.is_lost) return true;
   const auto& bows = solution.bows.state.bows;
   const EasedSpine spine = SpineOf(solution.bows.state);
   for (std::size_t k = 0; k < bows.size(); ++k) {

@@ -37,7 +37,8 @@ double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
 BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> blocks,
                         SurfaceFitOptions options);
 
-// Whether a straight bows by more than benders leave: a slight bend in it looks like that.
+// Whether a straight bows by more than benders leave, or bows led astray: a slight bend in it looks
+// like that.
 bool MayHideBends(const BowedSolution& solution);
 
 // How much better the points but those of the dents of `fewer`, a tube of fewer bends, speak for

@@ -20,7 +20,7 @@ struct PatchSettings {
   // Rows of patches of a segment: bounds the memory.
   double most_rows = 1024;
   // Fewer slopes of sides tell nothing of how they scatter.
-  double least_freedom = 10;
+  double least_slopes = 10;
 };
 constexpr PatchSettings kPatch;
 constexpr double kDirection = 2;   // numbers of a line's
@@ -88,10 +88,45 @@ PatchRows RowsOf(const SegmentPoints& points, double bend_radius_mm, double patc
   return {.from_mm = along.low, .per_mm = long_mm > 0 ? count / long_mm : 0.0, .rows = count};
 }
 
+struct Patch {
+  double n = 0, sum = 0, sum2 = 0;
+};
+
+void AddSides(const PatchRows& grid, std::span<const Patch> patches,
+              std::span<DesignEffect::Side> sides) {
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    const Patch& patch = patches[i];
+    const double row = static_cast<double>(i / kPatchesAround) + 0.5;
+    const double at_mm = grid.from_mm + (grid.per_mm > 0 ? row / grid.per_mm : 0.0);
+    DesignEffect::Side& side = sides[i % kPatchesAround];
+    side.n += patch.n;
+    side.at_mm += patch.n * at_mm;
+    side.at_mm2 += patch.n * at_mm * at_mm;
+    side.sum += patch.sum;
+    side.at_sum += patch.sum * at_mm;
+  }
+}
+
+// Sum of squares of the slopes, by what independent points would leave of them, and their freedom
+// beyond a straight's direction.
+std::array<double, 2> Slopes(std::span<const DesignEffect::Side> sides) {
+  double squares = 0, count = 0;
+  for (const DesignEffect::Side& side : sides) {
+    if (side.n < 2) continue;
+    const double apart_mm2 = side.at_mm2 - side.at_mm * side.at_mm / side.n;
+    if (!(apart_mm2 > 0)) continue;
+    const double pull = side.at_sum - side.at_mm * side.sum / side.n;
+    squares += pull * pull / apart_mm2;
+    count += 1;
+  }
+  return count > kDirection ? std::array{squares, count - kDirection} : std::array{0.0, 0.0};
+}
+
 }  // namespace
 
 void DesignEffect::Add(std::span<const SegmentPoints> points, std::span<const SegmentFrame> frames,
                        double pipe_radius_mm, double limit_mm) {
+  sides.resize(std::max(sides.size(), frames.size() * kPatchesAround));
   std::vector<Patch> all;
   std::array<std::int32_t, kBatch> number;
   for (std::size_t k = 0; k < frames.size(); ++k) {
@@ -113,7 +148,7 @@ void DesignEffect::Add(std::span<const SegmentPoints> points, std::span<const Se
         patch.sum2 += d * d;
       }
     }
-    if (grid.bend_radius_mm == 0) AddSlopes(all);
+    if (grid.bend_radius_mm == 0) AddSides(grid, all, std::span(sides).subspan(k * kPatchesAround));
     for (const Patch& patch : all) {
       if (patch.n < 2) continue;
       const double of_mean = patch.sum * patch.sum / patch.n;
@@ -125,34 +160,15 @@ void DesignEffect::Add(std::span<const SegmentPoints> points, std::span<const Se
   }
 }
 
-void DesignEffect::AddSlopes(std::span<const Patch> patches_of_line) {
-  double sides = 0, of_sides = 0;
-  for (std::size_t side = 0; side < kPatchesAround; ++side) {
-    double n = 0, at = 0, at2 = 0, sum = 0, at_sum = 0;
-    for (std::size_t i = side; i < patches_of_line.size(); i += kPatchesAround) {
-      const Patch& patch = patches_of_line[i];
-      const auto row = static_cast<double>(i / kPatchesAround);
-      n += patch.n;
-      at += patch.n * row;
-      at2 += patch.n * row * row;
-      sum += patch.sum;
-      at_sum += patch.sum * row;
-    }
-    if (n < 2) continue;
-    const double apart = at2 - at * at / n;
-    if (!(apart > 0)) continue;
-    const double pull = at_sum - at * sum / n;
-    of_sides += pull * pull / apart;
-    sides += 1;
-  }
-  if (sides <= kDirection) return;
-  slopes += of_sides;
-  slopes_freedom += sides - kDirection;
-}
-
 void DesignEffect::Add(const DesignEffect& other) {
-  slopes += other.slopes;
-  slopes_freedom += other.slopes_freedom;
+  sides.resize(std::max(sides.size(), other.sides.size()));
+  for (std::size_t i = 0; i < other.sides.size(); ++i) {
+    sides[i].n += other.sides[i].n;
+    sides[i].at_mm += other.sides[i].at_mm;
+    sides[i].at_mm2 += other.sides[i].at_mm2;
+    sides[i].sum += other.sides[i].sum;
+    sides[i].at_sum += other.sides[i].at_sum;
+  }
   between += other.between;
   within += other.within;
   patches += other.patches;
@@ -165,8 +181,14 @@ double DesignEffect::Value() const {
 }
 
 double DesignEffect::OfDirections() const {
-  if (slopes_freedom < kPatch.least_freedom || within <= 0) return Value();
-  return std::clamp((slopes / slopes_freedom) / (within / freedom), 1.0, Value());
+  double squares = 0, slopes = 0;
+  for (std::size_t first = 0; first < sides.size(); first += kPatchesAround) {
+    const auto [of_segment, count] = Slopes(std::span(sides).subspan(first, kPatchesAround));
+    squares += of_segment;
+    slopes += count;
+  }
+  if (slopes < kPatch.least_slopes || within <= 0) return Value();
+  return std::clamp((squares / slopes) / (within / freedom), 1.0, Value());
 }
 
 }  // namespace bendloop::pipeline

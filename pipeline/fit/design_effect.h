@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/surface_sums.h"
@@ -14,8 +15,11 @@ namespace bendloop::pipeline {
 // blocks, whose faces, where they lie along the surface, part the points by their noise.
 struct DesignEffect {
   double between = 0, within = 0, patches = 0, freedom = 0;
-  // Of the slopes of the sides of straights, beyond what the straight's direction explains.
-  double slopes = 0, slopes_freedom = 0;
+  // Of a side of a straight: sums over its points, for its slope.
+  struct Side {
+    double n = 0, at_mm = 0, at_mm2 = 0, sum = 0, at_sum = 0;
+  };
+  std::vector<Side> sides;  // of all segments, in their order
 
   // `points`: by segment; those further than `limit_mm` from the surface are left out.
   void Add(std::span<const SegmentPoints> points, std::span<const SegmentFrame> frames,
@@ -25,12 +29,6 @@ struct DesignEffect {
   // Of directions: what a side of a straight has in common all along moves the straight, as passes
   // of a scan do that are displaced, and hardly turns it. At least 1, at most Value().
   double OfDirections() const;
-
- private:
-  struct Patch {
-    double n = 0, sum = 0, sum2 = 0;
-  };
-  void AddSlopes(std::span<const Patch> patches_of_line);
 };
 
 }  // namespace bendloop::pipeline

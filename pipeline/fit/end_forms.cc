@@ -38,6 +38,7 @@ struct EndFormSettings {
   double least_continuation = 4.0, least_thin_continuation = 2.0;
   // [of the usual points a length] Fewer are a thin end. [of r_P] Beyond one a tube that bends away
   // is looked for in a ball so large, so far ahead.
+  double last_piece = 1.0;
   double thin = 0.2, wide_ball = 5.0, wide_ahead = 1.0;
   double back = -0.3;  // [cosine] What lies further back is none.
   int most_steps = 500;
@@ -51,6 +52,7 @@ struct AlongAxis {
   std::vector<double> standing_mm;  // how far, of the same points
   std::vector<unsigned> side;       // of the turn, of the same points
   double on_tube_per_mm = 0;        // points of the plain tube
+  double last_per_mm = 0;           // of its last piece, however short its straight is
 };
 
 AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
@@ -58,7 +60,7 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
   const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
   const double out_mm = std::max(kEndForms.out_sigmas * noise_mm, kEndForms.out * r_mm);
   AlongAxis along;
-  double on_tube = 0;
+  double on_tube = 0, last = 0;
   for (const PointBlock& block : near) {
     for (const Eigen::Vector3d& point : block.points) {
       const Eigen::Vector3d from = point - end.position_mm;
@@ -66,7 +68,9 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
       const double x = from.dot(u), y = from.dot(v);
       const double off_mm = std::hypot(x, y) - r_mm;
       if (at_mm < -3.0 * r_mm || at_mm > kEndFormReach * r_mm) continue;
-      if (std::abs(off_mm) < out_mm && at_mm < -r_mm) on_tube += 1;
+      const bool is_on = std::abs(off_mm) < out_mm && at_mm < 0;
+      if (is_on && at_mm < -r_mm) on_tube += 1;
+      if (is_on && at_mm > -kEndForms.last_piece * r_mm) last += 1;
       if (off_mm < out_mm || off_mm > (kEndForms.widest - 1.0) * r_mm) continue;
       if (at_mm < -kEndForms.overlap * r_mm) continue;
       along.out_mm.push_back(at_mm);
@@ -75,6 +79,7 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
     }
   }
   along.on_tube_per_mm = on_tube / (2.0 * r_mm);
+  along.last_per_mm = last / (kEndForms.last_piece * r_mm);
   return along;
 }
 
@@ -207,7 +212,8 @@ FoundEnd FindEndForm(const PlainEnd& end, double pipe_radius_mm, double noise_mm
   const AlongAxis along = Sorted(end, pipe_radius_mm, noise_mm, near);
   FoundEnd found = Fitting(along, pipe_radius_mm, noise_mm);
   const PlainEnd beyond{end.position_mm + found.form.length_mm * end.outward, end.outward};
-  const bool is_thin = along.on_tube_per_mm < kEndForms.thin * usual_per_mm;
+  const bool is_thin =
+      std::max(along.on_tube_per_mm, along.last_per_mm) < kEndForms.thin * usual_per_mm;
   found.form.continues_mm = ContinuesMm(beyond, pipe_radius_mm, others, is_thin);
   return found;
 }

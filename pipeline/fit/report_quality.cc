@@ -49,8 +49,8 @@ struct Doubts {
   double shows_direction = 2.0;
   // [sigma] A bend of a smaller angle may be none.
   double least_bend = 1.5;
-  // [of 1 sigma of the pipe radius, which is how far sides of it disagree] What leads less far
-  // aside may be passes that were displaced.
+  // [of how far sides of straights disagree] What leads less far aside may be passes that were
+  // displaced.
   double aside = 3.0;
 };
 constexpr Doubts kDoubts;
@@ -94,10 +94,10 @@ void DoubtBend(std::size_t bend, const std::string& samples, Measurement& measur
 }
 
 // Where samples go on beyond the end found, what looks like the straight may be more of the bend.
-void DoubtBendThatGoesOn(bool at_start, Measurement& measurement) {
+void DoubtBendThatGoesOn(bool at_start, double fitting_mm, Measurement& measurement) {
   const auto& rows = measurement.tube.program.rows;
   const std::size_t bends = measurement.tube.program.bend_count();
-  const double straight_mm = (at_start ? rows.front() : rows.back()).length_mm;
+  const double straight_mm = (at_start ? rows.front() : rows.back()).length_mm - fitting_mm;
   if (bends == 0 || straight_mm > kDoubts.shows_direction * measurement.tube.pipe_radius_mm) return;
   DoubtBend(at_start ? 0 : bends - 1,
             "too few samples on the " + std::string(at_start ? "first" : "last"), measurement);
@@ -231,7 +231,7 @@ bool LiesOffTogether(const SurfaceFit& fit) {
 
 // A bend that is dented, or eases further than its arc is long, looks like two with next to nothing
 // between them, or like one with a slight one beside it, in its plane.
-bool MayBeOne(const SurfaceFit& fit, std::size_t bend) {
+bool LooksLikeOne(const SurfaceFit& fit, std::size_t bend) {
   const auto& rows = fit.tube.program.rows;
   const double straight = rows[bend].length_mm / fit.tube.pipe_radius_mm;
   if (straight < kDoubts.clamped) return true;
@@ -244,7 +244,7 @@ bool MayBeOne(const SurfaceFit& fit, std::size_t bend) {
 
 void DoubtBendUponBend(const SurfaceFit& fit, Measurement& measurement) {
   for (std::size_t i = 1; i < fit.tube.program.bend_count(); ++i) {
-    if (!MayBeOne(fit, i)) continue;
+    if (!LooksLikeOne(fit, i)) continue;
     measurement.warnings.push_back(
         "bends " + std::to_string(i) + " and " + std::to_string(i + 1) + " have " +
         Mm(std::max(0.0, fit.tube.program.rows[i].length_mm)) +
@@ -360,7 +360,7 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
                                    which +
                                    " end found, too thin to follow: scan that end again, or take "
                                    "away what is there");
-    DoubtBendThatGoesOn(at_start, measurement);
+    DoubtBendThatGoesOn(at_start, form.length_mm, measurement);
   }
 }
 
@@ -389,7 +389,7 @@ void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurem
       std::hypot(measurement.pipe_radius_sigma_mm, std::sqrt(form.sides_mm2));
 }
 
-void SayUnsureBends(Measurement& measurement) {
+void SayUnsureBends(double sides_mm, Measurement& measurement) {
   const auto& rows = measurement.tube.program.rows;
   for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
     const double sigma_deg = measurement.sigma.rows[i].angle_deg;
@@ -401,7 +401,7 @@ void SayUnsureBends(Measurement& measurement) {
     if (rows[i].angle_deg < kDoubts.least_bend * sigma_deg) {
       measurement.warnings.push_back(turn + kMayBeNone + "with more points");
     } else if (const double aside_mm = AsideMm(measurement.tube.program, i);
-               aside_mm < kDoubts.aside * measurement.pipe_radius_sigma_mm) {
+               aside_mm < kDoubts.aside * sides_mm) {
       measurement.warnings.push_back(turn + ", which leads " + Mm(aside_mm) +
                                      " aside, hardly more than the sides of the tube disagree by" +
                                      kMayBeNone + "in one pass");

@@ -40,8 +40,8 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
 // `radii_alike`: the bends are of one die.
 void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurement);
 
-// Bends that are hardly known to be any.
-void SayUnsureBends(Measurement& measurement);
+// Bends that are hardly known to be any. `sides_mm`: how far sides of straights disagree.
+void SayUnsureBends(double sides_mm, Measurement& measurement);
 
 // A dent, as measured, that is too deep for one: what looks so pressed in may be what a bend that
 // was not found would have explained.

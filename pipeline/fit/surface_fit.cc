@@ -51,9 +51,13 @@ struct SurfaceFitSettings {
   // What all points ask for makes chi square of a part worse by one a parameter, or a few.
   double no_worse = 4.0;
 
-  // [of r_P] Between a straight so short, or shorter, and one so long directions are known by more
-  // and more of the straights, by such exponents. By trial on passes that drift.
-  double short_straight = 2.5, long_straight = 4.0, of_short = 0.65, of_long = 0.8;
+  // [of r_P] Between a straight so short and one so long directions are known by more and more of
+  // the straights, by such exponents; and where there is hardly one, by arcs alone. By trial on
+  // passes that drift.
+  double no_straight = 1.0, short_straight = 2.5, long_straight = 4.0;
+  double of_short = 0.65, of_long = 0.8;
+  // [rad] 1 sigma of a turn that no sample tells: what straights agree on is none of its business.
+  double vague_rad = 0.05;
 };
 constexpr SurfaceFitSettings kFit;
 
@@ -147,18 +151,23 @@ void SetSigmas(const TubeParameters& parameters, SurfaceFit& fit) {
       std::sqrt(std::max(0.0, fit.last_start.dot(covariance * fit.last_start)));
 }
 
-// What turns between two straights shorter than some pipe radii are known by, arcs tell as well.
+// What the samples tell of turns more surely than patches of the surface scatter; less of those
+// between short straights, which arcs tell as well.
 Eigen::VectorXd TurnSurplus(const TubeParameters& parameters, const SurfaceFit& fit) {
   const auto& rows = fit.tube.program.rows;
   Eigen::VectorXd surplus = Eigen::VectorXd::Zero(fit.covariance.rows());
   const auto add = [&](int parameter, double shortest_mm) {
     const double r_mm = fit.tube.pipe_radius_mm;
+    const double straight = std::max(0.0, shortest_mm / r_mm);
     const double part = std::clamp(
-        (shortest_mm / r_mm - kFit.short_straight) / (kFit.long_straight - kFit.short_straight),
-        0.0, 1.0);
-    const double of_straights = kFit.of_short + (kFit.of_long - kFit.of_short) * part;
+        (straight - kFit.short_straight) / (kFit.long_straight - kFit.short_straight), 0.0, 1.0);
+    const double of_straights = straight < kFit.no_straight
+                                    ? kFit.of_short * straight / kFit.no_straight
+                                    : kFit.of_short + (kFit.of_long - kFit.of_short) * part;
     const double effect = std::pow(fit.direction_effect / fit.design_effect, of_straights);
-    surplus[parameter] = (1.0 - effect) * std::max(0.0, fit.covariance(parameter, parameter));
+    const double variance = std::max(0.0, fit.covariance(parameter, parameter));
+    if (variance > kFit.vague_rad * kFit.vague_rad) return;
+    surplus[parameter] = (1.0 - effect) * variance;
   };
   for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
     const double beside_mm = std::min(rows[i].length_mm, rows[i + 1].length_mm);

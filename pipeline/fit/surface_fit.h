@@ -57,7 +57,8 @@ struct SurfaceFit {
   Easing easing;                         // none: the bends are sharp
   std::vector<double> easing_sigma_mm2;  // the same
   double sigma_mm = 0;                   // robust standard deviation of the distances
-  // Variance of block means over that of independent samples, at least 1; `sigma` includes it.
+  // Variance of block means over that of independent samples, at least 1; `sigma` includes it, but
+  // for `turn_surplus`.
   double design_effect = 1;
   double direction_effect = 1;  // the same of directions, DesignEffect::OfDirections()
   // [rad^2] Of rotations and angles, by parameter: what `covariance` has of them beyond that.

@@ -163,10 +163,11 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
     // Lone points beyond the tube are fliers; the border has as many neighbours as the rest.
     if (CrowdAt(inward, i, spacing.crowd_mm, last) < spacing.least_crowd) continue;
     // Where they grow thinner towards the end, the last of them count.
-    const double last_mm = GapBehind(inward, i);
-    const double gap_mm =
-        last_mm > kEnds.thinner * spacing.gap_mm ? kEnds.still_thinner * last_mm : spacing.gap_mm;
-    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > kEnds.lone_gap * gap_mm) continue;
+    const double last_mm = spacing.even ? 0.0 : GapBehind(inward, i);
+    const bool is_thinner = last_mm > kEnds.thinner * spacing.gap_mm;
+    const double lone_mm = kEnds.lone_gap * (is_thinner ? last_mm : spacing.gap_mm);
+    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > lone_mm) continue;
+    const double gap_mm = is_thinner ? kEnds.still_thinner * last_mm : spacing.gap_mm;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
     const double at_mm = inward[i] - 0.5 * gap_mm;
     // Scattered points begin behind the end by half a gap, give or take as much.

@@ -150,9 +150,7 @@ class NominalOnNodes final : public ceres::EvaluationCallback {
     hal::Tube tube = tube_;
     double& first_mm = tube.program.rows.front().length_mm;
     double& last_mm = tube.program.rows.back().length_mm;
-    const double beyond_mm = segments_.back().from_start_mm;
-    last_mm =
-        std::max(0.0, last_mm + feet_.back().along_mm - beyond_mm - segments_.back().length_mm);
+    last_mm = std::max(0.0, feet_.back().along_mm - segments_.back().from_start_mm);
     const double before_mm = std::min(feet_.front().along_mm, first_mm);
     tube.X_WT.position_mm += before_mm * segments_.front().tangent;
     first_mm -= before_mm;
@@ -182,7 +180,7 @@ class NominalOnNodes final : public ceres::EvaluationCallback {
     double along_mm = 0;
     for (std::size_t i = 0; i < polygon.size(); ++i) {
       if (i > 0) along_mm += (polygon[i].position_mm - polygon[i - 1].position_mm).norm();
-      if (i % stride != 0) continue;
+      if (i % stride != 0 && i + 1 != polygon.size()) continue;
       feet_.push_back({polygon[i].position_mm, along_mm * stretch});
       const hal::SpineSegment& segment = SegmentAt(segments, feet_.back().along_mm);
       nodes.push_back(polygon[i].position_mm);

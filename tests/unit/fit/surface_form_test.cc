@@ -166,11 +166,11 @@ TEST(ReportQuality, ABendThatIsHardlyKnownIsToldToBeDoubtful) {
   measurement.tube = ThreeBends();
   measurement.sigma = ThreeBends().program;
   for (hal::BendRow& row : measurement.sigma.rows) row.angle_deg = 0.1;
-  SayUnsureBends(measurement);
+  SayUnsureBends(0.0, measurement);
   EXPECT_TRUE(measurement.warnings.empty());
   measurement.tube.program.rows[1].angle_deg = 1.4;
   measurement.sigma.rows[1].angle_deg = 1.7;
-  SayUnsureBends(measurement);
+  SayUnsureBends(0.0, measurement);
   ASSERT_EQ(measurement.warnings.size(), 1U);
   EXPECT_NE(measurement.warnings.front().find("bend 2 turns by 1.40 +- 1.70"), std::string::npos);
 }
@@ -205,11 +205,9 @@ TEST(ReportQuality, ABendThatLeadsNoFurtherAsideThanSidesDisagreeIsDoubtful) {
       {{{28, 0, 35, 16.8}, {14, 127, 1.17, 16.8}, {11, 88, 47, 16.9}, {30, 0, 0, std::nullopt}}},
       {}};
   measurement.sigma.rows.assign(4, {0.2, 0.2, 0.15, 0.5});
-  measurement.pipe_radius_sigma_mm = 0.0005;
-  SayUnsureBends(measurement);
+  SayUnsureBends(0.0005, measurement);
   EXPECT_TRUE(measurement.warnings.empty());
-  measurement.pipe_radius_sigma_mm = 0.053;
-  SayUnsureBends(measurement);
+  SayUnsureBends(0.053, measurement);
   ASSERT_EQ(measurement.warnings.size(), 1U);
   EXPECT_NE(measurement.warnings.front().find("bend 2 turns by 1.17"), std::string::npos);
   EXPECT_NE(measurement.warnings.front().find("disagree"), std::string::npos);

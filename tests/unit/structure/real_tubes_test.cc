@@ -502,14 +502,16 @@ TEST(LongBowedTube, IsItsNominalWhereBowsLeadAstray) {
 
 // Passes that are displaced move straights, and hardly turn them: by the scatter of patches of the
 // surface alone angles and rotations were twice as exact as they said.
-TEST(DriftedTube, KnowsItsAnglesAsWellAsItSays) {
+class DriftedTube : public testing::TestWithParam<std::size_t> {};
+
+TEST_P(DriftedTube, KnowsItsAnglesAsWellAsItSays) {
   const hal::SteadyClock clock;
   double of_angles = 0, of_rotations = 0;
   int tubes = 0;
   for (unsigned seed = 1; seed <= 32; ++seed) {
     std::mt19937_64 random(seed);
-    const auto cloud =
-        tests::ScanRealTube(FourBends(), {}, {.drift_mm = 0.1, .drift_deg = 0.02}, random);
+    const auto cloud = tests::ScanRealTube(
+        FourBends(), {}, {.points = GetParam(), .drift_mm = 0.1, .drift_deg = 0.02}, random);
     const auto measured = Reconstruct(cloud.points_W, {}, clock);
     ASSERT_TRUE(measured) << measured.error().message;
     if (measured->tube.program.bend_count() != 4) continue;
@@ -536,6 +538,7 @@ TEST(DriftedTube, KnowsItsAnglesAsWellAsItSays) {
   EXPECT_GT(std::sqrt(of_rotations / tubes), 0.7);
   EXPECT_LT(std::sqrt(of_rotations / tubes), 1.3);
 }
+INSTANTIATE_TEST_SUITE_P(Points, DriftedTube, testing::Values(24'000, 100'000));
 
 // A thousand times more points, or a thirtieth of the noise, never turn a right structure into a
 // wrong one.
