@@ -49,6 +49,9 @@ struct EndSettings {
   double still_thinner = 1.5;
   // Of the mean gap: a point with a longer one behind it stands alone. By trial.
   double lone_gap = 4.0;
+  // Of the mean gap: a wider one parts what is no part of the tube's end from it, as the other end
+  // of a frame that nearly closes. By trial.
+  double torn_gap = 10.0;
   // Of the mean gap between laser lines: scatter of those that are even. By trial.
   double even = 0.3;
   // A gap of scattered points over 1 sigma of their border: 2 if nothing else moved it; a little
@@ -133,6 +136,14 @@ double GapBehind(std::span<const double> inward, std::size_t i) {
   return 2.0 * (inward[last] - inward[first]) / static_cast<double>(last - first);
 }
 
+// The widest gap among the next few behind point i.
+double WidestBehind(std::span<const double> inward, std::size_t i) {
+  const std::size_t last = std::min(i + kEnds.last_points, inward.size() - 1);
+  double widest_mm = 0;
+  for (std::size_t k = i; k < last; ++k) widest_mm = std::max(widest_mm, inward[k + 1] - inward[k]);
+  return widest_mm;
+}
+
 // Puts those of `inward` in front and in order that FindBorder looks at, which are few of many:
 // up to a window and a quarter after where the straight certainly has begun, and the next one.
 std::span<const double> SortBorder(std::span<double> inward, double pipe_radius_mm) {
@@ -167,6 +178,7 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
     const bool is_thinner = last_mm > kEnds.thinner * spacing.gap_mm;
     const double lone_mm = kEnds.lone_gap * (is_thinner ? last_mm : spacing.gap_mm);
     if (i + 1 < inward.size() && inward[i + 1] - inward[i] > lone_mm) continue;
+    if (WidestBehind(inward, i) > kEnds.torn_gap * spacing.gap_mm) continue;
     const double gap_mm = is_thinner ? kEnds.still_thinner * last_mm : spacing.gap_mm;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
     const double at_mm = inward[i] - 0.5 * gap_mm;
