@@ -153,8 +153,13 @@ bool WorthALook(const Measurement& m) {
          SystematicMm(m) > kLook.systematic * r || IsArcUponArc(m.tube);
 }
 
-// Of a canal's spine, place by place: whether it is the pipe's, and not of what sits on its ends.
-std::vector<bool> IsPlain(const Measurement& tube, const CanalScan& scan) {
+// A place of a canal's spine beside the tube.
+struct CanalPlace {
+  bool is_plain = false;  // the pipe's, and not of what sits on its ends
+  bool is_straight = false;
+};
+
+std::vector<CanalPlace> PlacesOf(const Measurement& tube, const CanalScan& scan) {
   const auto segments = hal::SpineSegments(tube.tube.program, tube.tube.X_WT);
   const std::vector<SegmentFrame> frames = SegmentFrames(segments);
   std::vector<std::int32_t> all(frames.size());
@@ -165,15 +170,16 @@ std::vector<bool> IsPlain(const Measurement& tube, const CanalScan& scan) {
     return long_mm > 0 ? long_mm + kLeave.beside_fitting * tube.tube.pipe_radius_mm : 0.0;
   };
   const double first_mm = of_form_mm(tube.first_end), last_mm = of_form_mm(tube.last_end);
-  std::vector<bool> plain;
+  std::vector<CanalPlace> places;
   for (const SpineSample& sample : scan.spine) {
     const std::int32_t near = NearestSegment(sample.position_mm, frames, all).segment;
     const hal::SpineSegment& segment = segments[static_cast<std::size_t>(near)];
     const double along_mm = (sample.position_mm - segment.start_mm).dot(segment.tangent);
-    plain.push_back(!(near == 0 && first_mm > 0 && along_mm < first_mm) &&
-                    !(near == last && last_mm > 0 && along_mm > segment.length_mm - last_mm));
+    const bool is_on_form = (near == 0 && first_mm > 0 && along_mm < first_mm) ||
+                            (near == last && last_mm > 0 && along_mm > segment.length_mm - last_mm);
+    places.push_back({!is_on_form, !segment.is_arc()});
   }
-  return plain;
+  return places;
 }
 
 struct Comparison {
@@ -184,7 +190,8 @@ struct Comparison {
 
 // Squared distances of the other model's samples from both; from bends as they were fitted, oval
 // ones too.
-Comparison Compare(const Measurement& measured, const CanalScan& scan) {
+Comparison Compare(const Measurement& measured, const CanalScan& scan,
+                   const std::vector<CanalPlace>& places) {
   const hal::Tube& tube = measured.tube;
   const std::vector<SegmentFrame> frames =
       SegmentFrames(SpineOf(tube.program, tube.X_WT, measured.easing),
@@ -195,13 +202,12 @@ Comparison Compare(const Measurement& measured, const CanalScan& scan) {
   Comparison result;
   const std::size_t stride = scan.points.size() / kLeave.compared_points + 1;
   NearestLanes nearest;
-  const std::vector<bool> plain = IsPlain(measured, scan);
   const double per_mm =
-      static_cast<double>(plain.size() - 1) / std::max(1e-9, scan.to_mm - scan.from_mm);
+      static_cast<double>(places.size() - 1) / std::max(1e-9, scan.to_mm - scan.from_mm);
   const auto is_plain = [&](std::size_t i) {
     const double at = std::clamp(per_mm * (scan.along_mm[i] - scan.from_mm), 0.0,
-                                 static_cast<double>(plain.size() - 1));
-    return plain[static_cast<std::size_t>(std::lround(at))];
+                                 static_cast<double>(places.size() - 1));
+    return places[static_cast<std::size_t>(std::lround(at))].is_plain;
   };
   std::vector<Eigen::Vector3d> batch;
   const auto add_batch = [&] {
@@ -241,37 +247,22 @@ std::vector<double> Radii(const CanalScan& scan) {
   for (const SpineSample& sample : scan.spine) radii.push_back(sample.pipe_radius_mm);
   return radii;
 }
-std::vector<double> PlainRadii(const CanalScan& scan, const std::vector<bool>& plain) {
-  std::vector<double> radii;
-  for (std::size_t i = 0; i < plain.size(); ++i) {
-    if (plain[i]) radii.push_back(scan.spine[i].pipe_radius_mm);
-  }
-  return radii;
-}
 
 // Why the points are a canal surface and not this tube; empty: they are not.
 std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
-  const auto segments = hal::SpineSegments(tube.tube.program, tube.tube.X_WT);
-  std::vector<std::int32_t> all;
-  const std::vector<SegmentFrame> frames = SegmentFrames(segments);
-  for (std::size_t k = 0; k < segments.size(); ++k) all.push_back(static_cast<std::int32_t>(k));
-  const std::vector<bool> plain = IsPlain(tube, scan);
-  std::vector<double> straight;
-  for (std::size_t i = 0; i < plain.size(); ++i) {
-    const SpineSample& sample = scan.spine[i];
-    if (!plain[i]) continue;
-    const auto near = NearestSegment(sample.position_mm, frames, all);
-    if (!segments[static_cast<std::size_t>(near.segment)].is_arc()) {
-      straight.push_back(sample.pipe_radius_mm);
-    }
+  const std::vector<CanalPlace> places = PlacesOf(tube, scan);
+  std::vector<double> radii, straight;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (!places[i].is_plain) continue;
+    radii.push_back(scan.spine[i].pipe_radius_mm);
+    if (places[i].is_straight) straight.push_back(radii.back());
   }
-  const std::vector<double> radii = PlainRadii(scan, plain);
   const double mean_mm = Median(radii);
   const double noise_mm = kLeave.range_sigmas * scan.fit.pipe_radius_sigma_mm;
   const double range_mm = Range(radii);
   const bool varies = Range(straight) > std::max(kLeave.on_straights * mean_mm, noise_mm) ||
                       range_mm > std::max(kLeave.in_bends * mean_mm, noise_mm);
-  const Comparison compared = Compare(tube, scan);
+  const Comparison compared = Compare(tube, scan, places);
   if (!varies || !(compared.tube_mm2 > kLeave.better * compared.other_mm2) ||
       static_cast<double>(Explained(scan)) <
           kLeave.least_share * static_cast<double>(tube.fit.samples)) {
@@ -285,7 +276,7 @@ std::string WhyCanal(const Measurement& tube, const CanalScan& scan) {
 }
 
 std::string WhyFreeform(const Measurement& tube, const CanalScan& scan) {
-  const Comparison compared = Compare(tube, scan);
+  const Comparison compared = Compare(tube, scan, PlacesOf(tube, scan));
   if (compared.samples < 1 || !(compared.other_mm2 > 0)) return {};
   const auto bends = static_cast<int>(tube.tube.program.bend_count());
   const int parameters = 5 + 4 * bends;
