@@ -25,6 +25,10 @@ struct TurnSettings {
 };
 constexpr TurnSettings kTurn;
 
+// [rad] The last pieces of an eased bend turn by a hundredth of this, with a radius that the easing
+// changes by kilometres; samples feel none of it, but their sums' last digits times its square.
+constexpr double kFeltRad = 1e-4;
+
 // What a parameter does to the tube behind its place: moves it as a rigid body.
 struct RigidMotion {
   int parameter;
@@ -116,7 +120,9 @@ class MotionsOfEased {
             std::vector<RigidMotion>& motions) const {
     for (std::size_t i = 0; i < by_.size(); ++i) {
       const BendPiece& by = by_[i].pieces[piece];
-      derivative(kBendRadiusState, parameters_[i]) = by.bend_radius_mm;
+      if (segment.angle_rad() >= kFeltRad) {
+        derivative(kBendRadiusState, parameters_[i]) = by.bend_radius_mm;
+      }
       Add(by.angle_rad, ByAngle(parameters_[i], segment), motions[first_motion_ + i]);
       Add(by.bend_radius_mm, ByBendRadius(parameters_[i], segment), motions[first_motion_ + i]);
     }
