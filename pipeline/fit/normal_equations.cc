@@ -37,7 +37,8 @@ NormalEquations::NormalEquations(const TubeParameters& parameters, const EasedSp
                                  double sigma_mm)
     : at(parameters.Initial()),
       matrix(Eigen::MatrixXd::Zero(parameters.size(), parameters.size())),
-      right(Eigen::VectorXd::Zero(parameters.size())) {
+      right(Eigen::VectorXd::Zero(parameters.size())),
+      variance_mm2(sigma_mm * sigma_mm) {
   const auto derivatives = parameters.FrameDerivatives(spine);
   for (std::size_t k = 0; k < derivatives.size(); ++k) {
     const Eigen::Matrix<double, kLocalState, Eigen::Dynamic> weighted =
@@ -47,7 +48,10 @@ NormalEquations::NormalEquations(const TubeParameters& parameters, const EasedSp
     squares_mm2 += sums[k](kLocalState, kLocalState);
     weight += sums[k](kPipeRadiusState, kPipeRadiusState);
   }
-  priors.Add(parameters, at, sigma_mm, matrix, right);
+  of_priors = Eigen::MatrixXd::Zero(parameters.size(), parameters.size());
+  priors.Add(parameters, at, sigma_mm, of_priors, right);
+  matrix += of_priors;
+  of_priors /= variance_mm2;
   last_start = derivatives.back().row(0);
   scale = matrix.diagonal().cwiseSqrt();
   for (double& s : scale) s = s > 0 ? 1.0 / s : 0.0;
@@ -71,6 +75,8 @@ Eigen::MatrixXd NormalEquations::Covariance(const TubeParameters& parameters, co
     of_radius = std::hypot(of_radius, at[parameters.bend_radius(bend)]);
   }
   Eigen::MatrixXd informed = scaled;
+  // Points that are worth less than they weigh leave what is known without them as it is.
+  informed += (variance - variance_mm2) * scale.asDiagonal() * of_priors * scale.asDiagonal();
   informed.diagonal() += variance * scale.cwiseQuotient(range).cwiseAbs2();
   const Eigen::MatrixXd inverse = SolveSymmetric(informed, Eigen::MatrixXd::Identity(size, size));
   Eigen::MatrixXd covariance = variance * scale.asDiagonal() * inverse * scale.asDiagonal();

@@ -30,8 +30,10 @@ struct NormalEquations {
 
   Eigen::VectorXd at;
   Eigen::MatrixXd matrix, scaled;  // with a diagonal of ones
+  Eigen::MatrixXd of_priors;       // what is known without points: the inverse of a covariance
   Eigen::VectorXd right, scale;
   Eigen::VectorXd last_start;  // derivative of where the last straight begins, along it
+  double variance_mm2;         // of a point, as what is known without points was weighed by
   double squares_mm2 = 0;      // weighted
   double weight = 0;
 };

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "pipeline/fit/correlations.h"
+#include "pipeline/fit/normal_equations.h"
 #include "pipeline/fit/tube_parameters.h"
 #include "tests/support/shapes.h"
 
@@ -47,6 +48,26 @@ SurfaceFitOptions Wide(const hal::Tube& tube) {
   return {.reach_mm = 0.6 * tube.pipe_radius_mm,
           .min_sigma_mm = 1e-4 * tube.pipe_radius_mm,
           .max_steps = 100};
+}
+
+// Points that move together are worth less than they weigh; what is known without them is not.
+TEST(NormalEquations, ARadiusThatNoPointTellsIsKnownAsBeforeWhateverPointsAreWorth) {
+  Random random(1);
+  const hal::Tube tube = SomeTube(2, random);
+  const TubeParameters parameters(tube, true);
+  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, {});
+  CondensedSum tells_nothing = CondensedSum::Zero();
+  tells_nothing(kPipeRadiusState, kPipeRadiusState) = 100;
+  tells_nothing(kLocalState, kLocalState) = 100 * 0.05 * 0.05;
+  const std::vector<CondensedSum> sums(spine.segments.size(), tells_nothing);
+  const double known_mm = 0.01 * tube.pipe_radius_mm;
+  const FitPriors priors{UsualBendRadius{*tube.program.rows[0].bend_radius_mm, known_mm}};
+  const NormalEquations equations(parameters, spine, sums, priors, 0.04);
+  for (const double design_effect : {1.0, 9.0}) {
+    const Eigen::MatrixXd covariance = equations.Covariance(parameters, tube, design_effect);
+    const int radius = parameters.bend_radius(0);
+    EXPECT_NEAR(std::sqrt(covariance(radius, radius)), known_mm, 0.01 * known_mm);
+  }
 }
 
 // With exact points the least squares end where all distances are nothing, which they do only if
