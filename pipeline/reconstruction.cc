@@ -157,6 +157,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
     TryNominal(*nominal, tube.polygon, blocks, final.options, solution, tube.structure.margin);
   }
   TryOneDie(blocks, final.options, solution);
+  FitAsAlike(blocks, final.options, solution);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);
   if (!tube.registration.passes.empty()) {

@@ -21,13 +21,6 @@ struct ExpectedRanges {
 };
 constexpr ExpectedRanges kRange;
 
-struct EasingPrior {
-  // [of their mean] 1 sigma of the easings' variances: clamp and dies are the same for all bends of
-  // a tube. By trial; a tenth of the easing length.
-  double alike = 0.2;
-};
-constexpr EasingPrior kEasingPrior;
-
 }  // namespace
 
 Eigen::VectorXd ExpectedRange(const TubeParameters& parameters, double pipe_radius_mm) {
@@ -64,7 +57,7 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
     const Eigen::Index first = parameters.easing(0);
     const Eigen::VectorXd easing = at.segment(first, bends);
     const double mean = easing.mean();
-    const double certainty = std::pow(sigma_mm / (kEasingPrior.alike * mean), 2);
+    const double certainty = std::pow(sigma_mm / (easings_alike * mean), 2);
     Eigen::MatrixXd alike = Eigen::MatrixXd::Identity(bends, bends);
     alike.array() -= 1.0 / static_cast<double>(bends);
     matrix.block(first, first, bends, bends) += certainty * alike;
@@ -128,7 +121,7 @@ double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Fla
   const auto bends = static_cast<double>(easing.variance_mm2.size());
   for (const double variance : easing.variance_mm2) mean_mm2 += variance / bends;
   for (const double variance : easing.variance_mm2) {
-    sum += std::pow((variance - mean_mm2) / (kEasingPrior.alike * mean_mm2), 2);
+    sum += std::pow((variance - mean_mm2) / (easings_alike * mean_mm2), 2);
   }
   if (!easing.empty()) sum += std::pow((easing.reach - kUsualReach) / kReachSigma, 2);
   for (const Flattening& f : flattening) {

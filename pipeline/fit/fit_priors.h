@@ -25,6 +25,9 @@ struct FitPriors {
   std::optional<UsualBendRadius> bend_radius;
   // [of their mean] 1 sigma of the bend radii, whatever that is; 0: nothing is known.
   double radii_alike = 0;
+  // [of their mean] 1 sigma of the easings' variances: clamp and dies are the same for all bends of
+  // a tube. By trial; a tenth of the easing length.
+  double easings_alike = 0.2;
 
   // Adds them to the normal equations, whose points have the noise `sigma_mm`.
   void Add(const TubeParameters& parameters, const Eigen::VectorXd& at, double sigma_mm,

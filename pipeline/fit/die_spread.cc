@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/die_spread.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+#include "pipeline/fit/tube_parameters.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct DieSpreadSettings {
+  // [of what is usual] As likely as each other before the points are looked at.
+  std::array<double, 5> spreads = {0.125, 0.25, 0.5, 1.0, 2.0};
+  // A wider prior whose evidence would be that of a normal distribution without end, or nearly so,
+  // says nothing: the least pivot.
+  double least_pivot = 0.1;
+};
+constexpr DieSpreadSettings kDieSpread;
+
+// Of numbers that one die makes alike, how they differ from their mean. The columns of `base` are
+// orthonormal, of all parameters (Helmert's contrasts).
+struct Alike {
+  Eigen::MatrixXd base;
+  double usual;         // 1 sigma along each
+  double* of_priors;    // what says so, over the mean
+  double spread = 1.0;  // [of the usual one]
+};
+
+Alike AlikeOf(const std::vector<int>& numbers, const Eigen::VectorXd& x, double& of_priors) {
+  const auto bends = static_cast<Eigen::Index>(numbers.size());
+  Eigen::MatrixXd base = Eigen::MatrixXd::Zero(x.size(), bends - 1);
+  double sum = x[numbers.front()];
+  for (Eigen::Index k = 1; k < bends; ++k) {
+    const auto before = static_cast<double>(k);
+    const double length = std::sqrt(before * (before + 1.0));
+    for (Eigen::Index i = 0; i < k; ++i) {
+      base(numbers[static_cast<std::size_t>(i)], k - 1) = 1.0 / length;
+    }
+    const int own = numbers[static_cast<std::size_t>(k)];
+    base(own, k - 1) = -before / length;
+    sum += x[own];
+  }
+  return {std::move(base), of_priors * sum / static_cast<double>(bends), &of_priors};
+}
+
+// The numbers that `priors` expects to be alike.
+std::vector<Alike> AllAlike(const TubeParameters& parameters, const Eigen::VectorXd& x,
+                            FitPriors& priors) {
+  std::vector<int> radii, easings;
+  for (std::size_t i = 0; i < parameters.bends(); ++i) {
+    radii.push_back(parameters.bend_radius(i));
+    if (parameters.eased()) easings.push_back(parameters.easing(i));
+  }
+  std::vector<Alike> alike;
+  if (priors.radii_alike > 0) alike.push_back(AlikeOf(radii, x, priors.radii_alike));
+  if (parameters.eased()) alike.push_back(AlikeOf(easings, x, priors.easings_alike));
+  return alike;
+}
+
+// All of these differences in turn, as the fit with the usual priors has them.
+struct Differences {
+  Eigen::VectorXd apart;
+  Eigen::MatrixXd covariance;
+};
+
+Differences DifferencesOf(const std::vector<Alike>& alike, const SurfaceFit& fit,
+                          const Eigen::VectorXd& x) {
+  Eigen::MatrixXd base(x.size(), 0);
+  for (const Alike& one : alike) {
+    Eigen::MatrixXd wider(x.size(), base.cols() + one.base.cols());
+    wider << base, one.base;
+    base = std::move(wider);
+  }
+  return {base.transpose() * x, base.transpose() * fit.covariance * base};
+}
+
+// The logarithm of what the points say for priors of these spreads in place of the usual ones: a
+// normal distribution times the ratio of two priors is another one, and this is its integral.
+double LogEvidence(const Differences& differences, const std::vector<Alike>& alike) {
+  const Eigen::Index count = differences.apart.size();
+  Eigen::VectorXd more(count);  // of the priors' inverse covariance
+  double narrower = 0;
+  Eigen::Index first = 0;
+  for (const Alike& one : alike) {
+    const Eigen::Index own = one.base.cols();
+    more.segment(first, own)
+        .setConstant((1.0 / (one.spread * one.spread) - 1.0) / (one.usual * one.usual));
+    narrower -= static_cast<double>(own) * std::log(one.spread);
+    first += own;
+  }
+  const Eigen::MatrixXd with_priors =
+      Eigen::MatrixXd::Identity(count, count) + differences.covariance * more.asDiagonal();
+  const Eigen::VectorXd pivots = with_priors.eigenvalues().real();
+  if (!(pivots.minCoeff() > kDieSpread.least_pivot)) {
+    return -std::numeric_limits<double>::infinity();
+  }
+  const Eigen::VectorXd moved = with_priors.partialPivLu().solve(differences.apart);
+  return narrower - 0.5 * pivots.array().log().sum() -
+         0.5 * differences.apart.dot(more.asDiagonal() * moved);
+}
+
+}  // namespace
+
+FitPriors LearnDieSpread(const SurfaceFit& fit, bool free_pipe_radius) {
+  const TubeParameters parameters(fit.tube, free_pipe_radius, fit.flattening, fit.easing);
+  FitPriors priors = fit.priors;
+  if (parameters.bends() < 2 || fit.covariance.rows() != parameters.size() ||
+      !fit.covariance.allFinite()) {
+    return priors;
+  }
+  const Eigen::VectorXd x = parameters.Initial();
+  std::vector<Alike> alike = AllAlike(parameters, x, priors);
+  const Differences differences = DifferencesOf(alike, fit, x);
+  // Of all combinations, by their evidence.
+  constexpr std::size_t kSpreads = kDieSpread.spreads.size();
+  std::size_t combinations = 1;
+  for (std::size_t i = 0; i < alike.size(); ++i) combinations *= kSpreads;
+  std::vector<double> evidence(combinations);
+  const auto choose = [&](std::size_t combination) {
+    for (Alike& one : alike) {
+      one.spread = kDieSpread.spreads[combination % kSpreads];
+      combination /= kSpreads;
+    }
+  };
+  for (std::size_t c = 0; c < combinations; ++c) {
+    choose(c);
+    evidence[c] = LogEvidence(differences, alike);
+  }
+  const double most = *std::max_element(evidence.begin(), evidence.end());
+  double weights = 0;
+  std::vector<double> squares(alike.size(), 0.0);
+  for (std::size_t c = 0; c < combinations; ++c) {
+    choose(c);
+    const double weight = std::exp(evidence[c] - most);
+    weights += weight;
+    for (std::size_t i = 0; i < alike.size(); ++i) {
+      squares[i] += weight * alike[i].spread * alike[i].spread;
+    }
+  }
+  for (std::size_t i = 0; i < alike.size(); ++i) {
+    *alike[i].of_priors *= std::sqrt(squares[i] / weights);
+  }
+  return priors;
+}
+
+}  // namespace bendloop::pipeline
