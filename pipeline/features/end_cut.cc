@@ -52,6 +52,9 @@ struct EndCutSettings {
   double wrong = 0.1, most_wrong = 0.15;
   // [of its mean gap] A column that stops so far beyond a plane, or before it, contradicts it.
   double stops_beyond = 0.3, stops_before = 6.0;
+  // [of their smear] Samples that lie so far beyond a plane, how many of all may, and those of how
+  // much of the turn.
+  double beyond = 4.0, fliers = 3.0, flier_part = 0.005, beside = 0.25;
   // Of scattered samples' columns: so many look like lines by chance.
   double by_chance = 0.2;
 };
@@ -227,9 +230,11 @@ class EndFit {
     if (all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns) return std::nullopt;
     const EndPlane plane = OfColumns(*columns, slope_mm);
-    if (Agrees(plane, *columns, slope_mm, r_mm_)) return plane;
-    const auto border = Bordered(plane, *columns, slope_mm);
-    return border ? border : plane;
+    if (Agrees(plane, *columns, slope_mm, r_mm_)) {
+      if (const auto certain = Certain(plane)) return certain;
+    }
+    if (const auto border = Bordered(plane, *columns, slope_mm)) return border;
+    return Certain(plane);
   }
 
  private:
@@ -273,6 +278,38 @@ class EndFit {
       rough.plane = plane;
       return FitEndBorder(rough, all_.band);
     });
+  }
+
+  // None where the plane leaves more of the wall beyond itself than fliers are: columns of few
+  // samples each may stop by chance as those of an oblique cut would. What speaks for its obliquity
+  // are the samples that a square cut as far out would have beyond it, and are not there: so many
+  // are missing by chance as seldom as a normal distribution leads so far.
+  std::optional<EndPlane> Certain(EndPlane plane) const {
+    if (plane.slope_sigmas < kCut.may_be_oblique) return plane;
+    const Eigen::Vector3d at = NumbersOf(plane, r_mm_);
+    const std::vector<EndSample> samples = all_.every(StrideTo(all_.count, kCut.enough_samples));
+    double beyond = 0, outermost_mm = at[0];
+    EndSectors goes_on{};
+    for (const EndSample& sample : samples) {
+      const double off_mm = sample.beyond_mm - at[0] - at.tail<2>().dot(sample.Direction());
+      const bool is_beyond = off_mm > kCut.beyond * smear_mm_;
+      if (is_beyond) {
+        beyond += 1;
+        goes_on[EndSectorOf(sample.around_rad)] = true;
+      } else {
+        outermost_mm = std::max(outermost_mm, sample.beyond_mm);
+      }
+    }
+    // A table goes on beside the end in a few sectors, too.
+    const auto sectors = std::count(goes_on.begin(), goes_on.end(), true);
+    if (beyond > kCut.fliers + kCut.flier_part * static_cast<double>(samples.size()) &&
+        static_cast<double>(sectors) > kCut.beside * static_cast<double>(kEndSectors)) {
+      return std::nullopt;
+    }
+    const double per_mm = static_cast<double>(all_.count) / std::max(depth_mm_, r_mm_);
+    const double missing = per_mm * (outermost_mm - at[0]);
+    plane.slope_sigmas = std::min(plane.slope_sigmas, std::sqrt(2.0 * missing));
+    return plane;
   }
 
   // None: no border explains the samples better than a plane that they contradict.
