@@ -23,6 +23,7 @@
 #include "pipeline/fit/explained_by_bows.h"
 #include "pipeline/fit/hidden_ends.h"
 #include "pipeline/fit/incidence.h"
+#include "pipeline/fit/last_fit.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/other_parts.h"
 #include "pipeline/fit/registration.h"
@@ -157,7 +158,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
     TryNominal(*nominal, tube.polygon, blocks, final.options, solution, tube.structure.margin);
   }
   TryOneDie(blocks, final.options, solution);
-  FitAsAlike(blocks, final.options, solution);
+  FitLast(blocks, final.options, solution);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);
   if (!tube.registration.passes.empty()) {

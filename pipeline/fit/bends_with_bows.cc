@@ -320,8 +320,8 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
       solution.bows.is_pulled_aside || solution.bows.worth > kRevise.disagree;
   for (int i = 0; i < kRevise.most_undented && may_be_dented; ++i) {
     const auto from = solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
-    auto undented =
-        WithoutDents(solution.bows.state, solution.bows.noise_mm, blocks, from, options.reach_mm);
+    auto undented = WithoutDents(solution.bows.state, solution.bows.noise_mm, blocks, from,
+                                 options.reach_mm, options.dents_wide);
     if (!undented) break;
     const auto before = static_cast<double>(CountPoints(from));
     if (i > 0 && static_cast<double>(undented->point_count()) > kRevise.undented * before) break;

@@ -116,6 +116,7 @@ FitPriors LearnDieSpread(const SurfaceFit& fit, bool free_pipe_radius) {
   }
   const Eigen::VectorXd x = parameters.Initial();
   std::vector<Alike> alike = AllAlike(parameters, x, priors);
+  if (alike.empty()) return priors;
   const Differences differences = DifferencesOf(alike, fit, x);
   // Of all combinations, by their evidence.
   constexpr std::size_t kSpreads = kDieSpread.spreads.size();

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "hal/angles.h"
-#include "pipeline/fit/die_spread.h"
 #include "pipeline/tube/representations.h"
 
 namespace bendloop::pipeline {
@@ -117,21 +116,6 @@ void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& opti
   const double better = AdvantageOf(other, solution, blocks, options.reach_mm) -
                         alike.ChiSquare(other.fit.tube.program, {});
   if (!(better > -kOneDie.worse * static_cast<double>(bends))) return;
-  solution = std::move(other);
-}
-
-void FitAsAlike(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
-                BowedSolution& solution) {
-  const SurfaceFit& fit = solution.fit;
-  if (fit.easing.empty()) return;
-  SurfaceFitOptions as_alike = options;
-  as_alike.priors = LearnDieSpread(fit, options.free_pipe_radius);
-  as_alike.easing = fit.easing;
-  BowedSolution other = SolveWithBows(solution.straight, blocks, as_alike);
-  if (other.fit.tube.program.bend_count() != fit.tube.program.bend_count()) return;
-  if (other.bows.is_lost && !solution.bows.is_lost) return;
-  const double least = -kOneDie.worse * static_cast<double>(fit.tube.program.bend_count());
-  if (!(AdvantageOf(other, solution, blocks, options.reach_mm) > least)) return;
   solution = std::move(other);
 }
 

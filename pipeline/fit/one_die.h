@@ -17,9 +17,4 @@ inline constexpr double kRadiiOfOneDie = 0.015;
 void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                BowedSolution& solution);
 
-// `solution` again, where bends ease, with bends as alike as those are that the points know
-// (die_spread.h): a prior that is as wide as usual would pull, or let go, the others.
-void FitAsAlike(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
-                BowedSolution& solution);
-
 }  // namespace bendloop::pipeline

@@ -33,7 +33,9 @@ struct SurfaceFitOptions {
   // the end. Its best-fit line is of all of it.
   std::array<double, 2> hidden_mm{0, 0};
   bool flattened = false;  // the bends need not be round
-  Easing easing = {};      // to begin with; none: the bends are sharp
+  // [of what a dent takes of the surface] Left out about it.
+  double dents_wide = 1.0;
+  Easing easing = {};  // to begin with; none: the bends are sharp
   FitPriors priors = {};
   FormDeviation form = {};  // what samples are worth where structures are compared
   int max_steps = 40;       // of Levenberg-Marquardt

@@ -81,12 +81,13 @@ class Spine {
 };
 
 std::vector<DentCircle> CirclesOf(const std::vector<DentFound>& dents, const Spine& spine,
-                                  double noise_mm, double pipe_radius_mm, bool on_ends) {
+                                  double noise_mm, double pipe_radius_mm, double wide,
+                                  bool on_ends) {
   std::vector<DentCircle> circles;
   for (const DentFound& dent : dents) {
     const auto place = spine.PlaceOf(dent.position_mm);
     if (!place || (place->on_end && !on_ends)) continue;
-    const double width_mm = 0.5 * dent.size_mm / kHalfWidth;
+    const double width_mm = wide * 0.5 * dent.size_mm / kHalfWidth;
     const double rim = std::max(1.0, dent.depth_mm / (kDents.rim * noise_mm));
     circles.push_back({dent.position_mm, *place,
                        std::clamp(width_mm * std::sqrt(2.0 * std::log(rim)),
@@ -119,14 +120,15 @@ bool IsBelow(const DentCircle& circle, const Spine& spine, std::span<const Point
 
 std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double noise_mm,
                                         std::span<const PointBlock> blocks,
-                                        std::span<const PointBlock> from, double reach_mm) {
+                                        std::span<const PointBlock> from, double reach_mm,
+                                        double wide) {
   const SurfaceForm form = FindForm(state, noise_mm, blocks, reach_mm);
   if (form.dents.empty()) return std::nullopt;
   const double r_mm = state.tube.pipe_radius_mm;
   const Spine spine(state);
   const std::size_t points = CountPoints(blocks), points_from = CountPoints(from);
   std::vector<DentCircle> circles =
-      CirclesOf(form.dents, spine, noise_mm, r_mm, points_from == points);
+      CirclesOf(form.dents, spine, noise_mm, r_mm, wide, points_from == points);
   std::erase_if(circles, [&](const DentCircle& circle) {
     return circle.middle.on_end && !IsBelow(circle, spine, blocks, r_mm);
   });

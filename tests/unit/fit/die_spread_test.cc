@@ -52,6 +52,15 @@ TEST(DieSpread, StaysAsUsualWherePointsTellNothing) {
   EXPECT_NEAR(priors.easings_alike, FitPriors{}.easings_alike, 0.1 * FitPriors{}.easings_alike);
 }
 
+TEST(DieSpread, OfSharpBendsOfAnyDiesIsNothing) {
+  SurfaceFit fit = FitWith({0, 0, 0}, 1.0);
+  fit.priors.radii_alike = 0;
+  fit.easing = {};
+  fit.covariance.conservativeResize(TubeParameters(fit.tube, true).size(),
+                                    TubeParameters(fit.tube, true).size());
+  EXPECT_EQ(LearnDieSpread(fit, true).radii_alike, 0);
+}
+
 TEST(DieSpread, OfFitsWithoutACovarianceStaysAsUsual) {
   SurfaceFit fit = FitWith({0, 0, 0}, 1.0);
   fit.covariance(0, 0) = std::numeric_limits<double>::quiet_NaN();
