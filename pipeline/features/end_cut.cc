@@ -230,9 +230,7 @@ class EndFit {
     if (all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns) return std::nullopt;
     const EndPlane plane = OfColumns(*columns, slope_mm);
-    if (Agrees(plane, *columns, slope_mm, r_mm_)) {
-      if (const auto certain = Certain(plane)) return certain;
-    }
+    if (Agrees(plane, *columns, slope_mm, r_mm_)) return Certain(plane);
     if (const auto border = Bordered(plane, *columns, slope_mm)) return border;
     return Certain(plane);
   }
@@ -280,11 +278,11 @@ class EndFit {
     });
   }
 
-  // None where the plane leaves more of the wall beyond itself than fliers are: columns of few
-  // samples each may stop by chance as those of an oblique cut would. What speaks for its obliquity
-  // are the samples that a square cut as far out would have beyond it, and are not there: so many
-  // are missing by chance as seldom as a normal distribution leads so far.
-  std::optional<EndPlane> Certain(EndPlane plane) const {
+  // Columns of few samples each may stop by chance as those of an oblique cut would: where the
+  // plane leaves more of the wall beyond itself than fliers are, that is all. Else what speaks for
+  // its obliquity are the samples that a square cut as far out would have beyond it, and are not
+  // there: so many are missing by chance as seldom as a normal distribution leads so far.
+  EndPlane Certain(EndPlane plane) const {
     if (plane.slope_sigmas < kCut.may_be_oblique) return plane;
     const Eigen::Vector3d at = NumbersOf(plane, r_mm_);
     const std::vector<EndSample> samples = all_.every(StrideTo(all_.count, kCut.enough_samples));
@@ -304,11 +302,17 @@ class EndFit {
     const auto sectors = std::count(goes_on.begin(), goes_on.end(), true);
     if (beyond > kCut.fliers + kCut.flier_part * static_cast<double>(samples.size()) &&
         static_cast<double>(sectors) > kCut.beside * static_cast<double>(kEndSectors)) {
-      return std::nullopt;
+      plane.slope_sigma = std::max(plane.slope_sigma, std::hypot(plane.cosine, plane.sine));
+      plane.slope_sigmas = 0;
+      return plane;
     }
     const double per_mm = static_cast<double>(all_.count) / std::max(depth_mm_, r_mm_);
     const double missing = per_mm * (outermost_mm - at[0]);
-    plane.slope_sigmas = std::min(plane.slope_sigmas, std::sqrt(2.0 * missing));
+    const double certain = std::max(1.0, std::sqrt(2.0 * missing));
+    if (certain < plane.slope_sigmas) {
+      plane.slope_sigma *= plane.slope_sigmas / certain;
+      plane.slope_sigmas = certain;
+    }
     return plane;
   }
 

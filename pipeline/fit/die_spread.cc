@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
+#include <utility>
 #include <vector>
 
 #include "pipeline/fit/tube_parameters.h"
@@ -17,9 +17,6 @@ namespace {
 struct DieSpreadSettings {
   // [of what is usual] As likely as each other before the points are looked at.
   std::array<double, 5> spreads = {0.125, 0.25, 0.5, 1.0, 2.0};
-  // A wider prior whose evidence would be that of a normal distribution without end, or nearly so,
-  // says nothing: the least pivot.
-  double least_pivot = 0.1;
 };
 constexpr DieSpreadSettings kDieSpread;
 
@@ -63,10 +60,12 @@ std::vector<Alike> AllAlike(const TubeParameters& parameters, const Eigen::Vecto
   return alike;
 }
 
-// All of these differences in turn, as the fit with the usual priors has them.
+// All of these differences in turn, each over what is usual of it, as the fit with the usual priors
+// has them; and the root of their covariance. What else made the fit less certain than its priors
+// are (dents, places that disagree) tells nothing of these: no difference is vaguer than usual.
 struct Differences {
   Eigen::VectorXd apart;
-  Eigen::MatrixXd covariance;
+  Eigen::MatrixXd root;
 };
 
 Differences DifferencesOf(const std::vector<Alike>& alike, const SurfaceFit& fit,
@@ -74,10 +73,13 @@ Differences DifferencesOf(const std::vector<Alike>& alike, const SurfaceFit& fit
   Eigen::MatrixXd base(x.size(), 0);
   for (const Alike& one : alike) {
     Eigen::MatrixXd wider(x.size(), base.cols() + one.base.cols());
-    wider << base, one.base;
+    wider << base, one.base / one.usual;
     base = std::move(wider);
   }
-  return {base.transpose() * x, base.transpose() * fit.covariance * base};
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> of(base.transpose() * fit.covariance * base);
+  const Eigen::VectorXd sigmas = of.eigenvalues().cwiseMax(0.0).cwiseMin(1.0).cwiseSqrt();
+  return {base.transpose() * x,
+          of.eigenvectors() * sigmas.asDiagonal() * of.eigenvectors().transpose()};
 }
 
 // The logarithm of what the points say for priors of these spreads in place of the usual ones: a
@@ -89,20 +91,19 @@ double LogEvidence(const Differences& differences, const std::vector<Alike>& ali
   Eigen::Index first = 0;
   for (const Alike& one : alike) {
     const Eigen::Index own = one.base.cols();
-    more.segment(first, own)
-        .setConstant((1.0 / (one.spread * one.spread) - 1.0) / (one.usual * one.usual));
+    more.segment(first, own).setConstant(1.0 / (one.spread * one.spread) - 1.0);
     narrower -= static_cast<double>(own) * std::log(one.spread);
     first += own;
   }
-  const Eigen::MatrixXd with_priors =
-      Eigen::MatrixXd::Identity(count, count) + differences.covariance * more.asDiagonal();
-  const Eigen::VectorXd pivots = with_priors.eigenvalues().real();
-  if (!(pivots.minCoeff() > kDieSpread.least_pivot)) {
-    return -std::numeric_limits<double>::infinity();
-  }
-  const Eigen::VectorXd moved = with_priors.partialPivLu().solve(differences.apart);
-  return narrower - 0.5 * pivots.array().log().sum() -
-         0.5 * differences.apart.dot(more.asDiagonal() * moved);
+  const Eigen::MatrixXd with_priors = Eigen::MatrixXd::Identity(count, count) +
+                                      differences.root * more.asDiagonal() * differences.root;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> pivots(with_priors);
+  // (1 + C D)^-1 = 1 - R (1 + R D R)^-1 R D, of C = R R.
+  const Eigen::VectorXd pull = more.asDiagonal() * differences.apart;
+  const Eigen::VectorXd felt = pivots.eigenvectors().transpose() * (differences.root * pull);
+  const double moved = felt.cwiseAbs2().cwiseQuotient(pivots.eigenvalues()).sum();
+  return narrower - 0.5 * pivots.eigenvalues().array().log().sum() -
+         0.5 * (differences.apart.dot(pull) - moved);
 }
 
 }  // namespace

@@ -75,11 +75,15 @@ Eigen::MatrixXd NormalEquations::Covariance(const TubeParameters& parameters, co
     of_radius = std::hypot(of_radius, at[parameters.bend_radius(bend)]);
   }
   Eigen::MatrixXd informed = scaled;
-  // Points that are worth less than they weigh leave what is known without them as it is.
-  informed += (variance - variance_mm2) * scale.asDiagonal() * of_priors * scale.asDiagonal();
   informed.diagonal() += variance * scale.cwiseQuotient(range).cwiseAbs2();
   const Eigen::MatrixXd inverse = SolveSymmetric(informed, Eigen::MatrixXd::Identity(size, size));
-  Eigen::MatrixXd covariance = variance * scale.asDiagonal() * inverse * scale.asDiagonal();
+  // Points are worth less than they were weighed by; what is known without them is as sure as it
+  // is.
+  const Eigen::MatrixXd of_known =
+      variance_mm2 * scale.asDiagonal() * of_priors * scale.asDiagonal();
+  const Eigen::MatrixXd scaled_covariance =
+      variance * inverse - (variance - variance_mm2) * inverse * of_known * inverse;
+  Eigen::MatrixXd covariance = scale.asDiagonal() * scaled_covariance * scale.asDiagonal();
   for (Eigen::Index i = 0; i < size; ++i) {
     if (scale[i] == 0) covariance(i, i) = range[i] * range[i];  // no more is known than before
   }

@@ -49,6 +49,9 @@ struct EndSettings {
   double still_thinner = 1.5;
   // Of the mean gap: a point with a longer one behind it stands alone. By trial.
   double lone_gap = 4.0;
+  // Of the mean gap of scattered points: up to here it may have been one of the tube by chance, and
+  // the border is as unsure as half of that. By trial.
+  double perhaps_lone_gap = 7.0;
   // Of the mean gap: a wider one parts what is no part of the tube's end from it, as the other end
   // of a frame that nearly closes. By trial.
   double torn_gap = 10.0;
@@ -170,6 +173,7 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
   const Spacing spacing = SpacingWithin(inward, begin, end);
   if (spacing.gap_mm <= 0) return std::nullopt;
   std::size_t last = 0;
+  double perhaps_mm = 0;  // to the lone point before
   for (std::size_t i = 0; i < end; ++i) {
     // Lone points beyond the tube are fliers; the border has as many neighbours as the rest.
     if (CrowdAt(inward, i, spacing.crowd_mm, last) < spacing.least_crowd) continue;
@@ -177,13 +181,20 @@ std::optional<Border> FindBorder(std::span<double> points, double pipe_radius_mm
     const double last_mm = spacing.even ? 0.0 : GapBehind(inward, i);
     const bool is_thinner = last_mm > kEnds.thinner * spacing.gap_mm;
     const double lone_mm = kEnds.lone_gap * (is_thinner ? last_mm : spacing.gap_mm);
-    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > lone_mm) continue;
+    if (i + 1 < inward.size() && inward[i + 1] - inward[i] > lone_mm) {
+      const double to_next_mm = inward[i + 1] - inward[i];
+      const bool is_perhaps =
+          !spacing.even && to_next_mm < kEnds.perhaps_lone_gap / kEnds.lone_gap * lone_mm;
+      perhaps_mm = is_perhaps ? to_next_mm : 0.0;
+      continue;
+    }
     if (WidestBehind(inward, i) > kEnds.torn_gap * spacing.gap_mm) continue;
     const double gap_mm = is_thinner ? kEnds.still_thinner * last_mm : spacing.gap_mm;
     // The tube ends anywhere before the next line would have come, or one mean gap on.
     const double at_mm = inward[i] - 0.5 * gap_mm;
     // Scattered points begin behind the end by half a gap, give or take as much.
-    return Border{at_mm, gap_mm / (spacing.even ? std::sqrt(12.0) : kEnds.scattered),
+    const double own_mm = gap_mm / (spacing.even ? std::sqrt(12.0) : kEnds.scattered);
+    return Border{at_mm, std::hypot(own_mm, 0.5 * perhaps_mm),
                   at_mm + (spacing.even ? 1.0 : 0.5) * gap_mm};
   }
   return std::nullopt;

@@ -25,8 +25,9 @@ struct TurnSettings {
 };
 constexpr TurnSettings kTurn;
 
-// [rad] The last pieces of an eased bend turn by a hundredth of this, with a radius that the easing
-// changes by kilometres; samples feel none of it, but their sums' last digits times its square.
+// [rad] The last pieces of an eased bend turn by a tenth of this and less, with a radius that the
+// easing changes by kilometres; samples feel none of it, but their sums' last digits times its
+// square.
 constexpr double kFeltRad = 1e-4;
 
 // What a parameter does to the tube behind its place: moves it as a rigid body.

@@ -52,6 +52,15 @@ TEST(DieSpread, StaysAsUsualWherePointsTellNothing) {
   EXPECT_NEAR(priors.easings_alike, FitPriors{}.easings_alike, 0.1 * FitPriors{}.easings_alike);
 }
 
+// Dents and places that disagree make a fit less certain than its priors: that says nothing of
+// them.
+TEST(DieSpread, StaysAsUsualWhereAFitIsVaguerThanItsPriors) {
+  for (const double known : {1.09, 1.1, 2.0, 20.0}) {
+    const FitPriors priors = LearnDieSpread(FitWith({0, 0, 0}, known), true);
+    EXPECT_NEAR(priors.radii_alike, kRadiiOfOneDie, 0.1 * kRadiiOfOneDie);
+  }
+}
+
 TEST(DieSpread, OfSharpBendsOfAnyDiesIsNothing) {
   SurfaceFit fit = FitWith({0, 0, 0}, 1.0);
   fit.priors.radii_alike = 0;

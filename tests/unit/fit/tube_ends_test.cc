@@ -210,6 +210,24 @@ TEST(TubeEnds, FliersBeyondTheEndsAreIgnored) {
   }
 }
 
+// Of few points the outermost stands so far before the next one by chance, now and then.
+TEST(TubeEnds, ALonePointThatMayBeTheTubesMakesTheEndUnsure) {
+  Random random(6);
+  const hal::Tube tube = Truth(2, random);
+  Points cloud = tests::SyntheticCloud(tube, {.points = 2000, .noise_mm = kNoise}, random);
+  const TubeEnds sure =
+      FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+  const hal::SpineSegment last = hal::SpineSegments(tube.program, tube.X_WT).back();
+  const double mean_gap_mm = hal::SpineLength(tube.program) / 2000;
+  const double before_mm = 10 * mean_gap_mm;
+  cloud.push_back(last.PointAt(last.length_mm + before_mm) + kRadius * last.normal);
+  const TubeEnds unsure =
+      FindTubeEnds(EndsUnknown(tube, random), kNoise, tests::Blocks(cloud, kRadius));
+  EXPECT_GT(unsure.last_sigma_mm, 0.4 * before_mm);
+  EXPECT_LT(sure.last_sigma_mm, 0.2 * before_mm);
+  EXPECT_NEAR(unsure.first_sigma_mm, sure.first_sigma_mm, 0.1 * sure.first_sigma_mm);
+}
+
 TEST(TubeEnds, WithoutPointsNothingMoves) {
   Random random(6);
   const hal::Tube tube = Truth(2, random);
