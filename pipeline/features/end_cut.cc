@@ -309,7 +309,7 @@ class EndFit {
     const double per_mm = static_cast<double>(all_.count) / std::max(depth_mm_, r_mm_);
     const double missing = per_mm * (outermost_mm - at[0]);
     const double certain = std::max(1.0, std::sqrt(2.0 * missing));
-    if (certain < plane.slope_sigmas) {
+    if (certain < std::min(plane.slope_sigmas, kCut.oblique)) {
       plane.slope_sigma *= plane.slope_sigmas / certain;
       plane.slope_sigmas = certain;
     }
