@@ -51,9 +51,7 @@ void FitLast(std::span<const PointBlock> blocks, const SurfaceFitOptions& option
   if (other.bows.is_lost && !solution.bows.is_lost) return;
   // Dents that it has taken in again pull as they did.
   if (solution.undented && !other.undented) return;
-  if (LeftOut(other, blocks) > kLastFit.more_out * LeftOut(solution, blocks) && other.undented) {
-    return;
-  }
+  if (LeftOut(other, blocks) > kLastFit.more_out * LeftOut(solution, blocks)) return;
   const double worse = WorseBy(other, solution, blocks, options.reach_mm);
   if (!(worse < kLastFit.worse * static_cast<double>(std::max<std::size_t>(1, bends)))) return;
   solution = std::move(other);

@@ -200,8 +200,8 @@ TEST(EndPlane, IsNotToldByAFewSamples) {
   EXPECT_FALSE(FitEndPlane(samples, kRadiusMm, kWindowMm, 0.02));
 }
 
-// Of three hundred samples one end in some hundreds was said to be oblique by 5 to 8 sigma: those
-// that were missing beyond the plane were six or seven, as few as chance leaves out that often.
+// Of a few hundred samples a square end was said to be oblique for certain, now and then: the
+// samples that were missing beyond the plane were as few as chance leaves out that often.
 TEST(EndPlane, OfFewSamplesIsObliqueOnlyWhereEnoughAreMissing) {
   Tubes tubes(11);
   int oblique = 0;
