@@ -41,7 +41,7 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
   const std::size_t bends = structure.tube.program.bend_count();
   if (bends == 0) return {};
   const std::size_t stride = StrideTo(CountPoints(blocks), kEasingFit.points);
-  const OwnedBlocks few = Thinned(blocks, stride);
+  const OwnedBlocks few = Gathered(blocks, stride);
   options.easing = {};
   // That of the sharp tube goes on where it is of all points.
   if (stride > 1) options.report = FitReport::kCost;

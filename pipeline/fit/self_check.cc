@@ -28,8 +28,8 @@ HalvesDiffer CompareHalves(const SurfaceFit& fit, std::span<const PointBlock> bl
   options.max_steps = kHalves.steps;
   std::array<SurfaceFit, 2> halves;
   ParallelFor(options.workers, halves.size(), [&](std::size_t i) {
-    halves[i] = FitSurface(
-        fit.tube, HalfOf(blocks, i == 0 ? Half::kFirst : Half::kSecond, kHalves.points), options);
+    const OwnedBlocks half = HalfOf(blocks, i == 0 ? Half::kFirst : Half::kSecond, kHalves.points);
+    halves[i] = FitSurface(fit.tube, Gathered(half, 1), options);
   });
   const auto& [a, b] = halves;
   HalvesDiffer worst;
