@@ -23,6 +23,7 @@
 #include "pipeline/fit/explained_by_bows.h"
 #include "pipeline/fit/hidden_ends.h"
 #include "pipeline/fit/incidence.h"
+#include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/last_fit.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/other_parts.h"
@@ -129,6 +130,7 @@ void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
 
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
                       const BlocksAbout& about_end, Workers* workers) {
+  ReachTo({tube.polygon.front().position_mm, tube.polygon.back().position_mm}, tube.structure.tube);
   const SurfaceFit& structure = tube.structure;
   FinalFit final;
   tube.registration =

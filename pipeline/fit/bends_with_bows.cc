@@ -10,6 +10,7 @@
 
 #include "pipeline/fit/bowed_tube.h"
 #include "pipeline/fit/easing_fit.h"
+#include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/surface_sums.h"
@@ -313,6 +314,8 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
                     const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution{
       straight ? std::move(*straight) : FitFromAfar(start, blocks, options), {}, std::nullopt, {}};
+  const EndPlaces ends = EndsOf(start);
+  ReachTo(ends, solution.fit.tube);
   solution.straight = solution.fit.tube;
   solution.bows = FitBows(blocks, options, solution.fit);
   // What a fit has taken in of a dent it shows too shallow and too small: without it, more is seen.
@@ -336,9 +339,11 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
       start_now = hidden.eased.value_or(start);
     }
     solution.fit = FitFromAfar(start_now, *solution.undented, from_there);
+    ReachTo(ends, solution.fit.tube);
     solution.straight = solution.fit.tube;
     solution.bows = FitBows(*solution.undented, from_there, solution.fit);
   }
+  ReachTo(ends, solution.fit.tube);
   return solution;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/surface_sums.h"
 
 namespace bendloop::pipeline {
@@ -69,8 +70,9 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
   if (gain(second) < kEasingFit.promising * second.design_effect) return none();
   options.max_steps = most_steps;
   options.easing = second.easing;
-  const SurfaceFit eased = FitSurface(second.tube, few, options);
+  SurfaceFit eased = FitSurface(second.tube, few, options);
   if (gain(eased) < kEasingFit.insist * kEasingFit.insist * eased.design_effect) return none();
+  ReachTo(EndsOf(structure.tube), eased.tube);
   return {eased.easing, std::nullopt, eased.tube};
 }
 

@@ -2,6 +2,7 @@
 #include "pipeline/fit/other_parts.h"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -28,14 +29,23 @@ std::optional<double> FromSpineMm(const hal::SpineSegment& segment, const Eigen:
 
 bool IsOfAnotherPart(const PointBlock& block, const EasedSpine& spine, std::size_t own,
                      double pipe_radius_mm) {
-  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
-    const std::size_t row = spine.row(k);
-    const bool is_own = row == own || (!spine.is_line(k) && row + 1 == own);
-    if (is_own) continue;
-    const auto from_mm = FromSpineMm(spine.segments[k], block.center_mm);
-    if (from_mm && *from_mm < kBesideTube * pipe_radius_mm) return true;
-  }
-  return false;
+  const auto is_beside = [&](const Eigen::Vector3d& at_mm, double near_mm) {
+    for (std::size_t k = 0; k < spine.segments.size(); ++k) {
+      const std::size_t row = spine.row(k);
+      if (row == own || (!spine.is_line(k) && row + 1 == own)) continue;
+      const auto from_mm = FromSpineMm(spine.segments[k], at_mm);
+      if (from_mm && *from_mm < near_mm) return true;
+    }
+    return false;
+  };
+  const double beside_mm = kBesideTube * pipe_radius_mm;
+  if (is_beside(block.center_mm, beside_mm)) return true;
+  if (!is_beside(block.center_mm, beside_mm + block.half_diagonal_mm)) return false;
+  // Of a cube that the other part only cuts the middle may lie well beside it.
+  const auto on_it =
+      std::count_if(block.points.begin(), block.points.end(),
+                    [&](const Eigen::Vector3d& point) { return is_beside(point, beside_mm); });
+  return 2 * static_cast<std::size_t>(on_it) > block.points.size();
 }
 
 }  // namespace bendloop::pipeline

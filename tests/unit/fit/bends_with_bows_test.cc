@@ -64,6 +64,31 @@ TEST_F(BendsWithBows, TwoThatADentMakesOfOneBecomeOne) {
   EXPECT_EQ(BendsFrom(corners, std::nullopt), 3U);
 }
 
+// Corners of lines that hardly turn may be anywhere along them.
+TEST_F(BendsWithBows, TheTubeEndsWhereItDidWhenBendsBecomeNone) {
+  for (int i = 0; i < 12; ++i) {
+    SCOPED_TRACE(i);
+    Scan({.dents = {{.along = 0.85, .around_rad = 0.5 * i, .depth_r = 0.066}}}, 0.05);
+    const ControlPolygon truth = *PolygonFromTube(cloud_.truth);
+    const Eigen::Vector3d corner = truth.points_mm[3], end = truth.points_mm[4];
+    const Eigen::Vector3d along = (end - corner).normalized(), across = along.unitOrthogonal();
+    const double start_mm = (end - corner).norm() - cloud_.truth.program.rows[3].length_mm;
+    ControlPolygon corners = truth;
+    corners.points_mm.insert(corners.points_mm.begin() + 4,
+                             {corner + (start_mm + 7) * along + 0.1 * across,
+                              corner + (start_mm + 13) * along - 0.1 * across});
+    corners.bend_radii_mm.insert(corners.bend_radii_mm.end(), {15, 15});
+    auto tube = TubeFromPolygon(corners);
+    ASSERT_TRUE(tube);
+    tube->pipe_radius_mm = 5;
+    BowedSolution solution = SolveWithBows(*tube, blocks_, options_);
+    ReviseBends(blocks_, options_, std::nullopt, solution);
+    EXPECT_EQ(solution.fit.tube.program.bend_count(), 3U);
+    EXPECT_NEAR(solution.fit.tube.program.rows.back().length_mm,
+                cloud_.truth.program.rows.back().length_mm, 1.5);
+  }
+}
+
 // Far from other bends each, and beside a noise that makes them hundreds of sigma.
 TEST_F(BendsWithBows, SlightBendsForBowsBecomeNone) {
   Scan(1.0 / 400, 0.01);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What benders make is no lines and arcs: the number of bends must not follow from that.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -300,6 +301,30 @@ TEST(FittedTube, KeepsTheAngleBesideAFlare) {
     const LastAngle angle = LastAngleOf(*measured, cloud.truth);
     EXPECT_NEAR(angle.error_deg, 0, 5 * angle.sigma_deg);
     EXPECT_LT(angle.sigma_deg, 0.1);
+  }
+}
+
+// Bends of it pass its end at 2.6 pipe radii, from spine to axis.
+TEST(CompactTube, HasNoFittingWhereAnotherPartOfItPassesItsEnd) {
+  const hal::SteadyClock clock;
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{12.89, 0, 93.48, 16.05},     {9.85, -17.65, 95.13, 16.05},
+                       {8.28, -5.75, 94.37, 16.05},  {11.57, 138.3, 39.82, 16.05},
+                       {5.67, -65.29, 88.27, 16.05}, {13.05, 0, 0, std::nullopt}};
+  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    // Where it lies among the cubes of points.
+    tube.X_WT.orientation =
+        Eigen::AngleAxisd(0.5 * static_cast<double>(seed), Eigen::Vector3d::UnitX()) *
+        Eigen::AngleAxisd(0.3 * static_cast<double>(seed), Eigen::Vector3d::UnitY());
+    const auto cloud = tests::ScanRealTube(tube, {}, {}, random);
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    EXPECT_EQ(measured->first_end.length_mm, 0);
+    EXPECT_EQ(measured->last_end.length_mm, 0);
+    EXPECT_THAT(measured->warnings, testing::IsEmpty());
   }
 }
 
