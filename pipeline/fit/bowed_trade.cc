@@ -50,7 +50,7 @@ bool BowedTube::MoveTo(SurfaceFit& fit) const {
   const EasedSpine spine = SpineOf(moved.tube.program, moved.tube.X_WT, moved.easing);
   moved.last_start = at.FrameDerivatives(spine).back().row(0);
   const Eigen::MatrixXd covariance =
-      Mapped(map, noise_mm2_ * inverse_ + Disagreement(kBowed.noise_sigmas_of_bowed));
+      Mapped(map, noise_mm2_ * inverse_ + Disagreement(kBowed.noise_sigmas_of_bowed)) + OtherBows();
   moved.turn_surplus.resize(0);
   SetCovariance(NoSurer(at, moved.tube.program, covariance), options_.free_pipe_radius, moved);
   fit = std::move(moved);
@@ -137,6 +137,33 @@ Eigen::MatrixXd BowedTube::NoSurer(const TubeParameters& at, const hal::BendProg
   return covariance;
 }
 
+double BowedTube::MiddleShiftMm(std::size_t k, const Eigen::VectorXd& numbers) const {
+  // What eases further begins earlier, on both sides of its tangent point alike.
+  const int n = parameters_.eased() ? parameters_.easing(0) : parameters_.size();
+  const auto along_mm = [&](std::size_t segment) {
+    return motions_[segment].row(0).head(n).dot(numbers.head(n));
+  };
+  // Where the tube ends the samples know.
+  const double start_mm = k > 0 ? along_mm(k) : 0.0;
+  const double end_mm = k + 1 < motions_.size() ? along_mm(k + 1) : 0.0;
+  return 0.5 * (start_mm + end_mm);
+}
+
+LocalVector BowedTube::LineTurn(std::size_t k, double shift_mm) const {
+  const Bow& bow = state_.bows[k];
+  const double length_mm = LengthOf(k), by_mm = 2.0 / length_mm;
+  const auto curvatures = BowCurvaturesAt(bow.middle.center());
+  const Eigen::Vector2d slope =
+      shift_mm * by_mm * by_mm *
+      (curvatures[0] * bow.modes_mm.head<2>() + curvatures[1] * bow.modes_mm.tail<2>());
+  const double along_mm = 0.5 * (1.0 + bow.middle.center()) * length_mm - bow.before_mm;
+  LocalVector motion = LocalVector::Zero();
+  motion.segment<2>(1) = -along_mm * slope;
+  motion[4] = -slope[1];
+  motion[5] = slope[0];
+  return motion;
+}
+
 std::vector<SpineLine> BowedTube::LinesAt(const Eigen::VectorXd& numbers) const {
   std::vector<SpineLine> lines;
   for (std::size_t k = 0; k < frames_.size(); ++k) {
@@ -145,6 +172,7 @@ std::vector<SpineLine> BowedTube::LinesAt(const Eigen::VectorXd& numbers) const 
     LocalVector motion = motions_[k] * numbers + tails_[k];
     if (own_[k] >= 0) {
       motion += LineMotion(k) * numbers.segment<kBowModes>(own_[k]);
+      motion += LineTurn(k, MiddleShiftMm(k, numbers));
     }
     const Eigen::Matrix3d axes = straight.axes();
     const Eigen::Vector3d turn = axes * motion.segment<3>(3);
@@ -152,6 +180,42 @@ std::vector<SpineLine> BowedTube::LinesAt(const Eigen::VectorXd& numbers) const 
     lines.push_back({straight.start_mm + axes * motion.head<3>(), direction.normalized()});
   }
   return lines;
+}
+
+Eigen::MatrixXd BowedTube::OtherBows() const {
+  const Eigen::VectorXd numbers = parameters_.Initial() + step_.head(parameters_.size());
+  const std::vector<SpineLine> lines = LinesAt(step_);
+  double eased_mm = 0;
+  for (const double variance_mm2 : state_.easing.variance_mm2) {
+    eased_mm = std::max(eased_mm, std::sqrt(std::max(0.0, variance_mm2)));
+  }
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(parameters_.size(), parameters_.size());
+  std::size_t row = 0;
+  for (std::size_t k = 0; k < own_.size(); ++k) {
+    if (!spine_.is_line(k)) continue;
+    const std::size_t at = row++;
+    if (own_[k] < 0) continue;
+    Bow bow = state_.bows[k];
+    bow.modes_mm = BowAt(k, step_);
+    const double length_mm = LengthOf(k);
+    const double steepest =
+        2.0 / length_mm * std::max(bow.SlopeAt(-1.0).norm(), bow.SlopeAt(1.0).norm());
+    const double center_mm = 0.5 * (1.0 + bow.middle.center()) * length_mm - bow.before_mm;
+    const Eigen::Matrix3d axes = spine_.segments[k].axes();
+    for (const int across : {1, 2}) {
+      const Eigen::Vector3d turn =
+          kBowed.bows_on * eased_mm / length_mm * steepest * axes.col(across);
+      const auto turned = [&](double by) {
+        std::vector<SpineLine> other = lines;
+        other[at].direction = (other[at].direction + by * turn).normalized();
+        other[at].point_mm -= by * center_mm * turn;
+        return TradeNumbers(parameters_, state_.tube, other, numbers);
+      };
+      const Eigen::VectorXd moves = 0.5 * (turned(1.0) - turned(-1.0));
+      sum += moves * moves.transpose();
+    }
+  }
+  return sum;
 }
 
 Eigen::VectorXd BowedTube::TradeAt(const Eigen::VectorXd& numbers) const {

@@ -32,6 +32,9 @@ struct BowedSettings {
   // [of a straight's length] 1 sigma of a bow's height, and of one that changes sides: L / 300 is
   // the worst that is sold as straight.
   double bow = 0.002, s_bow = 0.001;
+  // [of the slope of a bow at its ends, and of what of its straight the bends beside it ease over]
+  // How far nobody knows how it goes on there: so much its best-fit line may be turned. By trial.
+  double bows_on = 0.03;
   // [of a straight's length] Beyond it a solution has gone astray.
   double most_bow = 0.02;
   // [of the highest bow] Beside the noise, for the first weights: what bows leave is no outlier.
@@ -228,10 +231,18 @@ class BowedTube {
   // cluster-robust inference, 2015). 0 where the tube is what the model says.
   Eigen::MatrixXd Disagreement(double noise_sigmas) const;
 
+  // How far the part of a straight that its best-fit line is of moves along, where `numbers` are so
+  // much more: the samples tell a bow, but hardly where a slight bend begins.
+  double MiddleShiftMm(std::size_t k, const Eigen::VectorXd& numbers) const;
+  // What that does to the line of one that bows.
+  LocalVector LineTurn(std::size_t k, double shift_mm) const;
   // The straights' best-fit lines where `numbers` are so much more.
   std::vector<SpineLine> LinesAt(const Eigen::VectorXd& numbers) const;
 
   Eigen::VectorXd TradeAt(const Eigen::VectorXd& numbers) const;
+
+  // How sure rows are of a tube whose straights bow a little otherwise than by two modes.
+  Eigen::MatrixXd OtherBows() const;
 
   // Its derivative, where it is linear enough for differences of a thousandth of a sigma.
   Eigen::MatrixXd TradeMap() const;

@@ -146,8 +146,13 @@ struct Line {
   Eigen::Vector3d point, direction;
 };
 
+// [mm] Standard deviation of what curvature is smoothed over.
+double EasingLengthMm(const Form& form, double r_mm) {
+  return form.easing_r * r_mm / (form.ramps ? std::sqrt(3.0) : 1.0);
+}
+
 // Least squares over the places of a straight without the tangent regions: an eighth at each end,
-// or as far as the bends reach into it, but for a middle fifth.
+// or two easing lengths, but for a middle fifth.
 Line BestFitLine(const Spine& spine, double from_mm, double to_mm, double easing_mm) {
   const double length_mm = to_mm - from_mm;
   const double off_mm = std::clamp(2.0 * easing_mm, 0.125 * length_mm, 0.4 * length_mm);
@@ -181,7 +186,7 @@ hal::Tube TradeTube(const hal::Tube& program, const Form& form, const Spine& spi
   for (std::size_t k = 0; k < segments.size(); k += 2) {
     lines.push_back(BestFitLine(spine, segments[k].from_start_mm,
                                 segments[k].from_start_mm + segments[k].length_mm,
-                                form.easing_r * program.pipe_radius_mm));
+                                EasingLengthMm(form, program.pipe_radius_mm)));
   }
   const auto onto = [](const Line& line, const Eigen::Vector3d& p) -> Eigen::Vector3d {
     return line.point + (p - line.point).dot(line.direction) * line.direction;

@@ -140,6 +140,34 @@ TEST(BowedFit, BowsGoOnWhereBendsEase) {
   EXPECT_LT(std::sqrt(squares_deg2 / values), 0.006);
 }
 
+// Where a slight bend begins samples hardly tell, and which part of a bow a best-fit line is of
+// turns with it.
+TEST(BowedFit, BestFitLinesAreAsSureAsWhereTheirStraightsBegin) {
+  double squares = 0;
+  int values = 0;
+  for (int seed = 1; seed <= 4; ++seed) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(seed));
+    hal::Tube tube = ThreeBends();
+    tube.program.rows = {
+        {45, 0, 60, 15}, {40, 80, 16, 15}, {38, -120, 18, 15}, {50, 60, 70, 15}, {50, 0, 0, {}}};
+    const auto cloud = tests::ScanRealTube(tube, {.bow = 1.0 / 350, .easing_r = 0.8},
+                                           {.points = 60'000, .noise_mm = 0.005}, random);
+    const auto found = Reconstruct(cloud.points_W, {}, kClock);
+    ASSERT_TRUE(found.has_value());
+    const auto &is = found->tube.program.rows, &was = cloud.truth.program.rows;
+    const auto& sigma = found->sigma.rows;
+    ASSERT_EQ(is.size(), was.size());
+    const bool reversed = std::abs(is[0].angle_deg - was[0].angle_deg) > 5;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const std::size_t row = reversed ? 3 - i : i;
+      const double z = (is[row].angle_deg - was[i].angle_deg) / sigma[row].angle_deg;
+      squares += z * z;
+      ++values;
+    }
+  }
+  EXPECT_LT(std::sqrt(squares / values), 1.5);
+}
+
 // A bow of 4 um at a noise of 30: a thirtieth of the points does not show it, and all of them know
 // angles to a fifth of what it turns.
 TEST(BowedFit, ManyPointsShowWhatFewDoNot) {
