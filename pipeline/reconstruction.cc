@@ -56,6 +56,8 @@ struct StageSettings {
   // [of r_P] How far from the surface the final fit looks: beyond any noise that a tube may have
   // (fit/report_quality.cc) five times over, and nearer than a neighbour that touches.
   double final_reach = 0.2;
+  // By trial on passes that drift: about that of nine degrees of freedom.
+  double few_causes = 0.3;
   // [of 1/r_P] How far off the pipe's a sample's curvature may be that is shrunk (Lee & Kim 2004).
   double shrink_widest = 1.5;
   // So many samples are shrunk at most: the spine asks for no more, and each costs the same.
@@ -140,6 +142,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
                    .max_length_mm = 2.0 * LengthOf(tube.polygon),
                    .flattened = !structure.flattening.empty(),
                    .priors = structure.priors,
+                   .few_causes = kStage.few_causes,
                    .workers = workers};
   final.weights = WeighByIncidence(structure.tube, structure.flattening, structure.sigma_mm,
                                    final.options.reach_mm, tube.blocks, workers);

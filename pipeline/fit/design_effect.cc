@@ -8,6 +8,7 @@
 #include <numbers>
 #include <vector>
 
+#include "pipeline/fit/sides.h"
 #include "pipeline/math/circle_sectors.h"
 #include "pipeline/math/simd.h"
 
@@ -189,6 +190,24 @@ double DesignEffect::OfDirections() const {
   }
   if (slopes < kPatch.least_slopes || within <= 0) return Value();
   return std::clamp((squares / slopes) / (within / freedom), 1.0, Value());
+}
+
+double DesignEffect::SidesMm2() const {
+  if (freedom < 1) return 0.0;
+  const double noise_mm2 = within / freedom;
+  double sum_mm2 = 0, straights = 0;
+  for (std::size_t first = 0; first < sides.size(); first += kPatchesAround) {
+    std::array<SideMean, kPatchesAround> means;
+    for (std::size_t i = 0; i < means.size(); ++i) {
+      const Side& side = sides[first + i];
+      if (side.n > 0) means[i] = {side.n, side.sum / side.n, noise_mm2 / side.n};
+    }
+    const auto beyond_mm2 = BeyondNoiseMm2(means);
+    if (!beyond_mm2) continue;
+    sum_mm2 += *beyond_mm2;
+    straights += 1;
+  }
+  return straights > 0 ? std::max(0.0, sum_mm2 / straights) : 0.0;
 }
 
 }  // namespace bendloop::pipeline

@@ -29,6 +29,9 @@ struct DesignEffect {
   // Of directions: what a side of a straight has in common all along moves the straight, as passes
   // of a scan do that are displaced, and hardly turns it. At least 1, at most Value().
   double OfDirections() const;
+  // What sides of straights have in common all along, beyond noise [mm^2]: passes of a scan that do
+  // not meet. At least 0.
+  double SidesMm2() const;
 };
 
 }  // namespace bendloop::pipeline

@@ -184,13 +184,14 @@ void SetPenalty(const TubeParameters& parameters, const FormDeviation& form, Sur
 }
 
 void Report(const TubeParameters& parameters, const NormalEquations& equations,
-            const FormDeviation& form, SurfaceFit& fit) {
+            const SurfaceFitOptions& options, SurfaceFit& fit) {
   fit.used = static_cast<std::size_t>(equations.weight + 0.5);
   fit.information = equations.matrix;
   fit.residual_mm2 = equations.Variance();
-  SetForm(form, fit);
-  SetPenalty(parameters, form, fit);
-  fit.covariance = equations.Covariance(parameters, fit.tube, fit.design_effect);
+  SetForm(options.form, fit);
+  SetPenalty(parameters, options.form, fit);
+  fit.covariance = equations.Covariance(
+      parameters, fit.tube, fit.design_effect + options.few_causes * (fit.design_effect - 1.0));
   fit.turn_surplus = TurnSurplus(parameters, fit);
   fit.last_start = equations.last_start;
   SetSigmas(parameters, fit);
@@ -316,11 +317,12 @@ class FitOfFew {
                       kNoWeight * state_.sigma_mm);
     fit_.design_effect = design_effect.Value();
     fit_.direction_effect = design_effect.OfDirections();
+    fit_.sides_mm2 = design_effect.SidesMm2();
     SetMeanSquares(state_.assignment.segment_sum_mm2, state_.assignment.segment_count, fit_);
     fit_.segment_used = UsedOf(state_.assignment.segments, fit_.sigma_mm);
     if (options_.report == FitReport::kAll) {
       Linearize();
-      Report(state_.Parameters(options_), *equations_, options_.form, fit_);
+      Report(state_.Parameters(options_), *equations_, options_, fit_);
     }
     fit_.distances_mm = std::move(state_.assignment.distances_mm);
     return std::move(fit_);
@@ -404,9 +406,10 @@ void FitMany(std::span<const PointBlock> blocks, std::span<const PointBlock> coa
       fit.points = pass.total;
       fit.design_effect = pass.design_effect.Value();
       fit.direction_effect = pass.design_effect.OfDirections();
+      fit.sides_mm2 = pass.design_effect.SidesMm2();
       SetMeanSquares(pass.segment_sum_mm2, pass.segment_count, fit);
       fit.segment_used = UsedOf(pass.sums);
-      Report(parameters, *equations, options.form, fit);
+      Report(parameters, *equations, options, fit);
       sigma_mm = std::max(options.min_sigma_mm, kMadToSigma * pass.magnitudes.Quantile(0.5));
       fit.sigma_mm = sigma_mm;
       chi_square = ChiSquareOf(pass, sigma_mm, options) +

@@ -37,6 +37,10 @@ struct SurfaceFitOptions {
   double dents_wide = 1.0;
   Easing easing = {};  // to begin with; none: the bends are sharp
   FitPriors priors = {};
+  // [of what the design effect is beyond 1] Added to it for the covariance. What moves places
+  // together is a few displacements more often than many, and what so few tell of their spread is
+  // less than it looks: Student's t has a greater variance than a normal.
+  double few_causes = 0.0;
   FormDeviation form = {};  // what samples are worth where structures are compared
   int max_steps = 40;       // of Levenberg-Marquardt
   // A step that makes chi square less by no more than this part is the last.
@@ -63,6 +67,7 @@ struct SurfaceFit {
   // for `turn_surplus`.
   double design_effect = 1;
   double direction_effect = 1;  // the same of directions, DesignEffect::OfDirections()
+  double sides_mm2 = 0;         // DesignEffect::SidesMm2()
   // [rad^2] Of rotations and angles, by parameter: what `covariance` has of them beyond that.
   Eigen::VectorXd turn_surplus;
   // Of a sample, where structures are compared: that of the distances with the design effect, or

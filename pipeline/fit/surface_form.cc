@@ -10,6 +10,7 @@
 
 #include "hal/tube_features.h"
 #include "pipeline/fit/long_bends.h"
+#include "pipeline/fit/sides.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/circle_sectors.h"
 #include "pipeline/math/dense_solve.h"
@@ -34,6 +35,9 @@ struct FormSettings {
   double cell = 0.5;
   // [of r_P] A dent is this deep at least, and [sigma] of what all cells scatter by.
   double least_depth = 0.012, depth_sigmas = 7.0;
+  // [of what sides of straights disagree by] Of less a pass of the scan may be displaced, which
+  // another one sees beside it. By trial.
+  double beyond_sides = 3.0;
   // [sigma] And of what noise leaves of its own cell's mean, which few points tell at the edge of
   // what a scan sees. Of thousands of cells one is 4 off by chance.
   double noise_sigmas = 5.0;
@@ -44,8 +48,8 @@ struct FormSettings {
   // Points in and next to a cell that tell of it.
   double least_in_cells = 8;
   std::size_t most_dents = 20;
-  // Points of a side that tell of it, and [sigma] how far off they may be.
-  double least_of_side = 5, side_sigmas = 4.0;
+  // [sigma] How far off points of a side may be that tell of it.
+  double side_sigmas = 4.0;
 };
 constexpr FormSettings kForm;
 
@@ -75,8 +79,7 @@ struct Cells {
   }
 };
 
-// The sides of a straight: what is beyond noise of their mean distances all along it, without what
-// moves the straight across [mm^2]; negative where noise was kind.
+// The sides of a straight.
 class Sides {
  public:
   void Add(double outward, double z, double distance_mm) {
@@ -87,32 +90,17 @@ class Sides {
   }
 
   std::optional<double> BeyondNoise() const {
-    // Mean, cosine and sine of the sides' means, by least squares.
-    Eigen::Matrix3d matrix = Eigen::Matrix3d::Identity() * 1e-9;
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    std::array<SideMean, kSides> sides;
     for (std::size_t i = 0; i < kSides; ++i) {
-      matrix += count_[i] * Of(i) * Of(i).transpose();
-      right += sum_mm_[i] * Of(i);
-    }
-    const Eigen::Vector3d across = SolveSymmetric(matrix, right);
-    double beyond_mm2 = 0, sides = 0;
-    for (std::size_t i = 0; i < kSides; ++i) {
-      if (count_[i] < kForm.least_of_side) continue;
+      if (count_[i] < 2) continue;
       const double mean = sum_mm_[i] / count_[i];
       const double variance = squares_mm2_[i] / count_[i] - mean * mean;
-      beyond_mm2 += std::pow(mean - across.dot(Of(i)), 2) - variance / (count_[i] - 1);
-      sides += 1;
+      sides[i] = {count_[i], mean, variance / (count_[i] - 1)};
     }
-    // Three numbers were fitted to them.
-    if (sides < 6) return std::nullopt;
-    return beyond_mm2 / (sides - 3);
+    return BeyondNoiseMm2(sides);
   }
 
  private:
-  static Eigen::Vector3d Of(std::size_t side) {
-    const double turn = (static_cast<double>(side) + 0.5) * 2.0 * std::numbers::pi / kSides;
-    return {1.0, std::cos(turn), std::sin(turn)};
-  }
   std::array<double, kSides> count_{}, sum_mm_{}, squares_mm2_{};
 };
 
@@ -218,7 +206,7 @@ DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int sid
 }
 
 std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> stretches,
-                                 double pipe_radius_mm, double noise_mm) {
+                                 double pipe_radius_mm, double noise_mm, double sides_mm) {
   std::vector<double> magnitudes;
   for (const Depths& depths : stretches) {
     for (const double depth : depths.mm) {
@@ -227,7 +215,8 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> st
   }
   const double scatter_mm = 1.4826 * Median(magnitudes);
   const double least_mm =
-      std::max(kForm.least_depth * pipe_radius_mm, kForm.depth_sigmas * scatter_mm);
+      std::max({kForm.least_depth * pipe_radius_mm, kForm.depth_sigmas * scatter_mm,
+                kForm.beyond_sides * sides_mm});
   const double cell_mm2 =
       kForm.cell * pipe_radius_mm * 2.0 * std::numbers::pi * pipe_radius_mm / kSides;
   std::vector<DentFound> dents;
@@ -379,7 +368,7 @@ SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
   form.sides_mm2 = straights > 0 ? std::max(0.0, sides_mm2 / straights) : 0.0;
   std::vector<Depths> depths;
   for (const StretchForm& stretch : stretches) depths.push_back(stretch.DepthsOfCells());
-  form.dents = FindDents(spine, std::move(depths), r_mm, noise_mm);
+  form.dents = FindDents(spine, std::move(depths), r_mm, noise_mm, std::sqrt(form.sides_mm2));
   return form;
 }
 

@@ -26,6 +26,8 @@ struct CriterionSettings {
   double truncated = 6.0;
   // [sigma] By which samples must insist on bends that are not round.
   double insist = 6.0;
+  // [of the mean square by which sides of straights disagree] That no ovality of bends explains.
+  double beyond_sides = 0.5;
   // Of the samples that the other structure reaches: with less this one lost the tube.
   double lost = 0.6;
 };
@@ -84,7 +86,13 @@ bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& 
   const double price = 4.0 * std::max(0.0, more) * price_;
   const double limit_mm = kCriterion.truncated * flattened.sigma_mm;
   const double variance_mm2 = flattened.sigma_mm * flattened.sigma_mm * flattened.design_effect;
-  return Cost(round, limit_mm) - Cost(flattened, limit_mm) >
+  // Where passes do not meet bends look oval by as much.
+  double on_bends = 0;
+  for (std::size_t k = 1; k < flattened.segment_samples.size(); k += 2) {
+    on_bends += flattened.segment_samples[k];
+  }
+  const double as_sides_mm2 = kCriterion.beyond_sides * flattened.sides_mm2 * on_bends;
+  return Cost(round, limit_mm) - Cost(flattened, limit_mm) - as_sides_mm2 >
          variance_mm2 * (price + freedom + kCriterion.insist * std::sqrt(2.0 * freedom));
 }
 

@@ -529,10 +529,10 @@ TEST(LongBowedTube, IsItsNominalWhereBowsLeadAstray) {
 // surface alone angles and rotations were twice as exact as they said.
 class DriftedTube : public testing::TestWithParam<std::size_t> {};
 
-TEST_P(DriftedTube, KnowsItsAnglesAsWellAsItSays) {
+TEST_P(DriftedTube, KnowsItsRowsAsWellAsItSaysAndHasFewDents) {
   const hal::SteadyClock clock;
-  double of_angles = 0, of_rotations = 0;
-  int tubes = 0;
+  double of_angles = 0, of_rotations = 0, of_lengths = 0;
+  int tubes = 0, dents = 0;
   for (unsigned seed = 1; seed <= 32; ++seed) {
     std::mt19937_64 random(seed);
     const auto cloud = tests::ScanRealTube(
@@ -554,14 +554,20 @@ TEST_P(DriftedTube, KnowsItsAnglesAsWellAsItSays) {
       const double off_deg =
           hal::WrapRotationDeg(program.rows[i].rotation_deg - truth[i].rotation_deg);
       of_rotations += std::pow(off_deg / sigma.rows[i].rotation_deg, 2) / 3;
+      const double off_mm = program.rows[i].length_mm - truth[i].length_mm;
+      of_lengths += std::pow(off_mm / sigma.rows[i].length_mm, 2) / 3;
     }
     ++tubes;
+    dents += static_cast<int>(measured->dents.size());
   }
   ASSERT_GT(tubes, 28);
   EXPECT_GT(std::sqrt(of_angles / tubes), 0.7);
   EXPECT_LT(std::sqrt(of_angles / tubes), 1.3);
   EXPECT_GT(std::sqrt(of_rotations / tubes), 0.7);
   EXPECT_LT(std::sqrt(of_rotations / tubes), 1.3);
+  EXPECT_GT(std::sqrt(of_lengths / tubes), 0.7);
+  EXPECT_LT(std::sqrt(of_lengths / tubes), 1.3);
+  EXPECT_LE(dents, 12);
 }
 INSTANTIATE_TEST_SUITE_P(Points, DriftedTube, testing::Values(24'000, 100'000));
 
