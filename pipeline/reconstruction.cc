@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "pipeline/features/around_zero.h"
@@ -34,6 +35,7 @@
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
+#include "pipeline/fit/wrinkles.h"
 #include "pipeline/inspection/direction.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/spine/closed_tube.h"
@@ -86,9 +88,10 @@ struct FinalFit {
   BowedTubeState bowed;
   double noise_mm = 0;  // 1 sigma of the points
   std::optional<SeamFound> seam;
-  std::optional<OwnedBlocks> beside_seam;  // the points that were fitted, if not all
+  std::vector<WrinklesFound> wrinkles;
+  std::optional<OwnedBlocks> beside_both;  // the points that were fitted, if not all
   std::span<const PointBlock> Fitted(std::span<const PointBlock> all) const {
-    return beside_seam ? std::span<const PointBlock>(*beside_seam) : all;
+    return beside_both ? std::span<const PointBlock>(*beside_both) : all;
   }
 };
 
@@ -130,6 +133,15 @@ void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
   if (against < 0) solution = std::move(other);
 }
 
+void LeaveOutSeamAndWrinkles(const SurfaceFit& structure, std::span<const PointBlock> blocks,
+                             FinalFit& final) {
+  final.seam = FindSeam(structure, blocks, final.options.reach_mm);
+  if (final.seam) final.beside_both = WithoutSeam(structure, *final.seam, blocks);
+  final.wrinkles = FindWrinkles(structure, final.Fitted(blocks), final.options.reach_mm);
+  if (final.wrinkles.empty()) return;
+  final.beside_both = WithoutWrinkles(structure, final.wrinkles, final.Fitted(blocks));
+}
+
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
                       const BlocksAbout& about_end, Workers* workers) {
   ReachTo({tube.polygon.front().position_mm, tube.polygon.back().position_mm}, tube.structure.tube);
@@ -146,8 +158,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
                    .workers = workers};
   final.weights = WeighByIncidence(structure.tube, structure.flattening, structure.sigma_mm,
                                    final.options.reach_mm, tube.blocks, workers);
-  final.seam = FindSeam(structure, tube.blocks, final.options.reach_mm);
-  if (final.seam) final.beside_seam = WithoutSeam(structure, *final.seam, tube.blocks);
+  LeaveOutSeamAndWrinkles(structure, tube.blocks, final);
   const std::span<const PointBlock> blocks = final.Fitted(tube.blocks);
   final.options.hidden_mm = HiddenMm(structure, blocks, final.options.reach_mm, about_end);
   FoundEasing found = FindEasing(structure, blocks, final.options);
@@ -236,13 +247,13 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   timer.Done("structure");
   const FinalFit final = FitAllPoints(*tube, intake_.passes(), options_, AboutEnds(), workers);
   ReportPasses(tube->registration, options_.pass_drift, measurement);
+  std::tie(measurement.seam, measurement.wrinkles) = std::tie(final.seam, final.wrinkles);
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");
   if (const auto shown = CheckShowsTube(fit); !shown) return hal::Fail(shown.error());
   const std::span<const PointBlock> fitted = final.Fitted(tube->blocks);
   ReportQuality(tube->structure, fit, CompareHalves(fit, fitted, final.options), NominalBends(),
                 measurement);
-  measurement.seam = final.seam;
   timer.Done("self_check");
   TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, fitted, workers, &final.bowed);
   const EndCuts cuts = FindEndCuts(final.noise_mm, tube->blocks, ends);

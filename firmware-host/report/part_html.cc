@@ -280,6 +280,17 @@ std::string SeamTable(const std::optional<pipeline::SeamFound>& seam) {
          "</tr></tbody></table>";
 }
 
+std::string WrinkleTable(const std::vector<pipeline::WrinklesFound>& wrinkles) {
+  if (wrinkles.empty()) return "";
+  std::string html = "<p>Wrinkles on the inner sides of bends, from crest to trough</p>" +
+                     HeadOf({"bend", "height <small>mm</small>", "&#177;"});
+  for (const pipeline::WrinklesFound& of : wrinkles) {
+    html += "<tr>" + Number(static_cast<double>(of.bend + 1), 0) + Number(of.height_mm, 3) +
+            Number(of.sigma_mm, 3) + "</tr>";
+  }
+  return html + "</tbody></table>";
+}
+
 // Bevels, burrs and borders that no plane is.
 std::string EdgeTable(const pipeline::TubeFeaturesFound& features) {
   std::string rows;
@@ -380,7 +391,7 @@ std::string FormBody(const RunResult& run) {
   const auto& m = run.measurement;
   return StraightnessTable(m.straights) + EasingTable(m.bend_easings) + EndTable(m.features) +
          EndFormTable(m) + OpeningTable(m) + DentTable(m.dents) + SeamTable(m.seam) +
-         UnrolledSvg(m);
+         WrinkleTable(m.wrinkles) + UnrolledSvg(m);
 }
 
 std::string TimingBody(const RunResult& run) {

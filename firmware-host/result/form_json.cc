@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstddef>
+
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/result/sections.h"
 
@@ -29,6 +32,24 @@ Json EndJson(const pipeline::EndForm& end) {
   }
   json["profile"] = std::move(profile);
   return json;
+}
+
+Json SeamJson(const pipeline::SeamFound& seam) {
+  return {{"around_deg", Number(seam.around_deg)},
+          {"around_sigma_deg", Number(seam.around_sigma_deg)},
+          {"height_mm", Number(seam.height_mm)},
+          {"height_sigma_mm", Number(seam.sigma_mm)},
+          {"width_mm", Number(seam.width_mm)}};
+}
+
+Json WrinklesJson(const std::vector<pipeline::WrinklesFound>& wrinkles) {
+  Json list = Json::array();
+  for (const pipeline::WrinklesFound& of : wrinkles) {
+    list.push_back({{"bend", of.bend + 1},
+                    {"height_mm", Number(of.height_mm)},
+                    {"height_sigma_mm", Number(of.sigma_mm)}});
+  }
+  return list;
 }
 
 pipeline::EndForm ReadEnd(const JsonReader& json) {
@@ -88,13 +109,8 @@ Json FormJson(const pipeline::Measurement& m) {
     }
     json["dents"] = std::move(list);
   }
-  if (m.seam) {
-    json["seam"] = {{"around_deg", Number(m.seam->around_deg)},
-                    {"around_sigma_deg", Number(m.seam->around_sigma_deg)},
-                    {"height_mm", Number(m.seam->height_mm)},
-                    {"height_sigma_mm", Number(m.seam->sigma_mm)},
-                    {"width_mm", Number(m.seam->width_mm)}};
-  }
+  if (m.seam) json["seam"] = SeamJson(*m.seam);
+  if (!m.wrinkles.empty()) json["wrinkles"] = WrinklesJson(m.wrinkles);
   const auto is_plain = [](const pipeline::EndForm& end) {
     return end.length_mm == 0 && end.continues_mm == 0 && end.profile.empty();
   };
@@ -140,6 +156,15 @@ void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
     m.seam = {seam.NumberOr("around_deg", 0), seam.NumberOr("around_sigma_deg", 0),
               seam.NumberOr("height_mm", 0), seam.NumberOr("height_sigma_mm", 0),
               seam.NumberOr("width_mm", 0)};
+  }
+  if (json.Has("wrinkles")) {
+    const JsonReader list = json.At("wrinkles");
+    for (std::size_t i = 0, n = list.Size(kMaxRows); i < n; ++i) {
+      const JsonReader item = list.Item(i);
+      const std::size_t bend = std::max<std::size_t>(1, item.At("bend").Count());
+      m.wrinkles.push_back(
+          {bend - 1, item.NumberOr("height_mm", 0), item.NumberOr("height_sigma_mm", 0)});
+    }
   }
   if (json.Has("first_end")) m.first_end = ReadEnd(json.At("first_end"));
   if (json.Has("last_end")) m.last_end = ReadEnd(json.At("last_end"));

@@ -80,6 +80,11 @@ std::string FormText(const pipeline::Measurement& m) {
                  Fixed(m.seam->around_deg, 1) + " +- " + Fixed(m.seam->around_sigma_deg, 1) +
                  " degrees around on the first straight");
   }
+  for (const pipeline::WrinklesFound& wrinkles : m.wrinkles) {
+    out += Below("bend " + std::to_string(wrinkles.bend + 1) + ": wrinkles on its inner side, " +
+                 Fixed(wrinkles.height_mm, 3) + " +- " + Fixed(wrinkles.sigma_mm, 3) +
+                 " mm from crest to trough");
+  }
   for (std::size_t i = 0; i < m.passes.size(); ++i) {
     out += Below("pass " + std::to_string(i + 1) + ": moved by " +
                  Fixed(m.passes[i].move_mm.norm(), kDecimals) + " mm and " +

@@ -89,6 +89,13 @@ struct SeamFound {
   double width_mm = 0;   // around, where it is half as high
 };
 
+// Wrinkles on the inner side of a bend: waves along it.
+struct WrinklesFound {
+  std::size_t bend = 0;  // from 0
+  double height_mm = 0;  // from crest to trough, on the innermost line
+  double sigma_mm = 0;   // 1 sigma of the height
+};
+
 // The radius all round the tube at a place near its end.
 struct RadiusAt {
   double from_end_mm = 0;  // along the axis, from the end of all into the tube
@@ -142,6 +149,7 @@ struct Measurement {
   double bows_explain_mm2 = 0;
   std::vector<DentFound> dents;
   std::optional<SeamFound> seam;
+  std::vector<WrinklesFound> wrinkles;  // of bends that have some, one after another
   EndForm first_end, last_end;
   TubeFeaturesFound features;
   std::vector<PassOffset> passes;  // none: all points came in one, or in no order that is known

@@ -54,12 +54,13 @@ TEST(ReportHtml, LoadsNothingFromAnywhere) {
   EXPECT_GT(Count(html, "MIT License"), 0u);
 }
 
-TEST(ReportHtml, TellsStraightnessEasingsDentsAndSeam) {
+TEST(ReportHtml, TellsStraightnessEasingsDentsSeamAndWrinkles) {
   RunResult run = SampleRun();
   run.measurement.straights = {{0.12, 0.01, 80}, {0, 0, 0}, {0.3, 0.02, 60}};
   run.measurement.bend_easings = {{8, 0.5}, {7.5, 0.25}};
   run.measurement.dents = {{40, -90, 0.5, 0.02, 6, {1, 2, 3}, 0.1, 0.9, 28.3, 0.7}};
   run.measurement.seam = {72.5, 0.2, 0.125, 0.004, 1.4};
+  run.measurement.wrinkles = {{1, 0.275, 0.015}};
   run.measurement.last_end.begins_mm = 4.5;
   run.measurement.last_end.profile = {{0.2, 5.4, 0.01}, {4.8, 4, 0.01}};
   const std::string html = CardsHtml(run);
@@ -69,6 +70,8 @@ TEST(ReportHtml, TellsStraightnessEasingsDentsAndSeam) {
   EXPECT_EQ(Count(html, "<td class=\"n\">7.50</td><td class=\"n\">0.25</td>"), 1u);
   EXPECT_EQ(Count(html, "<p>Dents; "), 1u);
   EXPECT_EQ(Count(html, "<p>Weld seam; "), 1u);
+  EXPECT_EQ(Count(html, "<p>Wrinkles "), 1u);
+  EXPECT_EQ(Count(html, "<td class=\"n\">2</td><td class=\"n\">0.275</td>"), 1u);
   EXPECT_EQ(Count(html, "<td class=\"n\">0.125</td>"), 1u);
   EXPECT_EQ(Count(html, "<td class=\"n\">28.3</td><td class=\"n\">0.7</td>"), 1u);
   EXPECT_EQ(Count(html, "stroke-dasharray=\"3 2\""), 1u);  // on the unrolled surface

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/wrinkles.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "pipeline/reconstruction.h"
+#include "tests/support/real_tube.h"
+#include "tests/unit/fit/three_bends.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+hal::Tube OneDie() {
+  hal::Tube tube = ThreeBends();
+  for (std::size_t i = 0; i < 3; ++i) tube.program.rows[i].bend_radius_mm = 15;
+  return tube;
+}
+
+Measurement Measured(const tests::Form& form, const tests::RealScan& scan, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const auto cloud = tests::ScanRealTube(OneDie(), form, scan, random);
+  auto found = Reconstruct(cloud.points_W, {}, kClock);
+  EXPECT_TRUE(found.has_value());
+  return found ? std::move(*found) : Measurement{};
+}
+
+TEST(Wrinkles, AreToldAndPullNoRadius) {
+  constexpr double kHeight = 0.012;  // [of r_P] above the wall, half of crest to trough
+  double squares = 0, values = 0;
+  for (const std::uint64_t seed : {1U, 2U, 3U, 4U}) {
+    SCOPED_TRACE(seed);
+    const Measurement m =
+        Measured({.wrinkles = kHeight}, {.points = 60'000, .noise_mm = 0.01}, seed);
+    ASSERT_EQ(m.wrinkles.size(), 3U);
+    for (std::size_t i = 0; i < 3; ++i) {
+      EXPECT_EQ(m.wrinkles[i].bend, i);
+      EXPECT_NEAR(m.wrinkles[i].height_mm, 2 * kHeight * 5, 0.03);
+      squares += std::pow(
+          (*m.tube.program.rows[i].bend_radius_mm - 15) / *m.sigma.rows[i].bend_radius_mm, 2);
+      values += 1;
+    }
+  }
+  EXPECT_LT(std::sqrt(squares / values), 1.6);
+}
+
+TEST(Wrinkles, AreNoneWhereBendsAreOtherwiseNotAsTheModelHasThem) {
+  const tests::RealScan fine{.points = 60'000, .noise_mm = 0.01};
+  for (const std::uint64_t seed : {1U, 2U}) {
+    SCOPED_TRACE(seed);
+    EXPECT_THAT(Measured({}, fine, seed).wrinkles, testing::IsEmpty());
+    EXPECT_THAT(Measured({.easing_r = 0.8}, fine, seed).wrinkles, testing::IsEmpty());
+    EXPECT_THAT(Measured({.bow = 0.002, .easing_r = 0.3}, fine, seed).wrinkles, testing::IsEmpty());
+    EXPECT_THAT(Measured({.ovality = 0.08}, fine, seed).wrinkles, testing::IsEmpty());
+    EXPECT_THAT(Measured({}, {.heavy_tail = 0.7}, seed).wrinkles, testing::IsEmpty());
+    EXPECT_THAT(Measured({}, {.drift_mm = 0.2, .drift_deg = 0.02}, seed).wrinkles,
+                testing::IsEmpty());
+  }
+}
+
+// Of a thousand points nobody can tell.
+TEST(Wrinkles, OfFewPointsAreNotSought) {
+  EXPECT_THAT(Measured({.wrinkles = 0.012}, {.points = 1'500}, 1).wrinkles, testing::IsEmpty());
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
