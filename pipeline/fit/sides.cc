@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/fit/sides.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
-
-#include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -29,7 +28,7 @@ std::optional<double> BeyondNoiseMm2(std::span<const SideMean> sides) {
     matrix += sides[i].points * of(i) * of(i).transpose();
     right += sides[i].points * sides[i].mean_mm * of(i);
   }
-  const Eigen::Vector3d across = SolveSymmetric(matrix, right);
+  const Eigen::Vector3d across = matrix.ldlt().solve(right);
   double beyond_mm2 = 0, telling = 0;
   for (std::size_t i = 0; i < sides.size(); ++i) {
     if (sides[i].points < kLeastPoints) continue;
