@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -60,6 +61,9 @@ struct EasedSettings {
   // [of the easing's variance] Of bends that have no room to ease further, by this much more of it:
   // they run into each other, and what they ease over is not known.
   double crowded = 0.5, crowded_from = 1.1;
+  // [of the variance that a Gaussian would have beyond the room there is] So much of it the fit may
+  // have taken for more of the arc, or the other way round. By trial.
+  double cut_off = 0.2;
   double widest_rad = 2.6;  // of wider bends the corner runs away
   double least_sine = 0.2;  // of slighter bends the plane is not known anyway
 };
@@ -135,6 +139,41 @@ double ArcDoubtMm(const hal::BendProgram& program, const Easing& easing, std::si
   return std::min(6.0 * unknown_mm2 / arc_mm, std::sqrt(12.0 * unknown_mm2));
 }
 
+// Part of a Gaussian's variance that lies further from its middle than `z` standard deviations.
+double VarianceBeyond(double z) {
+  const double density = std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi);
+  return 2.0 * z * density + std::erfc(z / std::numbers::sqrt2);
+}
+
+// 1 sigma of a bend's radius [mm] that a kernel leaves which has no room for its tails: what those
+// would turn the fit has given to arc and kernel.
+std::vector<double> CutOffDoubtsMm(const hal::BendProgram& program, const Easing& easing) {
+  const Easing within = EasingWithin(program, easing);
+  std::vector<double> doubts_mm(program.bend_count(), 0.0);
+  for (std::size_t i = 0; i < within.variance_mm2.size(); ++i) {
+    const double variance_mm2 = within.variance_mm2[i];
+    if (!(variance_mm2 > 0)) continue;
+    const double unknown_mm2 = kEased.cut_off *
+                               VarianceBeyond(within.room_of_mm(i) / std::sqrt(variance_mm2)) *
+                               variance_mm2;
+    const double angle = std::max(1e-3, program.rows[i].angle_deg / hal::kDegreesPerRadian);
+    const double arc_mm = std::max(1e-3, program.rows[i].bend_radius_mm.value_or(0.0) * angle);
+    doubts_mm[i] = 6.0 * unknown_mm2 / arc_mm / angle;
+  }
+  return doubts_mm;
+}
+
+// The same of bends of one die: the more one turns, the more it has a say.
+double OfAll(const hal::BendProgram& program, std::span<const double> doubts_mm) {
+  double sum = 0, weights = 0;
+  for (std::size_t i = 0; i < doubts_mm.size(); ++i) {
+    const double weight = std::pow(program.rows[i].angle_deg, 4);
+    sum += weight * doubts_mm[i];
+    weights += weight;
+  }
+  return weights > 0 ? sum / weights : 0.0;
+}
+
 // How far [rad] bends turn the middle of a straight that is too short for what they ease over:
 // there our kernel has to end, and nobody knows how the bend does. Of a bend whose curvature is
 // smoothed over `sigma_mm` so much of its angle comes after `beyond_mm`.
@@ -204,11 +243,14 @@ void WidenByEasing(bool radii_alike, Measurement& measurement) {
   for (std::size_t i = 0; i < bends; ++i) {
     radius_mm[i] = ArcDoubtMm(program, measurement.easing, i) / angle(i);
   }
+  std::vector<double> cut_off_mm = CutOffDoubtsMm(program, measurement.easing);
   if (radii_alike && bends > 0) {
+    cut_off_mm.assign(cut_off_mm.size(), OfAll(program, cut_off_mm));
     // One that had to ease less than it would have leads all of them astray.
     radius_mm.assign(bends, *std::max_element(radius_mm.begin(), radius_mm.end()));
   }
   for (std::size_t i = 0; i < bends; ++i) {
+    radius_mm[i] = std::hypot(radius_mm[i], cut_off_mm[i]);
     if (rows[i].bend_radius_mm) {
       rows[i].bend_radius_mm = std::hypot(*rows[i].bend_radius_mm, radius_mm[i]);
     }

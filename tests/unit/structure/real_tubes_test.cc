@@ -480,6 +480,32 @@ TEST(EasedTube, HasTheRadiiOfItsDieThoughItsBendsTurnAlike) {
 
 // Slight bends that ease, between bows, hardly know their radii: one of 17 degrees looked better as
 // two, of 9 and 7, than with a radius that had lost its way.
+// Straights of four easing lengths have room for three quarters of what their bends' kernels would
+// turn; the fit gives the rest to the radius of the die.
+TEST(EasedTube, KnowsItsRadiiNoBetterThanWhatItHasNoRoomFor) {
+  const hal::SteadyClock clock;
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{33, 0, 64, 13.8},    {42, -129, 38, 13.8}, {30, -141, 89, 13.8},
+                       {26, -123, 18, 13.8}, {29, -85, 71, 13.8},  {46, 0, 0, std::nullopt}};
+  double squares = 0, values = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    const auto cloud = tests::ScanRealTube(tube, {.easing_r = 1.5}, {}, random);
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    ASSERT_EQ(measured->tube.program.bend_count(), 5U);
+    for (std::size_t i = 0; i < 5; ++i) {
+      const double off_mm = *measured->tube.program.rows[i].bend_radius_mm - 13.8;
+      squares += std::pow(off_mm / *measured->sigma.rows[i].bend_radius_mm, 2);
+      values += 1;
+    }
+  }
+  EXPECT_LT(std::sqrt(squares / values), 1.6);
+  EXPECT_GT(std::sqrt(squares / values), 0.5);
+}
+
 TEST(EasedTube, HasASlightBendBetweenBowsOnce) {
   const auto cloud = DrawnScan(93'000'571,
                                {.bow = 0.00186,
