@@ -23,8 +23,10 @@ struct EndFormSettings {
   double overlap = 1.0, gap = 0.75;
   // Of the points that the tube has in a bin: so many stand for the fitting there.
   double least_part = 0.1;
-  // Of sixteen sides: a fitting is seen on so many, a clamp or a table on fewer.
+  // Of sixteen sides: a fitting is seen on so many, a clamp or a table on fewer; and on so many of
+  // those that show the tube right behind it, another tube that passes its end on fewer.
   int least_sides = 6;
+  double of_tubes_sides = 0.6;
   // [of r_P] What sticks out no further than this along the tube is a burr.
   double least_length = 0.15;
 
@@ -48,11 +50,12 @@ constexpr unsigned kEndSides = 16;
 
 // Points about an end by their place along its axis.
 struct AlongAxis {
-  std::vector<double> out_mm;       // beyond the end, of points that stand out
-  std::vector<double> standing_mm;  // how far, of the same points
-  std::vector<unsigned> side;       // of the turn, of the same points
-  double on_tube_per_mm = 0;        // points of the plain tube
-  double last_per_mm = 0;           // of its last piece, however short its straight is
+  std::vector<double> out_mm;               // beyond the end, of points that stand out
+  std::vector<double> standing_mm;          // how far, of the same points
+  std::vector<unsigned> side;               // of the turn, of the same points
+  std::array<bool, kEndSides> tube_side{};  // of the turn: where the plain tube is seen
+  double on_tube_per_mm = 0;                // points of the plain tube
+  double last_per_mm = 0;                   // of its last piece, however short its straight is
 };
 
 AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
@@ -70,6 +73,7 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
       if (at_mm < -3.0 * r_mm || at_mm > kEndFormReach * r_mm) continue;
       const bool is_on = std::abs(off_mm) < out_mm && at_mm < 0;
       if (is_on && at_mm < -r_mm) on_tube += 1;
+      if (is_on) along.tube_side[AzimuthSector<kEndSides>(x, y)] = true;
       if (is_on && at_mm > -kEndForms.last_piece * r_mm) last += 1;
       if (off_mm < out_mm || off_mm > (kEndForms.widest - 1.0) * r_mm) continue;
       if (at_mm < -kEndForms.overlap * r_mm) continue;
@@ -114,7 +118,12 @@ FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
     seen[along.side[i]] = true;
     standing_mm = std::max(standing_mm, along.standing_mm[i]);
   }
-  if (std::count(seen.begin(), seen.end(), true) < kEndForms.least_sides) return found;
+  const auto sides = std::count(seen.begin(), seen.end(), true);
+  const auto of_tube = std::count(along.tube_side.begin(), along.tube_side.end(), true);
+  if (sides < kEndForms.least_sides ||
+      static_cast<double>(sides) < kEndForms.of_tubes_sides * static_cast<double>(of_tube)) {
+    return found;
+  }
   // The outermost few may be fliers. The third from the end lies three gaps before it, to the root
   // of three, as points are spread by chance.
   const std::size_t beyond = std::min<std::size_t>(2, ends.size() - 1);

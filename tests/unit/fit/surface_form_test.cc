@@ -160,6 +160,31 @@ TEST(EndForms, BeadsAndFlaresBeginWhereTheirFlanksDo) {
   }
 }
 
+// A rod lies across before the end, 2.2 pipe radii from its middle to the tube's axis.
+TEST(EndForms, WhatPassesAnEndIsNoFitting) {
+  for (int seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(static_cast<std::uint64_t>(seed));
+    auto cloud = tests::ScanRealTube(TwoBends(), {}, {}, random);
+    const auto segments = hal::SpineSegments(cloud.truth.program, cloud.truth.X_WT);
+    const hal::SpineSegment& last = segments.back();
+    const Eigen::Matrix3d axes = last.axes();
+    const Eigen::Vector3d side = axes * Eigen::Vector3d(0, std::cos(seed), std::sin(seed)),
+                          along = side.cross(axes.col(0));
+    const Eigen::Vector3d middle = last.PointAt(last.length_mm) + 2 * axes.col(0) + 11 * side;
+    std::uniform_real_distribution<double> turn(0, 2 * std::numbers::pi), place(-20, 20);
+    for (int i = 0; i < 4000; ++i) {
+      const double phi = turn(random);
+      cloud.points_W.push_back(middle + place(random) * along +
+                               5 * (std::cos(phi) * side + std::sin(phi) * axes.col(0)));
+    }
+    const Measurement found = Measured(cloud);
+    ASSERT_EQ(found.tube.program.rows.size(), 3U);
+    EXPECT_EQ(found.first_end.length_mm, 0);
+    EXPECT_EQ(found.last_end.length_mm, 0);
+  }
+}
+
 // Where bows are not found a slight bend may stand for them, and be as uncertain as it is slight.
 TEST(ReportQuality, ABendThatIsHardlyKnownIsToldToBeDoubtful) {
   Measurement measurement;
