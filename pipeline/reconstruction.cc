@@ -196,6 +196,7 @@ class Reconstruction::Impl {
   hal::Result<Measurement> Finish(Workers* workers);
 
  private:
+  hal::Result<void> TakeSamples(Workers* workers, StageTimer& timer);
   std::vector<SpineNode> Project(Workers* workers);
   hal::Result<ApproximatedTube> Connect(std::span<const SpineNode> nodes) const;
   hal::Result<void> Approximate(ApproximatedTube& tube) const;
@@ -228,15 +229,21 @@ class Reconstruction::Impl {
   SampleIntake intake_;
 };
 
+hal::Result<void> Reconstruction::Impl::TakeSamples(Workers* workers, StageTimer& timer) {
+  if (!intake_.knows_pipe_radius()) {
+    if (auto found = intake_.FindPipeRadius(workers); !found) return hal::Fail(found.error());
+    timer.Done("pipe_radius");
+  }
+  auto taken = intake_.TakeAll(workers);
+  timer.Done("samples");
+  if (!taken) return hal::Fail(taken.error());
+  return {};
+}
+
 hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   StageTimer timer(clock_);
   Measurement measurement;
-  if (!intake_.knows_pipe_radius()) {
-    if (const auto found = intake_.FindPipeRadius(workers); !found) return hal::Fail(found.error());
-    timer.Done("pipe_radius");
-  }
-  if (const auto taken = intake_.TakeAll(workers); !taken) return hal::Fail(taken.error());
-  timer.Done("samples");
+  if (const auto taken = TakeSamples(workers, timer); !taken) return hal::Fail(taken.error());
   const std::vector<SpineNode> nodes = Project(workers);
   timer.Done("projection");
   auto tube = Connect(nodes);
@@ -268,6 +275,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
                tube->blocks, measurement.dents);
   SayDeepDents(measurement);
   SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
+  SayDoubtfulEndBends(fit, NominalBends(), measurement);
   LookBeyondEnds(ends, final, measurement);
   SayOtherPart(measurement);
   timer.Done("ends");

@@ -48,6 +48,10 @@ struct Doubts {
   double deep_dent = 0.21;
   // [of r_P] Before an end beyond which samples go on, a shorter straight may be more of the bend.
   double shows_direction = 2.0;
+  // [of the usual samples a length] So few beyond a slight bend may be another part's of the tube.
+  double sparse = 0.25;
+  // [of r_P] So near beside the last bend a dent may be what looks like one.
+  double dent_beside = 1.5;
   // [sigma] A bend of a smaller angle may be none.
   double least_bend = 1.5;
   // [of how far sides of straights disagree] What leads less far aside may be passes that were
@@ -447,6 +451,42 @@ void SayUnsureBends(double sides_mm, Measurement& measurement) {
       measurement.warnings.push_back(turn + ", which leads " + Mm(aside_mm) +
                                      " aside, hardly more than the sides of the tube disagree by" +
                                      kMayBeNone + "in one pass");
+    }
+  }
+}
+
+void SayDoubtfulEndBends(const SurfaceFit& fit, std::optional<std::size_t> nominal_bends,
+                         Measurement& measurement) {
+  const auto& rows = measurement.tube.program.rows;
+  const std::size_t bends = measurement.tube.program.bend_count();
+  if (bends == 0 || nominal_bends == bends || fit.segment_used.empty()) return;
+  const double r_mm = measurement.tube.pipe_radius_mm;
+  const auto segments = hal::SpineSegments(measurement.tube.program, measurement.tube.X_WT);
+  const double usual_per_mm =
+      static_cast<double>(fit.used) / std::max(r_mm, hal::SpineLength(fit.tube.program));
+  for (const bool at_start : {true, false}) {
+    const std::size_t bend = at_start ? 0 : bends - 1;
+    const double leg_mm = (at_start ? rows.front() : rows.back()).length_mm;
+    const double used = at_start ? fit.segment_used.front() : fit.segment_used.back();
+    const std::string turn = "bend " + std::to_string(bend + 1) + " turns by " +
+                             Fixed(rows[bend].angle_deg, 2) + " degrees, and ";
+    if (rows[bend].angle_deg < kDoubts.slight_deg &&
+        used < kDoubts.sparse * usual_per_mm * leg_mm) {
+      measurement.warnings.push_back(
+          turn + "next to no samples show the straight beyond it: the tube may end before it");
+      continue;
+    }
+    const hal::SpineSegment& arc = segments[2 * bend + 1];
+    const double near_mm = kDoubts.dent_beside * r_mm;
+    const bool is_dented =
+        std::any_of(measurement.dents.begin(), measurement.dents.end(), [&](const DentFound& dent) {
+          return dent.along_mm > arc.from_start_mm - near_mm &&
+                 dent.along_mm < arc.from_start_mm + arc.length_mm + near_mm;
+        });
+    if (is_dented && leg_mm < kDoubts.shows_direction * r_mm) {
+      measurement.warnings.push_back(turn + "a dent lies there, " + Mm(leg_mm) +
+                                     " before the tube's end: it may be none; compare the number "
+                                     "of bends with the drawing");
     }
   }
 }

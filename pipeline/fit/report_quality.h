@@ -43,6 +43,12 @@ void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurem
 // Bends that are hardly known to be any. `sides_mm`: how far sides of straights disagree.
 void SayUnsureBends(double sides_mm, Measurement& measurement);
 
+// The first bend or the last, where next to nothing lies beyond it: a slight one with hardly any
+// samples there, or one with a dent where the tube ends at once. A nominal with as many bends has
+// them.
+void SayDoubtfulEndBends(const SurfaceFit& fit, std::optional<std::size_t> nominal_bends,
+                         Measurement& measurement);
+
 // A dent, as measured, that is too deep for one: what looks so pressed in may be what a bend that
 // was not found would have explained.
 void SayDeepDents(Measurement& measurement);

@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <string>
 
+#include "hal/spine.h"
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
@@ -275,6 +277,36 @@ TEST(EndForms, ABendBesideTheEndIsNoFitting) {
   const double lengths_mm =
       found->tube.program.rows.front().length_mm + found->tube.program.rows.back().length_mm;
   EXPECT_NEAR(lengths_mm, 59 + 55.78, 1);
+}
+
+// Nodes that lead from an end to another part of the tube, and a dent where the tube ends.
+TEST(ReportQuality, AnEndBendWithNextToNothingBeyondItIsToldToBeDoubtful) {
+  const auto said = [](double angle_deg, double last_mm, double used_beyond, bool dented,
+                       std::optional<std::size_t> nominal_bends) {
+    Measurement m;
+    m.tube = TwoBends();
+    auto& rows = m.tube.program.rows;
+    rows[1].angle_deg = angle_deg;
+    rows[2].length_mm = last_mm;
+    SurfaceFit fit;
+    fit.tube = m.tube;
+    fit.used = static_cast<std::size_t>(50 * hal::SpineLength(m.tube.program));
+    fit.segment_used = {3000, 500, 3000, 500, used_beyond};
+    if (dented) {
+      m.dents.emplace_back();
+      m.dents.back().along_mm = hal::SpineLength(m.tube.program) - last_mm - 3;
+    }
+    SayDoubtfulEndBends(fit, nominal_bends, m);
+    return m.warnings.size();
+  };
+  EXPECT_EQ(said(2, 40, 2000, false, {}), 0U);
+  EXPECT_EQ(said(2, 40, 100, false, {}), 1U);
+  EXPECT_EQ(said(2, 40, 100, false, 1U), 1U);
+  EXPECT_EQ(said(2, 40, 100, false, 2U), 0U);
+  EXPECT_EQ(said(30, 40, 100, false, {}), 0U);
+  EXPECT_EQ(said(30, 9, 450, false, {}), 0U);
+  EXPECT_EQ(said(30, 9, 450, true, {}), 1U);
+  EXPECT_EQ(said(30, 30, 1500, true, {}), 0U);
 }
 
 TEST(EndForms, SamplesThatGoOnThinlyAreTold) {
