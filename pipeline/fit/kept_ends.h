@@ -14,9 +14,10 @@ struct EndPlaces {
 
 EndPlaces EndsOf(const hal::Tube& tube);
 
-// Makes the end straights as long as it takes to reach beside these places. What a fit moves is the
-// corners, and the ends with them: that of a bend that hardly turns may slide along its straights
-// by more than samples are looked for beyond an end.
+// Makes the end straights as long as it takes to reach these places, where they lie on their lines
+// but for a pipe radius. What a fit moves is the corners, and the ends with them: that of a bend
+// that hardly turns may slide along its straights by more than samples are looked for beyond an
+// end.
 void ReachTo(const EndPlaces& ends, hal::Tube& tube);
 
 }  // namespace bendloop::pipeline
