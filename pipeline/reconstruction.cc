@@ -58,8 +58,8 @@ struct StageSettings {
   // [of r_P] How far from the surface the final fit looks: beyond any noise that a tube may have
   // (fit/report_quality.cc) five times over, and nearer than a neighbour that touches.
   double final_reach = 0.2;
-  // By trial on passes that drift: about that of nine degrees of freedom.
-  double few_causes = 0.3;
+  // By trial on passes that drift: about that of seven degrees of freedom.
+  double few_causes = 0.4;
   // [of 1/r_P] How far off the pipe's a sample's curvature may be that is shrunk (Lee & Kim 2004).
   double shrink_widest = 1.5;
   // So many samples are shrunk at most: the spine asks for no more, and each costs the same.
@@ -89,9 +89,12 @@ struct FinalFit {
   double noise_mm = 0;  // 1 sigma of the points
   std::optional<SeamFound> seam;
   std::vector<WrinklesFound> wrinkles;
-  std::optional<OwnedBlocks> beside_both;  // the points that were fitted, if not all
+  std::optional<OwnedBlocks> beside_seam, beside_both;  // the points left, if not all
+  std::span<const PointBlock> BesideSeam(std::span<const PointBlock> all) const {
+    return beside_seam ? std::span<const PointBlock>(*beside_seam) : all;
+  }
   std::span<const PointBlock> Fitted(std::span<const PointBlock> all) const {
-    return beside_both ? std::span<const PointBlock>(*beside_both) : all;
+    return beside_both ? std::span<const PointBlock>(*beside_both) : BesideSeam(all);
   }
 };
 
@@ -136,10 +139,11 @@ void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
 void LeaveOutSeamAndWrinkles(const SurfaceFit& structure, std::span<const PointBlock> blocks,
                              FinalFit& final) {
   final.seam = FindSeam(structure, blocks, final.options.reach_mm);
-  if (final.seam) final.beside_both = WithoutSeam(structure, *final.seam, blocks);
-  final.wrinkles = FindWrinkles(structure, final.Fitted(blocks), final.options.reach_mm);
+  if (final.seam) final.beside_seam = WithoutSeam(structure, *final.seam, blocks);
+  const std::span<const PointBlock> beside_seam = final.BesideSeam(blocks);
+  final.wrinkles = FindWrinkles(structure, beside_seam, final.options.reach_mm);
   if (final.wrinkles.empty()) return;
-  final.beside_both = WithoutWrinkles(structure, final.wrinkles, final.Fitted(blocks));
+  final.beside_both = WithoutWrinkles(structure, final.wrinkles, beside_seam);
 }
 
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
@@ -267,12 +271,13 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
-  const SurfaceForm form = FormOf(final, measurement.tube, fitted);
+  const SurfaceForm form = FormOf(final, measurement.tube, final.BesideSeam(tube->blocks));
   ReportForm(form, fit.priors.radii_alike > 0, measurement);
   measurement.bows_explain_mm2 =
       ExplainedByBowsMm2(final.bowed, measurement.tube, tube->blocks, final.options.reach_mm);
   MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
                tube->blocks, measurement.dents);
+  KeepThoseOf(measurement.tube, measurement.dents, measurement.wrinkles);
   SayDeepDents(measurement);
   SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);

@@ -163,7 +163,7 @@ void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
       const JsonReader item = list.Item(i);
       const std::size_t bend = std::max<std::size_t>(1, item.At("bend").Count());
       m.wrinkles.push_back(
-          {bend - 1, item.NumberOr("height_mm", 0), item.NumberOr("height_sigma_mm", 0)});
+          {bend - 1, item.NumberOr("height_mm", 0), item.NumberOr("height_sigma_mm", 0), {}});
     }
   }
   if (json.Has("first_end")) m.first_end = ReadEnd(json.At("first_end"));

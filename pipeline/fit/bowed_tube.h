@@ -32,8 +32,9 @@ struct BowedSettings {
   // [of a straight's length] 1 sigma of a bow's height, and of one that changes sides: L / 300 is
   // the worst that is sold as straight.
   double bow = 0.002, s_bow = 0.001;
-  // [of the slope of a bow at its ends, and of what of its straight the bends beside it ease over]
-  // How far nobody knows how it goes on there: so much its best-fit line may be turned. By trial.
+  // [of the slope of a bow at its ends, and of what part of its straight the tube's bends ease
+  // over] How far nobody knows how it goes on there: so much its best-fit line may be turned. By
+  // trial.
   double bows_on = 0.03;
   // [of a straight's length] Beyond it a solution has gone astray.
   double most_bow = 0.02;

@@ -162,7 +162,7 @@ std::vector<double> CutOffDoubtsMm(const hal::BendProgram& program, const Easing
                                variance_mm2;
     const double angle = std::max(1e-3, program.rows[i].angle_deg / hal::kDegreesPerRadian);
     const double arc_mm = std::max(1e-3, program.rows[i].bend_radius_mm.value_or(0.0) * angle);
-    doubts_mm[i] = 6.0 * unknown_mm2 / arc_mm / angle;
+    doubts_mm[i] = std::min(6.0 * unknown_mm2 / arc_mm, std::sqrt(12.0 * unknown_mm2)) / angle;
   }
   return doubts_mm;
 }
@@ -462,6 +462,7 @@ void SayDoubtfulEndBends(const SurfaceFit& fit, std::optional<std::size_t> nomin
   if (bends == 0 || nominal_bends == bends || fit.segment_used.empty()) return;
   const double r_mm = measurement.tube.pipe_radius_mm;
   const auto segments = hal::SpineSegments(measurement.tube.program, measurement.tube.X_WT);
+  const EasedSpine eased = SpineOf(measurement.tube.program, measurement.tube.X_WT, fit.easing);
   const double usual_per_mm =
       static_cast<double>(fit.used) / std::max(r_mm, hal::SpineLength(fit.tube.program));
   for (const bool at_start : {true, false}) {
@@ -470,8 +471,11 @@ void SayDoubtfulEndBends(const SurfaceFit& fit, std::optional<std::size_t> nomin
     const double used = at_start ? fit.segment_used.front() : fit.segment_used.back();
     const std::string turn = "bend " + std::to_string(bend + 1) + " turns by " +
                              Fixed(rows[bend].angle_deg, 2) + " degrees, and ";
-    if (rows[bend].angle_deg < kDoubts.slight_deg &&
-        used < kDoubts.sparse * usual_per_mm * leg_mm) {
+    // Of a short one what the bend eases into it is not told from it.
+    const double straight_mm =
+        (at_start ? eased.segments.front() : eased.segments.back()).length_mm;
+    if (rows[bend].angle_deg < kDoubts.slight_deg && straight_mm > kDoubts.shows_direction * r_mm &&
+        used < kDoubts.sparse * usual_per_mm * straight_mm) {
       measurement.warnings.push_back(
           turn + "next to no samples show the straight beyond it: the tube may end before it");
       continue;

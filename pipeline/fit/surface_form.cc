@@ -13,7 +13,6 @@
 #include "pipeline/fit/sides.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/circle_sectors.h"
-#include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {

@@ -134,16 +134,20 @@ OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride) {
   }
   std::sort(placed.begin(), placed.end());
   OwnedBlocks gathered(count / stride + 1, AreWeighted(blocks));
-  const Placed* last = nullptr;
   std::size_t next = 0;
-  for (const Placed& place : placed) {
-    if (!last || place.cube != last->cube) {
-      const auto& [x, y, z] = place.cube;
-      gathered.Begin(edge_mm * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5), half_mm);
+  for (auto from = placed.begin(); from != placed.end();) {
+    const auto to = std::find_if(from, placed.end(),
+                                 [&](const Placed& place) { return place.cube != from->cube; });
+    const auto& [x, y, z] = from->cube;
+    const Eigen::Vector3d center_mm = edge_mm * Eigen::Vector3d(x + 0.5, y + 0.5, z + 0.5);
+    // Points of passes that were moved reach out of their cubes.
+    double reach_mm = half_mm;
+    for (auto at = from; at != to; ++at) {
+      const PointBlock& block = blocks[at->block];
+      reach_mm = std::max(reach_mm, (block.center_mm - center_mm).norm() + block.half_diagonal_mm);
     }
-    last = &place;
-    const PointBlock& block = blocks[place.block];
-    gathered.AddEvery(stride, block, next);
+    gathered.Begin(center_mm, reach_mm);
+    for (; from != to; ++from) gathered.AddEvery(stride, blocks[from->block], next);
   }
   return gathered;
 }

@@ -22,4 +22,9 @@ std::vector<WrinklesFound> FindWrinkles(const SurfaceFit& fit, std::span<const P
 OwnedBlocks WithoutWrinkles(const SurfaceFit& fit, std::span<const WrinklesFound> wrinkles,
                             std::span<const PointBlock> blocks);
 
+// Bends may have been parted or joined since: wrinkles are those of the tube's bend where they lie.
+// One with a dent has none: that scatters as much.
+void KeepThoseOf(const hal::Tube& tube, std::span<const DentFound> dents,
+                 std::vector<WrinklesFound>& wrinkles);
+
 }  // namespace bendloop::pipeline

@@ -94,6 +94,7 @@ struct WrinklesFound {
   std::size_t bend = 0;  // from 0
   double height_mm = 0;  // from crest to trough, on the innermost line
   double sigma_mm = 0;   // 1 sigma of the height
+  Eigen::Vector3d middle_mm = Eigen::Vector3d::Zero();  // of the bend
 };
 
 // The radius all round the tube at a place near its end.

@@ -5,9 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
+#include <optional>
 #include <random>
 #include <vector>
 
+#include "hal/spine.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
 #include "tests/unit/fit/three_bends.h"
@@ -39,7 +42,8 @@ TEST(Wrinkles, AreToldAndPullNoRadius) {
     ASSERT_EQ(m.wrinkles.size(), 3U);
     for (std::size_t i = 0; i < 3; ++i) {
       EXPECT_EQ(m.wrinkles[i].bend, i);
-      EXPECT_NEAR(m.wrinkles[i].height_mm, 2 * kHeight * 5, 0.03);
+      EXPECT_NEAR(m.wrinkles[i].height_mm, 2 * kHeight * 5, 3 * m.wrinkles[i].sigma_mm);
+      EXPECT_LT(m.wrinkles[i].sigma_mm, 0.04);
       squares += std::pow(
           (*m.tube.program.rows[i].bend_radius_mm - 15) / *m.sigma.rows[i].bend_radius_mm, 2);
       values += 1;
@@ -60,6 +64,45 @@ TEST(Wrinkles, AreNoneWhereBendsAreOtherwiseNotAsTheModelHasThem) {
     EXPECT_THAT(Measured({}, {.drift_mm = 0.2, .drift_deg = 0.02}, seed).wrinkles,
                 testing::IsEmpty());
   }
+}
+
+TEST(Wrinkles, AreHardlyEverTakenForEasingsOfOvalBends) {
+  int told = 0;
+  for (const double noise_mm : {0.01, 0.05}) {
+    for (const std::uint64_t seed : {1U, 2U, 3U, 4U}) {
+      const tests::RealScan scan{.points = 60'000, .noise_mm = noise_mm};
+      told += Measured({.easing_r = 0.8, .ovality = 0.08}, scan, seed).wrinkles.empty() ? 0 : 1;
+      told += Measured({.easing_r = 0.5, .ovality = 0.05}, scan, seed).wrinkles.empty() ? 0 : 1;
+    }
+  }
+  EXPECT_LE(told, 1);
+}
+
+// In the middle of the first bend, on its innermost line.
+TEST(Wrinkles, ADentOnTheInnerSideIsADent) {
+  const double along = (45 + 15 * std::numbers::pi / 6) / hal::SpineLength(OneDie().program);
+  for (const double width_r : {0.3, 0.8}) {
+    for (const std::uint64_t seed : {1U, 2U, 3U, 4U}) {
+      SCOPED_TRACE(seed);
+      const Measurement m = Measured(
+          {.dents = {{.along = along, .around_rad = 0, .depth_r = 0.1, .width_r = width_r}}},
+          {.points = 60'000, .noise_mm = 0.01}, seed);
+      EXPECT_THAT(m.wrinkles, testing::IsEmpty());
+      EXPECT_THAT(m.dents, testing::Not(testing::IsEmpty())) << width_r;
+    }
+  }
+}
+
+TEST(Wrinkles, AreOfTheBendsThatAreThere) {
+  const hal::Tube tube = OneDie();
+  WrinklesFound of{5, 0.1, 0.02, hal::SpineSegments(tube.program, tube.X_WT)[3].PointAt(4)};
+  std::vector<WrinklesFound> wrinkles = {of, of};
+  wrinkles.push_back({0, 0.1, 0.02, {1e3, 0, 0}});
+  KeepThoseOf(tube, {}, wrinkles);
+  ASSERT_EQ(wrinkles.size(), 1U);
+  EXPECT_EQ(wrinkles.front().bend, 1U);
+  KeepThoseOf({5, {{{100, 0, 0, std::nullopt}}}, {}}, {}, wrinkles);
+  EXPECT_THAT(wrinkles, testing::IsEmpty());
 }
 
 // Of a thousand points nobody can tell.

@@ -478,8 +478,6 @@ TEST(EasedTube, HasTheRadiiOfItsDieThoughItsBendsTurnAlike) {
   }
 }
 
-// Slight bends that ease, between bows, hardly know their radii: one of 17 degrees looked better as
-// two, of 9 and 7, than with a radius that had lost its way.
 // Straights of four easing lengths have room for three quarters of what their bends' kernels would
 // turn; the fit gives the rest to the radius of the die.
 TEST(EasedTube, KnowsItsRadiiNoBetterThanWhatItHasNoRoomFor) {
@@ -506,6 +504,8 @@ TEST(EasedTube, KnowsItsRadiiNoBetterThanWhatItHasNoRoomFor) {
   EXPECT_GT(std::sqrt(squares / values), 0.5);
 }
 
+// Slight bends that ease, between bows, hardly know their radii: one of 17 degrees looked better as
+// two, of 9 and 7, than with a radius that had lost its way.
 TEST(EasedTube, HasASlightBendBetweenBowsOnce) {
   const auto cloud = DrawnScan(93'000'571,
                                {.bow = 0.00186,
