@@ -162,8 +162,10 @@ void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
     for (std::size_t i = 0, n = list.Size(kMaxRows); i < n; ++i) {
       const JsonReader item = list.Item(i);
       const std::size_t bend = std::max<std::size_t>(1, item.At("bend").Count());
-      m.wrinkles.push_back(
-          {bend - 1, item.NumberOr("height_mm", 0), item.NumberOr("height_sigma_mm", 0), {}});
+      pipeline::WrinklesFound& of = m.wrinkles.emplace_back();
+      of.bend = bend - 1;
+      of.height_mm = item.NumberOr("height_mm", 0);
+      of.sigma_mm = item.NumberOr("height_sigma_mm", 0);
     }
   }
   if (json.Has("first_end")) m.first_end = ReadEnd(json.At("first_end"));

@@ -60,7 +60,7 @@ TEST(ReportHtml, TellsStraightnessEasingsDentsSeamAndWrinkles) {
   run.measurement.bend_easings = {{8, 0.5}, {7.5, 0.25}};
   run.measurement.dents = {{40, -90, 0.5, 0.02, 6, {1, 2, 3}, 0.1, 0.9, 28.3, 0.7}};
   run.measurement.seam = {72.5, 0.2, 0.125, 0.004, 1.4};
-  run.measurement.wrinkles = {{1, 0.275, 0.015, {}}};
+  run.measurement.wrinkles = {{1, 0.275, 0.015, {0, 0, 0}}};
   run.measurement.last_end.begins_mm = 4.5;
   run.measurement.last_end.profile = {{0.2, 5.4, 0.01}, {4.8, 4, 0.01}};
   const std::string html = CardsHtml(run);

@@ -45,7 +45,7 @@ TEST(MeasurementText, FitsAnEightyColumnTerminal) {
   m.fit.outliers = 1'234'567;
   m.dents.resize(1);
   m.seam = {-179.5, 123.4, 1.234, 0.123, 12.3};
-  m.wrinkles = {{11, 12.345, 1.234, {}}};
+  m.wrinkles = {{11, 12.345, 1.234, {0, 0, 0}}};
   m.bend_easings.resize(30);
   m.joint.known_together = {{.first_bend = 0,
                              .last_bend = 2,
