@@ -24,11 +24,14 @@ struct PlaceRange {
 
 }  // namespace
 
+double TurnOf(double x, double y, const hal::SpineSegment& arc) {
+  const double middle = 0.5 * arc.angle_rad();
+  return middle + std::remainder(std::atan2(x, -y) - middle, 2.0 * std::numbers::pi);
+}
+
 double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment) {
   if (!segment.is_arc()) return points.x[i];
-  const double middle = 0.5 * segment.angle_rad();
-  const double phi = std::atan2(points.x[i], -points.y[i]);
-  return segment.bend_radius_mm * (middle + std::remainder(phi - middle, 2.0 * std::numbers::pi));
+  return segment.bend_radius_mm * TurnOf(points.x[i], points.y[i], segment);
 }
 
 void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, SegmentPoints& points) {

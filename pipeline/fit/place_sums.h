@@ -13,6 +13,10 @@
 
 namespace bendloop::pipeline {
 
+// [rad] from an arc's start, of any angle: what stands at x and y in its frame. Beside the arc the
+// nearer of its two ends is meant.
+double TurnOf(double x, double y, const hal::SpineSegment& arc);
+
 // [mm] from the segment's start: where point `i`, which stands in the segment's frame, lies along
 // it.
 double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment);

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "hal/spine.h"
+#include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
 #include "pipeline/math/quantiles.h"
 
@@ -45,12 +46,6 @@ constexpr double kOfHighest = 0.693;
 // From a bend's innermost line, around [rad]: 0 to pi.
 double FromInside(double outward_mm, double z_mm) {
   return std::atan2(std::abs(z_mm), -outward_mm);
-}
-
-// [rad] Along an arc of any angle, from its start.
-double TurnOf(double x, double y, const hal::SpineSegment& bend) {
-  const double middle = 0.5 * bend.angle_rad();
-  return middle + std::remainder(std::atan2(x, -y) - middle, 2.0 * std::numbers::pi);
 }
 
 // A piece of a bend's wall: its points' scatter about what easing and ovality leave, which is even
