@@ -8,6 +8,7 @@
 #include <numbers>
 #include <tuple>
 
+#include "pipeline/fit/surface_points.h"
 #include "pipeline/math/arc_tangents.h"
 #include "pipeline/math/dense_solve.h"
 
@@ -19,6 +20,7 @@ struct EndBorderSettings {
   double smears = 6.0, spreads = 5.0;
   // Samples behind it that tell how dense they are, and [of r_P] how far they are taken from.
   double of_density = 20'000.0, deepest = 1.5;
+  std::size_t of_cloud = 8000;  // of the samples about an end of a cloud so many tell enough
   std::size_t columns = 48;
   // Columns that hold so many sigma more or fewer samples than the rough plane says are hidden, or
   // something lies on them; no more than this part of all.
@@ -37,8 +39,8 @@ struct EndBorderSettings {
   // Samples within 2 sigma of noise of the plane: from so many on the likelihood is as a normal
   // density is. Fewer are asked by a walk.
   double enough_about = 50.0;
-  int walk = 1200, cloud_walk = 3000;
-  int places = 40;  // where such a walk may begin, on either side
+  int walk = 1200, cloud_walk = 600;
+  int places = 10;  // where such a walk may begin, on either side
   // The noise is thought to be what is said but for this part of it; anything else is rarer, but
   // not so rare that samples could not say it (Cauchy).
   double sure_noise = 0.15;
@@ -81,11 +83,26 @@ class BorderLikelihood {
         smear_mm_(smear_mm),
         band_mm_(band_mm) {
     certainty_ << 0.0, 1.0 / (slope_mm * slope_mm), 1.0 / (slope_mm * slope_mm);
+    CountFrom(about_mm);
+  }
+
+  // Counts from this plane: the nearer the planes that are asked for lie to it, the fewer samples
+  // are looked at.
+  void CountFrom(const Eigen::Vector3d& plane) {
+    from_mm_ = plane;
+    const auto deep = [&](const BorderSample& sample) {
+      return sample.row.dot(plane) - sample.at_mm;
+    };
+    std::sort(samples_.begin(), samples_.end(),
+              [&](const BorderSample& a, const BorderSample& b) { return deep(a) < deep(b); });
+    deep_mm_.clear();
+    for (const BorderSample& sample : samples_) deep_mm_.push_back(deep(sample));
   }
 
   // Of the logarithm of the likelihood, its slope and, negative, its curvature.
   double Log(const Numbers& x, Numbers* slope = nullptr,
              Eigen::Matrix4d* curvature = nullptr) const {
+    constexpr double kFar = 6.0;  // [sigma] Behind a plane: certainly seen
     const double s = smear_mm_ * std::exp(x[3]);
     const Eigen::Vector3d plane = x.head<3>();
     const Eigen::Vector3d off_mm = plane - about_mm_;
@@ -97,9 +114,12 @@ class BorderLikelihood {
       curvature->setZero();
       curvature->diagonal().head<3>() = certainty_;
     }
-    for (const BorderSample& sample : samples_) {
+    const Eigen::Vector3d moved_mm = plane - from_mm_;
+    const double far_mm = kFar * s + std::abs(moved_mm[0]) + moved_mm.tail<2>().norm();
+    for (std::size_t i = 0; i < samples_.size() && deep_mm_[i] < far_mm; ++i) {
+      const BorderSample& sample = samples_[i];
       const double z = (sample.row.dot(plane) - sample.at_mm) / s;
-      if (z > 6.0) continue;
+      if (z > kFar) continue;
       const double covered = kEndBorder.flier + (1.0 - kEndBorder.flier) * 0.5 *
                                                     std::erfc(-z * std::numbers::sqrt2 / 2.0);
       log += std::log(covered);
@@ -123,6 +143,8 @@ class BorderLikelihood {
   std::vector<BorderSample> samples_;
   Eigen::Vector3d missing_;  // samples that each mm of the plane's numbers takes away
   Eigen::Vector3d about_mm_;
+  Eigen::Vector3d from_mm_ = Eigen::Vector3d::Zero();
+  std::vector<double> deep_mm_;  // of each sample, behind that plane; the least first
   double smear_mm_, band_mm_;
   Eigen::Vector3d certainty_ = Eigen::Vector3d::Zero();  // before the scan
 };
@@ -259,22 +281,28 @@ Posterior WalkedOfRays(const BorderLikelihood& likelihood, const Posterior& roug
 
 // Of a cloud, from where, of many places and noises, it is likeliest. An edge is as unsure as
 // samples lie apart, `gap_mm`; a walk with shorter steps would stay where it is.
-Posterior WalkedOfCloud(const BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm) {
+Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm) {
   const double around_mm = std::hypot(rough.plane.Sigma(0), gap_mm, rough.smear_mm);
   Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
-  double most = -1e300;
+  // From wide to narrow: of less noise the border lies near to where it does of more.
+  double most = -1e300, wide_mm = 4.0 * around_mm;
+  Eigen::Vector3d middle = rough.plane.mean.head<3>();
   for (const double noise : kEndBorder.noises) {
+    likelihood.CountFrom(middle);
     for (int i = -kEndBorder.places; i <= kEndBorder.places; ++i) {
       Numbers x;
-      x << rough.plane.mean.head<3>(), std::log(noise);
-      x[0] += 4.0 * around_mm * i / kEndBorder.places;
+      x << middle, std::log(noise);
+      x[0] += wide_mm * i / kEndBorder.places;
       const double log = likelihood.Log(x) + LogOfNoise(x[3], false);
       if (log > most) std::tie(most, from.mean) = std::make_tuple(log, Eigen::VectorXd(x));
     }
+    middle = from.mean.head<3>();
+    wide_mm = std::min(wide_mm, 4.0 * std::hypot(gap_mm, rough.smear_mm * noise));
   }
   const double edge_mm = std::hypot(gap_mm, 0.3 * rough.smear_mm * std::exp(from.mean[3]));
   const double slope_mm = std::min(rough.slope_mm, 1.5 * edge_mm);
   from.covariance.diagonal() << edge_mm * edge_mm, slope_mm * slope_mm, slope_mm * slope_mm, 0.1;
+  likelihood.CountFrom(from.mean.head<3>());
   return Walked(likelihood, from, kEndBorder.cloud_walk, false);
 }
 
@@ -397,8 +425,8 @@ class BandColumns {
 };
 
 // The planes that the likelihood leaves. `about`: samples within 2 sigma of noise of it.
-std::optional<Posterior> Among(const BorderLikelihood& likelihood, const RoughEnd& rough,
-                               double about, double spread_mm) {
+std::optional<Posterior> Among(BorderLikelihood& likelihood, const RoughEnd& rough, double about,
+                               double spread_mm) {
   const double gap_mm = 2.0 * rough.smear_mm / about;
   if (about < kEndBorder.enough_about) {
     return rough.knows_rays ? WalkedOfRays(likelihood, rough.plane)
@@ -418,7 +446,8 @@ std::optional<Posterior> Among(const BorderLikelihood& likelihood, const RoughEn
 
 }  // namespace
 
-std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band) {
+std::optional<Posterior> FitEndBorder(const RoughEnd& known, const EndBand& band) {
+  RoughEnd rough = known;
   const Eigen::Vector3d plane_mm = rough.plane.mean;
   const double r_mm = rough.pipe_radius_mm;
   // At the worst place around; the slopes' own are each as wide as that of the place, or wider.
@@ -428,16 +457,22 @@ std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band
   const double deep_mm = std::min(kEndBorder.deepest * r_mm,
                                   kEndBorder.of_density / std::max(1e-9, rough.per_mm2 * turn_mm));
   if (!(deep_mm > 0) || !(band_mm < r_mm)) return std::nullopt;
-  const double about = 2.0 * rough.per_mm2 * turn_mm * rough.smear_mm;
+  double about = 2.0 * rough.per_mm2 * turn_mm * rough.smear_mm;
   if (about < kEndBorder.enough_about && !rough.is_thinned && rough.knows_rays) return std::nullopt;
-  const std::vector<BandSample> samples = band(plane_mm, band_mm + deep_mm, band_mm);
+  std::vector<BandSample> samples = band(plane_mm, band_mm + deep_mm, band_mm);
+  const std::size_t stride = rough.knows_rays ? 1 : StrideTo(samples.size(), kEndBorder.of_cloud);
+  if (stride > 1) {
+    for (std::size_t i = 0; i * stride < samples.size(); ++i) samples[i] = samples[i * stride];
+    samples.resize((samples.size() + stride - 1) / stride);
+    rough.per_mm2 /= static_cast<double>(stride);
+    about /= static_cast<double>(stride);
+  }
   const BandColumns columns(samples, rough, band_mm, deep_mm);
   if (!columns.AreScattered(rough.smear_mm)) return std::nullopt;
   Eigen::Vector3d missing;
   const auto seen = columns.Seen(spread_mm, missing);
   if (!seen) return std::nullopt;
-  const BorderLikelihood likelihood(*seen, missing, rough.smear_mm, rough.slope_mm, plane_mm,
-                                    band_mm);
+  BorderLikelihood likelihood(*seen, missing, rough.smear_mm, rough.slope_mm, plane_mm, band_mm);
   auto border = Among(likelihood, rough, about, spread_mm);
   if (!border) return std::nullopt;
   // Where samples are of another density than behind the border it is elsewhere.

@@ -26,6 +26,7 @@ struct EasingSettings {
   // radii of their own from a noise of 0.0016 r_P). [variances] With less in sight there is no
   // easing; nor where a step goes on by less. By trial.
   double well_led = 0.1, further = 0.06, in_sight = 12.0, promising = 6.0;
+  double hardly = 1.5;  // [of the design effect] The tube follows its samples hardly
 };
 constexpr EasingSettings kEasingFit;
 
@@ -66,7 +67,8 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
       gained + kEasingFit.further * led < kEasingFit.in_sight * first.design_effect) {
     return none();
   }
-  // A step may go too far, and the next ones bring it back: on as long as they gain.
+  // Where the tube hardly follows its samples a step may go too far, and the next ones bring it
+  // back: on as long as they gain.
   SurfaceFit eased = first;
   double now = gained, least = 0;
   do {
@@ -75,6 +77,7 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
     eased = FitSurface(eased.tube, few, options);
     now = gain(eased);
     least = kEasingFit.promising * eased.design_effect;
+    if (now < least && first.design_effect < kEasingFit.hardly) return none();
     if (now < before + least) return none();
   } while (now < least);
   options.max_steps = most_steps;

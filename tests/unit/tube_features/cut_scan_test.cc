@@ -48,7 +48,7 @@ double Turn(double a_deg, double b_deg) { return std::remainder(a_deg - b_deg, 3
 
 // Errors of values beside their sigma: of many one may be beyond 3 by chance (four rays lost on
 // one side of a hole, say), none beyond 4.
-class Sigmas {
+class SigmasOf {
  public:
   void Add(double error, double sigma) {
     EXPECT_LT(std::abs(error), 4 * sigma);
@@ -62,7 +62,7 @@ class Sigmas {
   int beyond_3_ = 0, count_ = 0;
 };
 
-void ScoreCuts(std::uint64_t seed, Sigmas& sigmas) {
+void ScoreCuts(std::uint64_t seed, SigmasOf& sigmas) {
   const hal::Tube tube = drivers::LayOnTable(BentTube(), 4);
   drivers::VirtualScanOptions options = AllAround(seed);
   const double length_mm = hal::SpineLength(tube.program);
@@ -106,7 +106,7 @@ void ScoreCuts(std::uint64_t seed, Sigmas& sigmas) {
 }
 
 TEST(CutScan, FindsEndsHolesAndSlot) {
-  Sigmas sigmas;
+  SigmasOf sigmas;
   for (const std::uint64_t seed : {4U, 6U, 7U}) {
     SCOPED_TRACE(seed);
     ScoreCuts(seed, sigmas);
