@@ -158,6 +158,8 @@ void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScore
                m.sigma.rows[row].length_mm);
     scores.Count("end: not told", !end);
     if (!end) continue;
+    scores.Count("end: bevel, burr or border that is none",
+                 end->bevel || end->burr || !end->border.empty());
     scores.Add("end: obliquity deg", end->cut.obliquity_deg - cut.obliquity_deg,
                end->obliquity_sigma_deg);
     if (cut.obliquity_deg < 5 * end->obliquity_sigma_deg) continue;
@@ -222,11 +224,12 @@ CutScan ALiveTube(std::uint64_t seed) {
   return scanned;
 }
 
-void PrintLive(std::uint64_t first_seed, int count, bool told) {
+void PrintLive(std::uint64_t first_seed, int count, double wall_mm, bool told) {
   LiveScores scores(told);
   for (int i = 0; i < count; ++i) {
     const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
-    const CutScan scanned = ALiveTube(seed);
+    CutScan scanned = ALiveTube(seed);
+    scanned.options.wall_mm = std::min(wall_mm, 0.4 * scanned.tube.pipe_radius_mm);
     scores.Begin("tube " + std::to_string(seed) + " of " + Number(scanned.tube.pipe_radius_mm) +
                  " mm, lines of " + Number(scanned.options.path.profile_spacing_mm) + " mm, " +
                  std::to_string(scanned.options.path.views_deg.size()) + " passes, noise " +
