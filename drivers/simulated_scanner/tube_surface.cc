@@ -162,8 +162,10 @@ double TubeSurface::Cut::BeyondMm(const Vector3d& at_mm) const {
 double TubeSurface::Cut::InMm(const Vector3d& at_mm) const {
   const double before_mm = -BeyondMm(at_mm);
   double in_mm = 0;
-  if (before_mm < edge.bevel_mm) in_mm += edge.bevel_depth_mm * (1 - before_mm / edge.bevel_mm);
-  if (before_mm < edge.burr_length_mm) {
+  // The face of a cut lies at the border, by rounding a little beyond it.
+  if (edge.bevel_mm > 0 && before_mm < edge.bevel_mm)
+    in_mm += edge.bevel_depth_mm * (1 - before_mm / edge.bevel_mm);
+  if (edge.burr_length_mm > 0 && before_mm < edge.burr_length_mm) {
     in_mm -= edge.burr_mm * (1 - before_mm / edge.burr_length_mm);
   }
   return in_mm;

@@ -174,7 +174,15 @@ void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScore
   const drivers::ScanPathOptions& path = scanned.options.path;
   ScoreOpenings(m, truth, true_length_mm, 4 * path.profile_spacing_mm, scores);
   if (m.features.openings.empty()) scores.Count("opening where none is", false);
-  scores.Count("dents: more than are", m.dents.size() > truth.dents.size());
+  const bool has_false = m.dents.size() > truth.dents.size();
+  scores.Count("dents: more than are", has_false);
+  for (const pipeline::DentFound& dent : m.dents) {
+    if (has_false) {
+      scores.Tell("one is " + std::to_string(dent.depth_mm) + " deep, at " +
+                  std::to_string(dent.along_mm) + " mm, " + std::to_string(dent.around_deg) +
+                  " deg");
+    }
+  }
   for (const hal::PressedDent& pressed : truth.dents) {
     scores.Count("dent: not found", m.dents.empty());
     if (m.dents.size() != 1) continue;
