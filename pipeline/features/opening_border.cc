@@ -2,6 +2,7 @@
 #include "pipeline/features/opening_border.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -32,12 +33,9 @@ struct BorderSettings {
   // Part of the rays that meet the wall and return nothing: beside a border a tenth does, whose
   // spot lies on both sides of it.
   double lost = 0.12;
-  // Of where a missed ray may be in its strip: lines are no surer than so much of that of a border.
-  // By trial: without it, single rays that are lost at one side pull it.
-  double of_strip = 0.3;
-  // Of the smear: how much more samples of laser lines are displaced round the tube, though they
-  // lie where their rays met the wall (opening_surroundings.h). By trial.
-  double sideways = 0.5;
+  // Of the smear: samples of laser lines lie where their rays met the wall (opening_surroundings.h)
+  // but for how well the wall is known.
+  double of_lines = 0.2;
   double sure = 5.0;  // [sigma] From the border: certainly outside, or inside
   // [of its width] Samples further outside tell nothing.
   double near = 0.35;
@@ -45,6 +43,8 @@ struct BorderSettings {
   // of one over leans, which are tied to the place.
   int walk = 2500, short_walk = 600, lean_walk = 5000;
   double may_lean = 2.5;
+  // Of lines: walks before, over samples and rays that are displaced so many times more.
+  std::array<double, 4> blurs = {20.0, 5.0, 2.0, 1.0};
 };
 constexpr BorderSettings kBorder;
 
@@ -58,6 +58,13 @@ struct WallAbout {
   SampleDensity density;
   Eigen::Vector2d about_mm = Eigen::Vector2d::Zero();
 };
+
+// Whether a walk went anywhere, in each number, beside what was known before it: one that found no
+// way says less.
+bool WentOn(const Posterior& walk, const Posterior& before) {
+  constexpr double kLeast = 1e-5;  // of the variance
+  return (walk.covariance.diagonal().array() > kLeast * before.covariance.diagonal().array()).all();
+}
 
 enum class Shape { kHole, kLeaningHole, kSlot };
 
@@ -92,11 +99,9 @@ class ShapeWalk {
     density_ = wall.density;
     density_about_mm_ = wall.about_mm;
     if (!wall.missed.empty()) {
-      sideways_smear_mm_ = kBorder.sideways * smear_mm_;
-      double sigma_mm = 0;
-      for (const MissedPlace& missed : wall.missed) sigma_mm += missed.sideways_sigma_mm;
-      smear_mm_ = std::hypot(smear_mm_,
-                             kBorder.of_strip * sigma_mm / static_cast<double>(wall.missed.size()));
+      smear_mm_ *= kBorder.of_lines;
+      for (const MissedPlace& missed : wall.missed) sideways_smear_mm_ += missed.sideways_sigma_mm;
+      sideways_smear_mm_ /= static_cast<double>(wall.missed.size());
     }
     for (const MissedPlace& missed : wall.missed) {
       const Eigen::Vector2d& place = missed.place_mm;
@@ -106,7 +111,8 @@ class ShapeWalk {
     }
   }
 
-  double LogDensity(const Eigen::VectorXd& x) const {
+  // `blur`: how many times more samples and rays are displaced than they are.
+  double LogDensity(const Eigen::VectorXd& x, double blur) const {
     constexpr double kNever = -1e300;
     if (x[2] < 0.25 * about_.width_mm || x[2] > about_.width_mm) return kNever;
     // Where no sample was looked at, anything may be.
@@ -124,7 +130,7 @@ class ShapeWalk {
     }
     const OpeningBorder border = BorderOf(x, shape_, about_.pipe_radius_mm);
     log += density_.Missing(border, density_about_mm_);
-    return log + (shape_ == Shape::kLeaningHole ? LogLeaning(border) : LogFlat(border));
+    return log + (shape_ == Shape::kLeaningHole ? LogLeaning(border, blur) : LogFlat(border, blur));
   }
 
   ShapeFit Fit(int walk) const {
@@ -140,14 +146,23 @@ class ShapeWalk {
       start.tail<2>() = about_.lean;
       scale.tail<2>().setConstant(0.1);
     }
-    const Posterior posterior = SamplePosterior(
-        start, scale, walk, [this](const Eigen::VectorXd& x) { return LogDensity(x); });
+    const auto sample = [&](const Posterior& from, int steps, double blur) {
+      return SamplePosterior(from, steps,
+                             [&](const Eigen::VectorXd& x) { return LogDensity(x, blur); });
+    };
+    Posterior posterior{start, scale.array().square().matrix().asDiagonal(), 0.0};
+    if (missed_.empty()) return Taken(sample(posterior, walk, 1.0));
+    // Of lines, whose rays are known to a hundredth of a millimetre, no step from afar would hit.
+    for (const double blur : kBorder.blurs) {
+      const Posterior sharper = sample(posterior, walk, blur);
+      if (WentOn(sharper, posterior)) posterior = sharper;
+    }
     return Taken(posterior);
   }
 
  private:
   // What the samples and the missed rays say; most of them lie nowhere near the border.
-  double LogFlat(const OpeningBorder& border) const {
+  double LogFlat(const OpeningBorder& border, double blur) const {
     const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
     const double half_line_mm = 0.5 * (border.length_mm - border.width_mm);
     // From the line about which it is cut.
@@ -161,15 +176,16 @@ class ShapeWalk {
     double log = 0;
     for (const Eigen::Vector2d& sample : near_) {
       const Eigen::Vector2d from = off(sample);
-      log += LogHit(from.squaredNorm(), border.width_mm, from.y());
+      log += LogHit(from.squaredNorm(), border.width_mm, from.y(), blur);
     }
     for (const MissedPlace& missed : missed_) {
       const Eigen::Vector2d from = off(missed.place_mm);
-      log += LogMissed(from.squaredNorm(), border.width_mm, from.y(), missed.sideways_sigma_mm);
+      log +=
+          LogMissed(from.squaredNorm(), border.width_mm, from.y(), missed.sideways_sigma_mm, blur);
     }
     return log;
   }
-  double LogLeaning(const OpeningBorder& border) const {
+  double LogLeaning(const OpeningBorder& border, double blur) const {
     const double middle_up = HeightMm(border.middle_mm.y());
     const double per_square = 1.0 / (1.0 + border.lean.squaredNorm());
     const auto square = [&](const Eigen::Vector2d& from, double place_up) {
@@ -180,34 +196,34 @@ class ShapeWalk {
     double log = 0;
     for (std::size_t i = 0; i < near_.size(); ++i) {
       const Eigen::Vector2d from = near_[i] - border.middle_mm;
-      log += LogHit(square(from, near_up_[i]), border.width_mm, from.y());
+      log += LogHit(square(from, near_up_[i]), border.width_mm, from.y(), blur);
     }
     for (std::size_t i = 0; i < missed_.size(); ++i) {
       const Eigen::Vector2d from = missed_[i].place_mm - border.middle_mm;
       log += LogMissed(square(from, missed_up_[i]), border.width_mm, from.y(),
-                       missed_[i].sideways_sigma_mm);
+                       missed_[i].sideways_sigma_mm, blur);
     }
     return log;
   }
   // Of a place by its squared distance from the opening's middle line.
-  double LogHit(double square_mm2, double width_mm, double sideways_mm) const {
+  double LogHit(double square_mm2, double width_mm, double sideways_mm, double blur) const {
     const double half_mm = 0.5 * width_mm;
-    const double free_mm = half_mm + kBorder.sure * (smear_mm_ + sideways_smear_mm_);
+    const double free_mm = half_mm + blur * kBorder.sure * (smear_mm_ + sideways_smear_mm_);
     if (square_mm2 > free_mm * free_mm) return 0;
     const double off_mm = std::sqrt(square_mm2);
     const double sigma_mm =
         std::hypot(smear_mm_, sideways_smear_mm_ * sideways_mm / std::max(off_mm, 1e-9));
-    return LogCovered(off_mm - half_mm, sigma_mm, kBorder.flier);
+    return LogCovered(off_mm - half_mm, blur * sigma_mm, kBorder.flier);
   }
-  double LogMissed(double square_mm2, double width_mm, double sideways_mm,
-                   double sideways_sigma_mm) const {
+  double LogMissed(double square_mm2, double width_mm, double sideways_mm, double sideways_sigma_mm,
+                   double blur) const {
     const double half_mm = 0.5 * width_mm;
-    const double sure_mm = half_mm - kBorder.sure * (smear_mm_ + sideways_sigma_mm);
+    const double sure_mm = half_mm - blur * kBorder.sure * (smear_mm_ + sideways_sigma_mm);
     if (sure_mm > 0 && square_mm2 < sure_mm * sure_mm) return 0;
     const double off_mm = std::sqrt(square_mm2);
     const double sigma_mm =
         std::hypot(smear_mm_, sideways_sigma_mm * sideways_mm / std::max(off_mm, 1e-9));
-    return LogCovered(half_mm - off_mm, sigma_mm, kBorder.lost);
+    return LogCovered(half_mm - off_mm, blur * sigma_mm, kBorder.lost);
   }
   static double LogCovered(double distance_mm, double sigma_mm, double otherwise) {
     const double z = distance_mm / sigma_mm;
@@ -243,7 +259,7 @@ class ShapeWalk {
   OpeningBorder about_;
   Shape shape_;
   double smear_mm_;
-  double sideways_smear_mm_ = 0;  // beside it, of laser lines
+  double sideways_smear_mm_ = 0;  // beside it, of laser lines: as their missed rays
   SampleDensity density_;
   Eigen::Vector2d density_about_mm_ = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> near_;

@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "pipeline/features/ray_numbers.h"
 #include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
@@ -29,14 +30,15 @@ struct MissedSettings {
   std::size_t least_lines = 5;
   // Of the distance of lines: so near to where a line goes on its samples are.
   double same_line = 0.3;
-  // Parts of the width of a pass, over which the distance of its rays is as good as even; it is
-  // taken over so many rays, whose noise it thereby holds down.
+  // Parts of the width of a pass, over which the distance of its rays is about even; it is taken
+  // over so many rays, whose noise it thereby holds down.
   std::size_t parts = 24, over_rays = 4;
   // [of the distance of rays] and [1 sigma of it] Where neighbours in a line are further from each
   // other, rays are missing between them.
   double missing = 1.5, missing_sigmas = 3.0;
-  // [of the distance of rays] How well it is known.
-  double known = 0.1;
+  // [of the distance of rays] How well it is known where one is, beside how uneven they are.
+  double known = 0.02;
+  double parts_a_ray = 5.0;
   // [of the distance of rays] Of the distance of neighbours: 1 sigma of rays that are all there is
   // a tenth, and what noise adds, [of its 1 sigma] so much at most; of lines that were thinned
   // four.
@@ -113,7 +115,7 @@ class Pass {
   bool AddMissed(std::vector<MissedRay>& rays) {
     if (!(high_mm_ > low_mm_) || !FindGap()) return false;
     FindLines();
-    if (!FindPitch()) return false;
+    if (!FindNumbers()) return false;
     FindSides();
     for (const Line& line : lines_) AddMissedOf(line, rays);
     return true;
@@ -173,47 +175,63 @@ class Pass {
     }
   }
 
-  // How far rays lie apart round the tube, part by part, and how evenly.
-  bool FindPitch() {
-    std::vector<std::vector<double>> pitches(kMissed.parts), uneven(1);
+  // Which ray meets the wall where, if those of a line are even.
+  bool FindNumbers() {
+    const std::vector<double> pitch_mm = PitchesMm();
+    if (pitch_mm.empty() || !(*std::min_element(pitch_mm.begin(), pitch_mm.end()) > 0)) {
+      return false;
+    }
+    const auto pitch_at = [&](double y_mm) { return pitch_mm[PartOf(y_mm, pitch_mm.size())]; };
+    std::vector<double> uneven_mm;
+    std::vector<NeighbouringRays> neighbours;
+    for (const Line& line : lines_) {
+      for (std::size_t i = 1; i < line.hits.size(); ++i) {
+        const double from_mm = line.hits[i - 1].place_mm.y(), to_mm = line.hits[i].place_mm.y();
+        uneven_mm.push_back(std::abs(to_mm - from_mm - pitch_at(to_mm)));
+        if (to_mm - from_mm < kMissed.missing * pitch_at(0.5 * (from_mm + to_mm))) {
+          neighbours.push_back({from_mm, to_mm});
+        }
+      }
+    }
+    constexpr double kPerMedian = 1.4826;  // 1 sigma of normal errors over the median of their size
+    if (!(kPerMedian * Median(std::move(uneven_mm)) <
+          kMissed.most_uneven * Median(pitch_mm) + kMissed.of_noise * noise_mm_)) {
+      return false;
+    }
+    numbers_ = RayNumbers::Of(neighbours);
+    return numbers_.has_value();
+  }
+
+  // About how far rays lie apart round the tube, part by part.
+  std::vector<double> PitchesMm() const {
+    std::vector<std::vector<double>> apart_mm(kMissed.parts);
     for (const Line& line : lines_) {
       for (std::size_t i = kMissed.over_rays; i < line.hits.size(); ++i) {
         const double from_mm = line.hits[i - kMissed.over_rays].place_mm.y();
         const double to_mm = line.hits[i].place_mm.y();
-        pitches[PartOf(0.5 * (from_mm + to_mm), kMissed.parts)].push_back(
+        apart_mm[PartOf(0.5 * (from_mm + to_mm), kMissed.parts)].push_back(
             (to_mm - from_mm) / static_cast<double>(kMissed.over_rays));
       }
     }
-    pitch_mm_.clear();
+    std::vector<double> pitch_mm;
     std::size_t empty = 0;
-    for (auto& part : pitches) {
+    for (auto& part : apart_mm) {
       if (part.empty()) {
         ++empty;
-        if (!pitch_mm_.empty()) pitch_mm_.push_back(pitch_mm_.back());
+        if (!pitch_mm.empty()) pitch_mm.push_back(pitch_mm.back());
         continue;
       }
-      const double pitch_mm = Median(std::move(part));
-      while (pitch_mm_.empty() && empty > 0) pitch_mm_.assign(empty, pitch_mm);
-      pitch_mm_.push_back(pitch_mm);
+      const double of_part_mm = Median(std::move(part));
+      while (pitch_mm.empty() && empty > 0) pitch_mm.assign(empty, of_part_mm);
+      pitch_mm.push_back(of_part_mm);
     }
-    if (pitch_mm_.empty() || !(*std::min_element(pitch_mm_.begin(), pitch_mm_.end()) > 0)) {
-      return false;
-    }
-    for (const Line& line : lines_) {
-      for (std::size_t i = 1; i < line.hits.size(); ++i) {
-        const double apart_mm = line.hits[i].place_mm.y() - line.hits[i - 1].place_mm.y();
-        uneven.front().push_back(std::abs(apart_mm - PitchAt(line.hits[i].place_mm.y())));
-      }
-    }
-    constexpr double kPerMedian = 1.4826;  // 1 sigma of normal errors over the median of their size
-    uneven_mm_ = kPerMedian * Median(std::move(uneven.front()));
-    return uneven_mm_ < kMissed.most_uneven * Median(pitch_mm_) + kMissed.of_noise * noise_mm_;
+    return pitch_mm;
   }
 
-  // The first and the last line that reach each place round the tube, less than half a ray wide.
+  // The first and the last line that reach each place round the tube.
   void FindSides() {
-    const auto parts = static_cast<std::size_t>(
-        std::clamp(2.5 * (high_mm_ - low_mm_) / Median(pitch_mm_), 1.0, 4000.0));
+    const auto parts = static_cast<std::size_t>(std::clamp(
+        kMissed.parts_a_ray * (numbers_->At(high_mm_) - numbers_->At(low_mm_)), 1.0, 4000.0));
     sides_.assign(parts, {1e300, -1e300});
     for (const Hit& hit : hits_) {
       auto& [first_mm, last_mm] = sides_[PartOf(hit.place_mm.y(), parts)];
@@ -233,23 +251,17 @@ class Pass {
   // Rays of a line between two hits that follow each other.
   void AddBetween(const Hit& from, const Hit& to, std::vector<MissedRay>& rays) const {
     const double from_mm = from.place_mm.y(), to_mm = to.place_mm.y();
-    if (to_mm - from_mm <
-        kMissed.missing * PitchAt(0.5 * (from_mm + to_mm)) + kMissed.missing_sigmas * uneven_mm_) {
+    const double first = numbers_->At(from_mm), steps = numbers_->At(to_mm) - first;
+    const double whole = std::round(steps);
+    if (steps < kMissed.missing + kMissed.missing_sigmas * numbers_->uneven() ||
+        whole > static_cast<double>(kMissed.most_missing)) {
       return;
     }
-    std::vector<double> at_mm;
-    for (double y = from_mm + PitchAt(from_mm);
-         y < to_mm + 0.5 * PitchAt(to_mm) && at_mm.size() <= kMissed.most_missing;
-         y += PitchAt(y)) {
-      at_mm.push_back(y);
-    }
-    if (at_mm.size() < 2 || at_mm.size() > kMissed.most_missing) return;
-    // The last one is the hit.
-    const double scale = (to_mm - from_mm) / (at_mm.back() - from_mm);
-    for (std::size_t i = 0; i + 1 < at_mm.size(); ++i) {
-      const double y = from_mm + scale * (at_mm[i] - from_mm);
-      const double part = (y - from_mm) / (to_mm - from_mm);
-      Add(from.place_mm + part * (to.place_mm - from.place_mm),
+    for (double i = 1; i < whole; ++i) {
+      const double y_mm =
+          numbers_->PlaceMm(first + i / whole * steps, from_mm + i / whole * (to_mm - from_mm));
+      const double part = (y_mm - from_mm) / (to_mm - from_mm);
+      Add({from.place_mm.x() + part * (to.place_mm.x() - from.place_mm.x()), y_mm},
           part < 0.5 ? from.to_sensor : to.to_sensor, rays);
     }
   }
@@ -258,9 +270,10 @@ class Pass {
   void AddBeyond(const Line& line, bool is_after, std::vector<MissedRay>& rays) const {
     const Hit& from = is_after ? line.hits.back() : line.hits.front();
     const double way = is_after ? 1.0 : -1.0;
+    const double first = numbers_->At(from.place_mm.y());
     double y = from.place_mm.y();
-    for (std::size_t i = 0; i < kMissed.most_missing; ++i) {
-      y += way * PitchAt(y);
+    for (std::size_t i = 1; i <= kMissed.most_missing; ++i) {
+      y = numbers_->PlaceMm(first + way * static_cast<double>(i), y + way * numbers_->PitchMm(y));
       const Eigen::Vector2d place(from.place_mm.x(), y);
       if (y < low_mm_ || y > high_mm_ || MeetsWall(place, from.place_mm.y(), way)) return;
       Add(place, from.to_sensor, rays);
@@ -271,19 +284,23 @@ class Pass {
            std::vector<MissedRay>& rays) const {
     const std::size_t part = PartOf(place_mm.y(), sides_.size());
     double first_mm = 1e300, last_mm = -1e300;
-    for (std::size_t i = part > 0 ? part - 1 : 0; i < std::min(part + 2, sides_.size()); ++i) {
+    // Half a ray to either side.
+    constexpr auto kHalf = static_cast<std::size_t>(0.5 * kMissed.parts_a_ray);
+    for (std::size_t i = part - std::min(part, kHalf);
+         i < std::min(part + kHalf + 1, sides_.size()); ++i) {
       first_mm = std::min(first_mm, sides_[i].first);
       last_mm = std::max(last_mm, sides_[i].second);
     }
     if (first_mm > place_mm.x() - 0.5 * gap_mm_ || last_mm < place_mm.x() + 0.5 * gap_mm_) return;
-    const double pitch_mm = PitchAt(place_mm.y());
-    rays.push_back({place_mm, std::hypot(kMissed.known * pitch_mm, 0.5 * uneven_mm_),
+    const double pitch_mm = numbers_->PitchMm(place_mm.y());
+    rays.push_back({place_mm, std::hypot(kMissed.known, 0.5 * numbers_->uneven()) * pitch_mm,
                     pitch_mm * gap_mm_, to_sensor});
   }
 
   // Whether hits lie about a place and on this way from where its line was left: it goes on there.
   bool MeetsWall(const Eigen::Vector2d& place_mm, double from_mm, double way) const {
-    const double near_mm = PitchAt(place_mm.y()) + kMissed.missing_sigmas * uneven_mm_;
+    const double near_mm =
+        (1.0 + kMissed.missing_sigmas * numbers_->uneven()) * numbers_->PitchMm(place_mm.y());
     const auto first =
         std::lower_bound(hits_.begin(), hits_.end(), place_mm.x() - kMissed.same_line * gap_mm_,
                          [](const Hit& hit, double at_mm) { return hit.place_mm.x() < at_mm; });
@@ -299,15 +316,13 @@ class Pass {
     const double part = (y_mm - low_mm_) / (high_mm_ - low_mm_) * static_cast<double>(count);
     return std::min(count - 1, static_cast<std::size_t>(std::max(0.0, part)));
   }
-  double PitchAt(double y_mm) const { return pitch_mm_[PartOf(y_mm, pitch_mm_.size())]; }
 
   std::vector<Hit> hits_;
   double noise_mm_;
   double low_mm_ = 0, high_mm_ = 0;  // round the tube
   double gap_mm_ = 0;                // of its lines
   std::vector<Line> lines_;          // sorted along
-  std::vector<double> pitch_mm_;
-  double uneven_mm_ = 0;  // 1 sigma of the distance of neighbours in a line
+  std::optional<RayNumbers> numbers_;
   std::vector<std::pair<double, double>> sides_;
 };
 

@@ -277,6 +277,16 @@ PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
     found.cell_mm2.push_back(ray.cell_mm2);
   }
   for (const unsigned pass : missed.scattered) views.AddScattered(pass, about, found);
+  for (std::size_t i = 0; i < wall.size(); ++i) {
+    const SeenWall& sample = around.seen[i];
+    const double turn = wall[i].place_mm.y() / pipe_radius_mm;
+    const Eigen::Vector3d normal =
+        std::cos(turn) * frame.outward + std::sin(turn) * frame.sideways();
+    const bool is_flat = TowardsSensor(sample.to_sensor).dot(normal) < kLeastRayCosine;
+    if (!is_flat && !views.MayBeHidden(sample.point_mm, sample.to_sensor)) {
+      found.fair.push_back(sample.place_mm);
+    }
+  }
   return found;
 }
 

@@ -37,6 +37,9 @@ struct PassSurroundings {
   // Where their rays met no wall, and no other part of the tube hides it.
   std::vector<MissedPlace> missed;
   std::vector<double> cell_mm2;  // of each: the wall that it stands for
+  // Samples of the wall that tell of the border: those whose rays would be known had they missed
+  // it. Of others only those that met it are known, which would make any opening small.
+  std::vector<Eigen::Vector2d> fair;
   // Samples of the wall that come scattered, by passes that looked through the opening; where
   // passes are not known all samples. And the part of its area that these passes looked through.
   std::vector<Eigen::Vector2d> scattered;

@@ -177,8 +177,9 @@ class Candidate {
   std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& about,
                                   const Surroundings& around, const Look& look, int moves) const {
     const PassSurroundings passes = tube_.FindPasses(frame, around, about);
-    const FittedOpening fitted = FitOpening(around.wall, about, kSampling.SmearMm(sigma_mm_, r_mm_),
-                                            passes.missed, passes.scattered);
+    const FittedOpening fitted =
+        FitOpening(passes.has_lines ? passes.fair : around.wall, about,
+                   kSampling.SmearMm(sigma_mm_, r_mm_), passes.missed, passes.scattered);
     const OpeningBorder& border = fitted.border;
     if (!IsCut(border, around, passes, look.gap_mm)) return std::nullopt;
     // Its drill goes across the wall at its own middle: from beside, its border lies further aside

@@ -46,9 +46,25 @@ Measurement Measure(const hal::Tube& tube, const drivers::VirtualScanOptions& op
 
 double Turn(double a_deg, double b_deg) { return std::remainder(a_deg - b_deg, 360.0); }
 
-TEST(CutScan, FindsEndsHolesAndSlot) {
+// Errors of values beside their sigma: of many one may be beyond 3 by chance (four rays lost on
+// one side of a hole, say), none beyond 4.
+class Sigmas {
+ public:
+  void Add(double error, double sigma) {
+    EXPECT_LT(std::abs(error), 4 * sigma);
+    beyond_3_ += std::abs(error) < 3 * sigma ? 0 : 1;
+    ++count_;
+  }
+  int beyond_3() const { return beyond_3_; }
+  int count() const { return count_; }
+
+ private:
+  int beyond_3_ = 0, count_ = 0;
+};
+
+void ScoreCuts(std::uint64_t seed, Sigmas& sigmas) {
   const hal::Tube tube = drivers::LayOnTable(BentTube(), 4);
-  drivers::VirtualScanOptions options = AllAround(4);
+  drivers::VirtualScanOptions options = AllAround(seed);
   const double length_mm = hal::SpineLength(tube.program);
   options.features.first_end = {2.5, 40};
   options.features.last_end = {4.0, -120};
@@ -58,38 +74,45 @@ TEST(CutScan, FindsEndsHolesAndSlot) {
   const TubeFeaturesFound& found = m.features;
 
   ASSERT_TRUE(found.first_end);
-  EXPECT_NEAR(found.first_end->cut.obliquity_deg, 2.5, 3 * found.first_end->obliquity_sigma_deg);
-  EXPECT_LT(std::abs(Turn(found.first_end->cut.around_deg, 40)),
-            3 * found.first_end->around_sigma_deg);
+  sigmas.Add(found.first_end->cut.obliquity_deg - 2.5, found.first_end->obliquity_sigma_deg);
+  sigmas.Add(Turn(found.first_end->cut.around_deg, 40), found.first_end->around_sigma_deg);
   EXPECT_LT(found.first_end->obliquity_sigma_deg, 1.0);
   ASSERT_TRUE(found.last_end);
-  EXPECT_NEAR(found.last_end->cut.obliquity_deg, 4.0, 3 * found.last_end->obliquity_sigma_deg);
-  EXPECT_LT(std::abs(Turn(found.last_end->cut.around_deg, -120)),
-            3 * found.last_end->around_sigma_deg);
+  sigmas.Add(found.last_end->cut.obliquity_deg - 4.0, found.last_end->obliquity_sigma_deg);
+  sigmas.Add(Turn(found.last_end->cut.around_deg, -120), found.last_end->around_sigma_deg);
   // To the planes at the axis, not to where the long sides stop.
-  EXPECT_NEAR(m.tube.program.rows.front().length_mm, 90, 3 * m.sigma.rows.front().length_mm + 1e-9);
-  EXPECT_NEAR(m.tube.program.rows.back().length_mm, 80, 3 * m.sigma.rows.back().length_mm);
+  sigmas.Add(m.tube.program.rows.front().length_mm - 90, m.sigma.rows.front().length_mm);
+  sigmas.Add(m.tube.program.rows.back().length_mm - 80, m.sigma.rows.back().length_mm);
 
   ASSERT_EQ(found.openings.size(), options.features.openings.size());
   for (std::size_t i = 0; i < found.openings.size(); ++i) {
+    SCOPED_TRACE(i);
     const hal::WallOpening& truth = options.features.openings[i];
     const hal::WallOpening& opening = found.openings[i].opening;
     const hal::WallOpening& sigma = found.openings[i].sigma;
-    EXPECT_EQ(opening.is_hole(), truth.is_hole()) << i;
-    EXPECT_NEAR(opening.width_mm, truth.width_mm, 3 * sigma.width_mm) << i;
-    EXPECT_NEAR(opening.length_mm, truth.length_mm, 3 * sigma.length_mm) << i;
-    EXPECT_LT(std::abs(Turn(opening.around_deg, truth.around_deg)), 3 * sigma.around_deg) << i;
+    EXPECT_EQ(opening.is_hole(), truth.is_hole());
+    sigmas.Add(opening.width_mm - truth.width_mm, sigma.width_mm);
+    sigmas.Add(opening.length_mm - truth.length_mm, sigma.length_mm);
+    sigmas.Add(Turn(opening.around_deg, truth.around_deg), sigma.around_deg);
     const double from_end_mm =
         truth.along_mm > 0.5 * length_mm
             ? (hal::SpineLength(m.tube.program) - opening.along_mm) - (length_mm - truth.along_mm)
             : opening.along_mm - truth.along_mm;
-    EXPECT_LT(std::abs(from_end_mm), 3 * sigma.along_mm) << i;
-    EXPECT_LT(sigma.width_mm, 0.1) << i;
-    if (!truth.is_hole()) {
-      EXPECT_LT(std::abs(std::remainder(opening.axis_deg - truth.axis_deg, 180.0)),
-                3 * sigma.axis_deg);
-    }
+    sigmas.Add(from_end_mm, sigma.along_mm);
+    EXPECT_LT(sigma.width_mm, 0.1);
+    if (truth.is_hole()) continue;
+    sigmas.Add(std::remainder(opening.axis_deg - truth.axis_deg, 180.0), sigma.axis_deg);
   }
+}
+
+TEST(CutScan, FindsEndsHolesAndSlot) {
+  Sigmas sigmas;
+  for (const std::uint64_t seed : {4U, 6U, 7U}) {
+    SCOPED_TRACE(seed);
+    ScoreCuts(seed, sigmas);
+  }
+  EXPECT_EQ(sigmas.count(), 3 * 19);
+  EXPECT_LE(sigmas.beyond_3(), 1);
 }
 
 // A wide hole across a tight bend, drilled radially: what is left of that wall is no lean's oval.

@@ -11,6 +11,7 @@
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/opening_lines.h"
 #include "pipeline/features/opening_surroundings.h"
+#include "pipeline/features/ray_numbers.h"
 #include "tests/support/cut_walls.h"
 
 namespace bendloop::pipeline {
@@ -216,6 +217,35 @@ TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
   EXPECT_LT(std::sqrt(place2), 0.03);
   EXPECT_LT(std::sqrt(place_sigmas), 1.5);
   EXPECT_LT(std::sqrt(size_sigmas), 1.5);
+}
+
+// Rays that come in flat lie further apart: which of them met nothing, and where they would have
+// met the wall, is known to a hundredth of that all the same.
+TEST(RayNumbers, OfRaysFromOnePlaceTellWhereMissedOnesWouldBe) {
+  constexpr double kOfTubeMm = 8, kAwayMm = 120, kTurn = 0.0027;
+  std::vector<NeighbouringRays> neighbours;
+  std::vector<double> places;
+  for (int line = 0; line < 20; ++line) {
+    places.clear();
+    for (double angle = -0.063 + 0.0001 * line; angle < 0.063; angle += kTurn) {
+      // Where a ray from this far above the axis meets the wall, unrolled.
+      const double meets = std::asin(kAwayMm * std::sin(angle) / kOfTubeMm) - angle;
+      places.push_back(kOfTubeMm * meets);
+    }
+    for (std::size_t i = 1; i < places.size(); ++i) {
+      if (line < 5 || i < 18 || i > 28) neighbours.push_back({places[i - 1], places[i]});
+    }
+  }
+  const auto numbers = RayNumbers::Of(neighbours);
+  ASSERT_TRUE(numbers);
+  EXPECT_LT(numbers->uneven(), 0.01);
+  const double first = numbers->At(places[17]), last = numbers->At(places[29]);
+  EXPECT_NEAR(last - first, 12, 0.05);
+  for (std::size_t i = 18; i < 29; ++i) {
+    const double part = static_cast<double>(i - 17) / 12;
+    const double place_mm = numbers->PlaceMm(first + part * (last - first), places[17]);
+    EXPECT_NEAR(place_mm, places[i], 0.01 * numbers->PitchMm(places[i])) << i;
+  }
 }
 
 // Noise moves samples along their rays: each tells where its ray met the wall, however flat.
