@@ -23,10 +23,11 @@ struct FaceSettings {
   // A gaussian has four times as many on its flanks, a flat that was pressed with a sharp edge as
   // many as a third of those of its middle; mixed pixels are fewer.
   double least_flank = 0.15;
-  // So many of its middle show whether it has flanks; [sigma] a dent that is no deeper does not.
+  // So many of its middle show whether it has flanks; [sigma] a dent that is no
+  // deeper does not.
   double least_deep = 8.0, certain = 10.0;
-  // Of all as deep as its middle: where more are of faces, it is theirs.
-  double most_of_faces = 0.6;
+  // Of all as deep as its middle: where more are of faces, and no fewer than so many, it is theirs.
+  double most_of_faces = 0.6, least_of_faces = 3.0;
   // [of its size] and [of r_P] So far around its middle.
   double look = 0.75, look_more = 0.5;
 };
@@ -70,8 +71,8 @@ bool CutFaces::AreAt(const Eigen::Vector3d& point_mm, double reach_mm) const {
   }
   for (const Opening& opening : openings_) {
     Eigen::Vector3d off_mm = point_mm - opening.middle_mm;
-    // Of this wall, and not of the one across.
-    if (off_mm.dot(opening.outward) < -opening.pipe_radius_mm) continue;
+    // Of this wall, and not of the one across or of a leg that passes above.
+    if (std::abs(off_mm.dot(opening.outward)) > opening.pipe_radius_mm) continue;
     off_mm -= off_mm.dot(opening.drill) * opening.drill;
     const double along_mm = off_mm.dot(opening.along);
     off_mm -= std::clamp(along_mm, -opening.half_line_mm, opening.half_line_mm) * opening.along;
@@ -111,7 +112,8 @@ void KeepPressedIn(const hal::Tube& tube, const CutFaces& faces, double noise_mm
         }
       }
     }
-    return of_faces > kFaces.most_of_faces * (deep + of_faces) ||
+    return (of_faces >= kFaces.least_of_faces &&
+            of_faces > kFaces.most_of_faces * (deep + of_faces)) ||
            (dent.depth_mm > kFaces.certain * noise_mm && deep >= kFaces.least_deep &&
             flank < kFaces.least_flank * deep);
   });
