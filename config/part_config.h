@@ -40,6 +40,7 @@ struct OpeningConfig {
   double length_mm = 0;
   double width_mm = 0;
   double axis_deg = 0;
+  double lean_along_deg = 0, lean_around_deg = 0;  // of a hole's axis, as hal/tube_features.h
   double place_tolerance_mm = 0.5;
   double around_tolerance_deg = 2;
   double size_tolerance_mm = 0.3;

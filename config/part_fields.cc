@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <utility>
+
 #include "config/fields.h"
 
 namespace bendloop::config {
@@ -27,6 +29,11 @@ void VisitFeatures(FieldVisitor& v, PartConfig& part) {
     VisitPlace(h, hole);
     h.Number("diameter_mm", hole.length_mm, {0.1, 1000}, Need::kRequired);
     hole.width_mm = hole.length_mm;
+    // A radial one has no lean in its file, as always.
+    for (const auto& [key, lean_deg] : {std::pair{"lean_along_deg", &hole.lean_along_deg},
+                                        {"lean_around_deg", &hole.lean_around_deg}}) {
+      if (h.Present(key, *lean_deg != 0)) h.Number(key, *lean_deg, {-60, 60});
+    }
     VisitOpeningTolerances(h, hole);
   });
   std::size_t slots = part.slots.size();

@@ -24,16 +24,16 @@ bool StartsAtItsEnd(const Spine& spine) {
 
 // What is around is counted from another bend when it is seen from the other end.
 void FindOpenings(const CadBody& body, CadTube& tube) {
-  tube.openings = OpeningsOf(body, tube);
   CadTube back = tube;
   back.spine = tube.spine.Reversed();
   std::swap(back.first, back.last);
-  tube.openings_reversed = OpeningsOf(body, back);
-  const auto add = [](std::vector<std::string> more, std::vector<std::string>& notes) {
-    notes.insert(notes.end(), more.begin(), more.end());
+  const auto take = [](Openings found, std::vector<WallOpening>& openings,
+                       std::vector<std::string>& notes) {
+    openings = std::move(found.openings);
+    notes.insert(notes.end(), found.notes.begin(), found.notes.end());
   };
-  add(BoreNotes(body, tube, tube.openings), tube.placed_notes);
-  add(BoreNotes(body, back, tube.openings_reversed), tube.placed_notes_reversed);
+  take(OpeningsOf(body, tube), tube.openings, tube.placed_notes);
+  take(OpeningsOf(body, back), tube.openings_reversed, tube.placed_notes_reversed);
 }
 
 hal::EndCut CutOfEnd(const CadTube& tube, bool is_first) {

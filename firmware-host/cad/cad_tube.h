@@ -16,12 +16,18 @@ namespace bendloop::host {
 
 // A hole or slot through the wall.
 struct WallOpening {
-  double along_mm = 0;    // of its centre, on the developed length from the first end
-  double around_deg = 0;  // counted as in hal/tube_features.h, (-180, 180]
-  double width_mm = 0;    // diameter, or the slot's width
-  double length_mm = 0;   // of a slot; 0: round
-  double axis_deg = 0;    // of a slot's length, as in hal/tube_features.h, (-90, 90]
+  // Where the drill's axis meets the outer surface: on the developed length from the first end, and
+  // around it, counted as in hal/tube_features.h, (-180, 180].
+  double along_mm = 0;
+  double around_deg = 0;
+  double width_mm = 0;   // diameter, or the slot's width
+  double length_mm = 0;  // of a slot; 0: round
+  double axis_deg = 0;   // of a slot's length, as in hal/tube_features.h, (-90, 90]
+  // Of the drill's axis, as in hal/tube_features.h, of slots, too. Both 0: radial.
+  double lean_along_deg = 0, lean_around_deg = 0;
   std::vector<int> faces;
+
+  double lean_deg() const;  // from the wall's normal
 };
 
 // An end of the tube.
@@ -84,10 +90,12 @@ void BeginNearOrigin(CadTube& tube);
 // Steps of TubesOf.
 std::vector<CadTube> TubesOfSurfaces(CadBody& body);
 std::vector<CadTube> TubesOfCurves(const CadBody& body);
-// Openings in the wall of `tube`, whose spine is known.
-std::vector<WallOpening> OpeningsOf(const CadBody& body, const CadTube& tube);
-// What is drilled into it and is none of its openings: blind, countersunk, through a bar.
-std::vector<std::string> BoreNotes(const CadBody& body, const CadTube& tube,
-                                   const std::vector<WallOpening>& openings);
+// Holes and slots in the wall of `tube`, whose spine is known, and a sentence for each other thing
+// that was cut or drilled into it.
+struct Openings {
+  std::vector<WallOpening> openings;
+  std::vector<std::string> notes;
+};
+Openings OpeningsOf(const CadBody& body, const CadTube& tube);
 
 }  // namespace bendloop::host

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "firmware-host/cad/developed.h"
+#include "firmware-host/cad/near_end.h"
 #include "hal/clock.h"
 #include "pipeline/tube_model.h"
 
@@ -122,8 +123,8 @@ void SeparateArcs(std::vector<hal::BendRow>& rows, double most_mm) {
   }
 }
 
-// A scan's samples stop anywhere, on average half their distance before the end; a model's lie on
-// its very edge. Moves the last straight's end there.
+// A scan's samples stop anywhere, on average half their distance before the end; a curve's lie on
+// its very end. Moves the last straight's end there.
 void EndAtSamples(const std::vector<Vector3d>& points, double radius_mm, Spine& spine) {
   const Vector3d outward = spine.end_direction();
   double farthest = -INFINITY;
@@ -178,7 +179,7 @@ std::string HowNear(const NearTube& near) {
 
 // By one of the pipeline's models.
 hal::Result<NearTube> NearBy(pipeline::TubeModel model, const std::vector<Vector3d>& points,
-                             const CadTube& like) {
+                             const CadBody& body, const CadTube& like) {
   pipeline::ReconstructionOptions options;
   if (like.pipe_radius_mm > 0) options.pipe_radius_mm = like.pipe_radius_mm;
   const hal::SteadyClock clock;
@@ -195,8 +196,10 @@ hal::Result<NearTube> NearBy(pipeline::TubeModel model, const std::vector<Vector
   WidenArcs(measured->tube.program.rows, kTightestRadii * near.tube.pipe_radius_mm);
   SeparateArcs(measured->tube.program.rows, kMostOverlapRadii * near.tube.pipe_radius_mm);
   near.tube.spine = SpineOf(measured->tube);
-  for (int end = 0; end < 2; ++end) {
+  // Those of `like` may be where it is broken.
+  for (TubeEnd* end : {&near.tube.last, &near.tube.first}) {
     EndAtSamples(points, near.tube.pipe_radius_mm, near.tube.spine);
+    if (!like.is_wire) EndAtBorder(body, near.tube.pipe_radius_mm, near.tube.spine, *end);
     near.tube.spine = near.tube.spine.Reversed();
   }
   Judge(points, near);
@@ -208,11 +211,11 @@ hal::Result<NearTube> NearBy(pipeline::TubeModel model, const std::vector<Vector
 hal::Result<CadTube> NearestTube(const CadBody& body, const CadTube& like) {
   const std::vector<Vector3d> points =
       like.is_wire ? PipePoints(body, like.pipe_radius_mm) : OuterPoints(body, like.pipe_radius_mm);
-  auto nearest = NearBy(pipeline::TubeModel::kTube, points, like);
+  auto nearest = NearBy(pipeline::TubeModel::kTube, points, body, like);
   // A part that bends on and on leads the search for lines and arcs astray; its free spine does
   // not.
   if (!nearest || nearest->far_share > kToldShare) {
-    auto other = NearBy(pipeline::TubeModel::kCanal, points, like);
+    auto other = NearBy(pipeline::TubeModel::kCanal, points, body, like);
     if (other && (!nearest || other->far_share < nearest->far_share)) nearest = std::move(other);
   }
   if (!nearest) {

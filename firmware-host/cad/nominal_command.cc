@@ -269,6 +269,8 @@ config::OpeningConfig ToConfig(const WallOpening& opening, double length_mm) {
   config.width_mm = Rounded(opening.width_mm, 4);
   config.length_mm = opening.length_mm > 0 ? Rounded(opening.length_mm, 4) : config.width_mm;
   config.axis_deg = Rounded(opening.axis_deg, 3) + 0.0;
+  config.lean_along_deg = Rounded(opening.lean_along_deg, 3) + 0.0;
+  config.lean_around_deg = Rounded(opening.lean_around_deg, 3) + 0.0;
   return config;
 }
 

@@ -98,14 +98,26 @@ std::string EndRemark(const CadTube& tube, bool is_first) {
   return text;
 }
 
+// A part file has no lean of a slot.
+std::string LeanRemark(const WallOpening& opening) {
+  if (opening.lean_deg() == 0) return "";
+  return ", its drill leaning " + Fixed(opening.lean_deg(), 2) +
+         " degrees from the wall's normal (" + Fixed(opening.lean_along_deg, 2) + " along, " +
+         Fixed(opening.lean_around_deg, 2) + " around)" +
+         (opening.length_mm > 0 ? ", which the part file does not say" : "");
+}
+
 std::string OpeningRemark(const WallOpening& opening, const Spine& spine) {
   const int bend = BendAt(spine, opening.along_mm);
   const std::string where = " at " + Fixed(opening.along_mm, 3) + " mm of the developed length" +
                             (bend > 0 ? " (in bend " + std::to_string(bend) + ")" : "") + ", " +
                             Turn(opening.around_deg, 2) + " degrees around";
-  if (opening.length_mm == 0) return "hole of " + Fixed(opening.width_mm, 3) + " mm" + where;
+  if (opening.length_mm == 0) {
+    return "hole of " + Fixed(opening.width_mm, 3) + " mm" + where + LeanRemark(opening);
+  }
   return "slot of " + Fixed(opening.length_mm, 3) + " by " + Fixed(opening.width_mm, 3) + " mm" +
-         where + ", its long axis " + Fixed(opening.axis_deg, 2) + " degrees from the tube's";
+         where + ", its long axis " + Fixed(opening.axis_deg, 2) + " degrees from the tube's" +
+         LeanRemark(opening);
 }
 
 Json AroundJson(double deg) { return Number(RoundedTurnDeg(deg, 6)); }
@@ -220,6 +232,10 @@ Json NominalJson(const Nominal& nominal) {
     if (o.length_mm > 0) {
       json["length_mm"] = Number(o.length_mm);
       json["axis_deg"] = Number(o.axis_deg);
+    }
+    if (o.lean_deg() != 0) {
+      json["lean_along_deg"] = Number(o.lean_along_deg);
+      json["lean_around_deg"] = Number(o.lean_around_deg);
     }
     openings.push_back(std::move(json));
   }

@@ -33,7 +33,7 @@ bool SameOpenings(const std::vector<WallOpening>& a, const std::vector<WallOpeni
   return std::equal(
       a.begin(), a.end(), b.begin(), b.end(), [](const WallOpening& o, const WallOpening& p) {
         return SameNumber(o.along_mm, p.along_mm) && SameNumber(o.width_mm, p.width_mm) &&
-               SameNumber(o.length_mm, p.length_mm);
+               SameNumber(o.length_mm, p.length_mm) && SameNumber(o.lean_deg(), p.lean_deg());
       });
 }
 

@@ -31,6 +31,8 @@ constexpr double kReducerDiameters = 4;
 constexpr double kRingAroundDeg = 350;
 // So many arcs of a B-spline in a row, without a straight between, are no bends but a free form.
 constexpr int kMostArcsInARow = 3;
+// B-splines with weights are arcs but for the rounding of a file; others lie farther off [mm].
+constexpr double kSplineRoundingMm = 1e-6;
 // Joints below this [deg] are tangent.
 constexpr double kTangentDeg = 0.02;
 
@@ -194,6 +196,10 @@ class BodyTubes {
     } else if (off > kExactSurfaceMm) {
       tube.notes.push_back(
           Text("its B-splines lie up to %.4f mm off the straights and bends they stand for", off));
+    } else if (off > kSplineRoundingMm && tube.is_bent()) {
+      // So near, and still the rows are the fit's and not the drawing's: angles have odd decimals.
+      tube.notes.push_back(
+          Text("its bends are B-splines, fitted by arcs that they lie up to %.6f mm off", off));
     }
   }
 

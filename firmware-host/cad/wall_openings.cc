@@ -3,290 +3,217 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <numbers>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
+#include "firmware-host/cad/bore_notes.h"
 #include "firmware-host/cad/cad_tube.h"
 #include "firmware-host/cad/developed.h"
+#include "firmware-host/cad/free_surface.h"
+#include "firmware-host/cad/wall_cut.h"
 
 namespace bendloop::host {
 namespace {
 
 using Eigen::Vector3d;
-// A hole's faces go all around it, a slot's end half around [deg].
-constexpr double kHoleDeg = 330, kLeastSlotEndDeg = 150, kMostSlotEndDeg = 210;
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+// Cylinder faces of a hole, and of both ends of a slot together, go all around [deg].
+constexpr double kAllAroundDeg = 330;
+// Below this a drill counts as radial: what the coordinates of a file leave of one [deg].
+constexpr double kLeastLeanDeg = 0.1;
+// The part file holds no drill that leans more.
+constexpr double kMostDrillLeanDeg = 60;
+// Two faces that were drilled at once: how far their axes are from each other [mm, sine].
+constexpr double kSameAxisMm = 1e-2, kSameDrillDirection = 1e-3;
 
-// Cylinder faces of one axis that go through the wall in one place.
-struct Bore {
-  Vector3d axis, x, y, at;  // `at`: on the axis, in the middle of the wall
+// What a drill or a round end of a slot left: all cylinder faces about one axis.
+struct DrilledAxis {
+  Vector3d at, axis;
   double radius_mm = 0;
   double around_deg = 0;
-  std::vector<int> faces;
 };
 
-std::vector<Vector3d> BorderOf(const CadBody& body, int face) {
-  std::vector<Vector3d> points;
-  for (const FaceEdge& edge : body.edges) {
-    if (edge.face == face) points.insert(points.end(), edge.points.begin(), edge.points.end());
-  }
-  return points;
-}
-
-// Whether all of the border lies in the wall, and reaches through it.
-bool GoesThroughWall(const std::vector<Vector3d>& border, const Developed& developed,
-                     const CadTube& tube) {
-  const double tolerance = 2 * MatchToleranceMm(tube.pipe_radius_mm);
-  const double inner = tube.pipe_radius_mm - *tube.wall_mm;
-  double low = std::numeric_limits<double>::infinity(), high = 0;
-  for (const Vector3d& p : border) {
-    const double across = developed.Of(p).across_mm;
-    low = std::min(low, across);
-    high = std::max(high, across);
-  }
-  return !border.empty() && std::abs(low - inner) < tolerance &&
-         std::abs(high - tube.pipe_radius_mm) < tolerance;
-}
-
-// From where to where along the bore's axis.
-std::pair<double, double> ReachOf(const std::vector<Vector3d>& border, const SurfacePatch& patch) {
-  double low = std::numeric_limits<double>::infinity(), high = -low;
-  for (const Vector3d& p : border) {
-    low = std::min(low, (p - patch.origin).dot(patch.axis));
-    high = std::max(high, (p - patch.origin).dot(patch.axis));
-  }
-  return {low, high};
-}
-
-bool IsBore(const CadBody& body, const SurfacePatch& patch, const CadTube& tube) {
-  return patch.kind == PatchKind::kCylinder && patch.radius_mm < tube.pipe_radius_mm &&
-         (body.kind != BodyKind::kSolid || patch.concave);
-}
-
-std::vector<Bore> BoresOf(const CadBody& body, const CadTube& tube, const Developed& developed) {
-  std::vector<Bore> bores;
+// Nothing where one of the cut's faces stands into it or is neither plane nor cylinder: that was
+// not drilled, or more than drilled.
+std::optional<std::vector<DrilledAxis>> AxesOf(const CadBody& body, const WallCut& cut) {
+  const std::set<int> faces(cut.faces.begin(), cut.faces.end());
+  std::vector<DrilledAxis> axes;
   for (const SurfacePatch& patch : body.patches) {
-    if (!IsBore(body, patch, tube)) continue;
-    const auto border = BorderOf(body, patch.face);
-    if (!GoesThroughWall(border, developed, tube)) continue;
-    const auto [low, high] = ReachOf(border, patch);
-    const Vector3d at = patch.origin + (low + high) / 2 * patch.axis;
-    const double around = (patch.u1 - patch.u0) * 180 / std::numbers::pi;
-    const auto same = std::find_if(bores.begin(), bores.end(), [&](const Bore& b) {
-      return std::abs(b.radius_mm - patch.radius_mm) < 1e-3 &&
-             b.axis.cross(patch.axis).norm() < 1e-3 && (b.at - at).cross(b.axis).norm() < 1e-2 &&
-             (b.at - at).norm() < *tube.wall_mm + 0.01;
+    if (!faces.contains(patch.face) || IsPlane(patch)) continue;
+    const bool stands_into = body.kind == BodyKind::kSolid && !patch.concave;
+    if (patch.kind != PatchKind::kCylinder || stands_into) return std::nullopt;
+    const double around = (patch.u1 - patch.u0) * kDegreesPerRadian;
+    const auto same = std::find_if(axes.begin(), axes.end(), [&](const DrilledAxis& a) {
+      return std::abs(a.radius_mm - patch.radius_mm) < kSameAxisMm &&
+             a.axis.cross(patch.axis).norm() < kSameDrillDirection &&
+             (patch.origin - a.at).cross(a.axis).norm() < kSameAxisMm;
     });
-    if (same != bores.end()) {
-      same->around_deg += around;
-      same->faces.push_back(patch.face);
+    if (same == axes.end()) {
+      axes.push_back({patch.origin, patch.axis, patch.radius_mm, around});
     } else {
-      bores.push_back({patch.axis, patch.x, patch.y, at, patch.radius_mm, around, {patch.face}});
+      same->around_deg += around;
     }
   }
-  return bores;
+  return axes;
 }
 
-WallOpening OpeningAt(const Vector3d& at, double width_mm, const Developed& developed) {
-  const Place place = developed.Of(at);
+// Whether the border on the outer surface, seen along the axis, lies as far from the line between
+// both middles as the drill is wide, and nothing of the cut lies farther. What the drill left
+// below, where it ended in the wall, lies nearer.
+bool IsAsDrilled(const WallCut& cut, const Vector3d& axis, const Vector3d& from, const Vector3d& to,
+                 double radius_mm) {
+  const double within = 0.02 + 2e-3 * radius_mm;
+  const auto flat = [&](const Vector3d& v) -> Vector3d { return v - v.dot(axis) * axis; };
+  const Vector3d line = flat(to - from);
+  const auto off = [&](const Vector3d& p) {
+    const Vector3d d = flat(p - from);
+    const double length2 = line.squaredNorm();
+    const double part = length2 > 0 ? std::clamp(d.dot(line) / length2, 0.0, 1.0) : 0.0;
+    return (d - part * line).norm() - radius_mm;
+  };
+  return std::all_of(cut.outer.begin(), cut.outer.end(),
+                     [&](const Vector3d& p) { return std::abs(off(p)) < within; }) &&
+         std::all_of(cut.border.begin(), cut.border.end(),
+                     [&](const Vector3d& p) { return off(p) < within; });
+}
+
+double MeanAlong(const std::vector<Vector3d>& points, const Vector3d& at, const Vector3d& axis) {
+  double sum = 0;
+  for (const Vector3d& p : points) sum += (p - at).dot(axis);
+  return sum / double(points.size());
+}
+
+// Where the line from `at` along `way` leaves the outer surface; nothing where it stays in the
+// wall. It begins where the drill meets the inner one.
+std::optional<Vector3d> LeavesAt(const Vector3d& at, const Vector3d& way, const CadTube& tube,
+                                 const Developed& developed) {
+  constexpr double kStepRadii = 0.02, kReachRadii = 3;
+  const double radius = tube.pipe_radius_mm, step = kStepRadii * radius;
+  const auto is_inside = [&](double on_mm) {
+    return developed.Of(at + on_mm * way).across_mm < radius;
+  };
+  double low = 0;
+  while (!is_inside(low) && low > -kReachRadii * radius) low -= step;
+  double high = low;
+  while (is_inside(high) && high < kReachRadii * radius) high += step;
+  if (!is_inside(low) || is_inside(high)) return std::nullopt;
+  low = std::max(low, high - step);
+  constexpr int kHalvings = 40;
+  for (int i = 0; i < kHalvings; ++i) (is_inside((low + high) / 2) ? low : high) = (low + high) / 2;
+  return at + low * way;
+}
+
+// Of a slot: from the feed direction, right-handed about the outward normal, (-90, 90].
+double AxisDeg(const Vector3d& length, const Place& place) {
+  const double axis =
+      std::atan2(length.dot(place.radial.cross(place.tangent)), length.dot(place.tangent)) *
+      kDegreesPerRadian;
+  constexpr double kRoundingDeg = 1e-4;  // half a turn is 90 to what a file's rounding leaves
+  return axis > 90 + kRoundingDeg ? axis - 180 : axis <= -90 + kRoundingDeg ? axis + 180 : axis;
+}
+
+// The hole or slot that a cut is, if it is one.
+std::optional<WallOpening> OpeningOf(const CadBody& body, const WallCut& cut, const CadTube& tube,
+                                     const Developed& developed) {
+  if (!cut.is_through) return std::nullopt;
+  const auto axes = AxesOf(body, cut);
+  if (!axes || axes->empty() || axes->size() > 2) return std::nullopt;
+  const DrilledAxis &a = axes->front(), &b = axes->back();
+  if (a.axis.cross(b.axis).norm() > kSameDrillDirection ||
+      std::abs(a.radius_mm - b.radius_mm) > kSameAxisMm) {
+    return std::nullopt;
+  }
+  const double around = a.around_deg + (axes->size() == 2 ? b.around_deg : 0);
+  if (around < kAllAroundDeg || !IsAsDrilled(cut, a.axis, a.at, b.at, a.radius_mm)) {
+    return std::nullopt;
+  }
+  const Vector3d gap = b.at - a.at, across = gap - gap.dot(a.axis) * a.axis;
+  const Vector3d on_axis = a.at + across / 2;
+  const double in = MeanAlong(cut.inner, on_axis, a.axis);
+  const double out = MeanAlong(cut.outer, on_axis, a.axis);
+  const Vector3d way = out > in ? a.axis : Vector3d(-a.axis);
+  const auto at = LeavesAt(on_axis + in * a.axis, way, tube, developed);
+  if (!at) return std::nullopt;
+  const Place place = developed.Of(*at);
   WallOpening opening;
   opening.along_mm = place.along_mm;
   opening.around_deg = place.around_deg;
-  opening.width_mm = width_mm;
+  opening.width_mm = 2 * a.radius_mm;
+  const double outward = way.dot(place.radial);
+  opening.lean_along_deg = std::atan2(way.dot(place.tangent), outward) * kDegreesPerRadian;
+  opening.lean_around_deg =
+      std::atan2(way.dot(place.tangent.cross(place.radial)), outward) * kDegreesPerRadian;
+  if (std::max(std::abs(opening.lean_along_deg), std::abs(opening.lean_around_deg)) >
+      kMostDrillLeanDeg) {
+    return std::nullopt;
+  }
+  if (opening.lean_deg() < kLeastLeanDeg) opening.lean_along_deg = opening.lean_around_deg = 0;
+  if (axes->size() == 2) {
+    opening.length_mm = across.norm() + opening.width_mm;
+    opening.axis_deg = AxisDeg(across, place);
+  }
+  opening.faces = cut.faces;
   return opening;
 }
 
-// Two half bores beside each other with the same axis' direction.
-std::optional<WallOpening> SlotOf(const Bore& a, const Bore& b, const CadTube& tube,
-                                  const Developed& developed) {
-  if (std::abs(a.radius_mm - b.radius_mm) > 1e-3 || a.axis.cross(b.axis).norm() > 1e-3) {
-    return std::nullopt;
-  }
-  const Vector3d gap = b.at - a.at;
-  const Vector3d across = gap - gap.dot(a.axis) * a.axis;
-  // On the same side of the tube.
-  if (developed.Of(a.at).radial.dot(developed.Of(b.at).radial) < 0.5) return std::nullopt;
-  if (across.norm() < 1e-3 || across.norm() > 40 * tube.pipe_radius_mm) return std::nullopt;
-  const Vector3d middle = (a.at + b.at) / 2;
-  WallOpening slot = OpeningAt(middle, 2 * a.radius_mm, developed);
-  slot.length_mm = across.norm() + 2 * a.radius_mm;
-  const Place place = developed.Of(middle);
-  const double axis =
-      std::atan2(across.dot(place.radial.cross(place.tangent)), across.dot(place.tangent)) * 180 /
-      std::numbers::pi;
-  slot.axis_deg = axis > 90 ? axis - 180 : axis <= -90 ? axis + 180 : axis;
-  slot.faces = a.faces;
-  slot.faces.insert(slot.faces.end(), b.faces.begin(), b.faces.end());
-  return slot;
-}
-
-// A bore's faces, whose axis they share.
-struct OddBore {
-  SurfacePatch like;
-  double low = 0, high = 0;  // along its axis
-  double around_deg = 0;
-  bool in_form = false;  // of an end, beyond the plain tube
-};
-
-// What leans less than this from the tube's own direction is a bore of its end [cosine].
-constexpr double kAlongCosine = 0.98;
-
-// Whether the border lies beyond the plain tube, in the form at an end.
-bool LiesInForm(const std::vector<Vector3d>& border, const Developed& developed,
-                const CadTube& tube) {
-  const double tolerance = MatchToleranceMm(tube.pipe_radius_mm);
-  double low = std::numeric_limits<double>::infinity(), high = -low;
-  for (const Vector3d& p : border) {
-    const double along = developed.Of(p).along_mm;
-    low = std::min(low, along);
-    high = std::max(high, along);
-  }
-  const auto is_in = [tolerance](const TubeEnd& end, double farthest_mm) {
-    return end.is_plane && end.fitting_mm > tolerance && farthest_mm < end.fitting_mm + tolerance;
-  };
-  return !border.empty() &&
-         (is_in(tube.first, high) || is_in(tube.last, tube.spine.length_mm() - low));
-}
-
-// Whether the border begins at the tube's inner surface or ends at its outer one, and not beyond.
-bool TouchesWall(const std::vector<Vector3d>& border, const Developed& developed,
-                 const CadTube& tube) {
-  const double tolerance = 2 * MatchToleranceMm(tube.pipe_radius_mm);
-  double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
-  for (const Vector3d& p : border) {
-    const double across = developed.Of(p).across_mm;
-    nearest = std::min(nearest, across);
-    farthest = std::max(farthest, across);
-  }
-  const double inner = tube.pipe_radius_mm - tube.wall_mm.value_or(tube.pipe_radius_mm);
-  const bool begins_inside = tube.wall_mm && std::abs(nearest - inner) < tolerance;
-  const bool ends_outside = std::abs(farthest - tube.pipe_radius_mm) < tolerance;
-  return farthest <= tube.pipe_radius_mm + tolerance && (begins_inside || ends_outside);
-}
-
-// Bores across the tube that end at its outer or inner surface, or begin at one, or lie in the form
-// at an end, but are none of `openings`.
-std::vector<OddBore> OddBoresOf(const CadBody& body, const CadTube& tube,
-                                const Developed& developed,
-                                const std::vector<WallOpening>& openings) {
-  std::vector<OddBore> bores;
-  for (const SurfacePatch& patch : body.patches) {
-    const bool known = std::any_of(openings.begin(), openings.end(), [&](const WallOpening& o) {
-      return std::find(o.faces.begin(), o.faces.end(), patch.face) != o.faces.end();
-    });
-    if (known || !IsBore(body, patch, tube)) continue;
-    const auto border = BorderOf(body, patch.face);
-    const bool in_form = LiesInForm(border, developed, tube);
-    if (!in_form && !TouchesWall(border, developed, tube)) continue;
-    const auto [low, high] = ReachOf(border, patch);
-    const Place at = developed.Of(patch.origin + (low + high) / 2 * patch.axis);
-    if (std::abs(at.tangent.dot(patch.axis)) > kAlongCosine) continue;
-    const double around = (patch.u1 - patch.u0) * 180 / std::numbers::pi;
-    const auto same = std::find_if(bores.begin(), bores.end(), [&](const OddBore& b) {
-      return std::abs(b.like.radius_mm - patch.radius_mm) < 1e-3 &&
-             (b.like.origin - patch.origin).norm() < 1e-3 && b.like.axis.dot(patch.axis) > 1 - 1e-6;
-    });
-    if (same == bores.end()) {
-      bores.push_back({patch, low, high, around, in_form});
-    } else {
-      same->around_deg += around;
-      if (in_form && same->in_form) {
-        same->low = std::min(same->low, low);
-        same->high = std::max(same->high, high);
-      }
-    }
-  }
-  std::erase_if(bores, [](const OddBore& b) { return b.around_deg < kHoleDeg; });
-  return bores;
-}
-
-// A bore in an end's form, whose mouths lie at no certain distance from the axis.
-std::string FormBoreNote(const OddBore& bore, const CadTube& tube, const Developed& developed) {
-  const Vector3d& axis = bore.like.axis;
-  const Place at = developed.Of(bore.like.origin + (bore.low + bore.high) / 2 * axis);
-  const Vector3d foot =
-      bore.like.origin + (bore.low + bore.high) / 2 * axis - at.across_mm * at.radial;
-  const double middle = (foot - bore.like.origin).dot(axis);
-  const auto around = [&](double way) {
-    const double deg = developed.Of(foot + way * tube.pipe_radius_mm * axis).around_deg;
-    char text[20];
-    std::snprintf(text, sizeof text, "%.0f", RoundedTurnDeg(deg, 0));
-    return std::string(text);
-  };
-  const bool up = bore.high > middle, down = bore.low < middle;
+// What is no hole and no slot, in words: nothing that was cut is dropped without any.
+std::string OddCutNote(const WallCut& cut) {
   char text[240];
   std::snprintf(text, sizeof text,
-                "a bore of %.3f mm goes across the form of the %s end at %.1f mm of the developed "
-                "length, towards %s degrees around: the part file does not have it",
-                2 * bore.like.radius_mm,
-                at.along_mm < tube.spine.length_mm() / 2 ? "first" : "last", at.along_mm,
-                (up && down ? around(1) + " and " + around(-1) : around(up ? 1 : -1)).c_str());
+                "%s of %.1f mm along by %.1f mm around at %.1f mm of the developed length, %.0f "
+                "degrees around, %s: the part file does not have it",
+                cut.is_through ? "an opening" : "a recess", cut.along_mm, cut.around_mm,
+                cut.middle.along_mm, RoundedTurnDeg(cut.middle.around_deg, 0),
+                cut.is_through ? "is no plain hole or slot" : "does not go through the wall");
   return text;
+}
+
+// A dent is drawn as free surfaces; it is none that was cut.
+bool HasFreeFaces(const CadBody& body, const WallCut& cut) {
+  return std::any_of(body.patches.begin(), body.patches.end(), [&](const SurfacePatch& patch) {
+    return patch.kind == PatchKind::kFree && patch.name != "cone" &&
+           std::find(cut.faces.begin(), cut.faces.end(), patch.face) != cut.faces.end();
+  });
 }
 
 }  // namespace
 
-std::vector<std::string> BoreNotes(const CadBody& body, const CadTube& tube,
-                                   const std::vector<WallOpening>& openings) {
-  const Developed developed(tube.spine);
-  std::vector<std::string> notes;
-  for (const OddBore& bore : OddBoresOf(body, tube, developed, openings)) {
-    if (bore.in_form) {
-      notes.push_back(FormBoreNote(bore, tube, developed));
-      continue;
-    }
-    // A bore through a bar has a mouth on either side; one into it, or into a wall, has one.
-    const Place low = developed.Of(bore.like.origin + bore.low * bore.like.axis);
-    const Place high = developed.Of(bore.like.origin + bore.high * bore.like.axis);
-    const double widest = std::max(low.across_mm, high.across_mm);
-    for (const Place* mouth : {&low, &high}) {
-      if (mouth->across_mm < widest - tube.pipe_radius_mm / 4) continue;
-      char text[200];
-      std::snprintf(text, sizeof text,
-                    "a bore of %.3f mm at %.1f mm of the developed length, %.0f degrees around, is "
-                    "no plain hole through the wall: the part file does not have it",
-                    2 * bore.like.radius_mm, mouth->along_mm, RoundedTurnDeg(mouth->around_deg, 0));
-      notes.emplace_back(text);
-    }
-  }
-  return notes;
+double WallOpening::lean_deg() const {
+  const double along = std::tan(lean_along_deg / kDegreesPerRadian);
+  const double around = std::tan(lean_around_deg / kDegreesPerRadian);
+  return std::atan(std::hypot(along, around)) * kDegreesPerRadian;
 }
 
-std::vector<WallOpening> OpeningsOf(const CadBody& body, const CadTube& tube) {
-  std::vector<WallOpening> openings;
-  if (!tube.wall_mm) return openings;
+Openings OpeningsOf(const CadBody& body, const CadTube& tube) {
   const Developed developed(tube.spine);
-  std::vector<Bore> halves;
-  for (const Bore& bore : BoresOf(body, tube, developed)) {
-    if (bore.around_deg > kHoleDeg) {
-      openings.push_back(OpeningAt(bore.at, 2 * bore.radius_mm, developed));
-      openings.back().faces = bore.faces;
-    } else if (bore.around_deg > kLeastSlotEndDeg && bore.around_deg < kMostSlotEndDeg) {
-      halves.push_back(bore);
+  Openings found;
+  std::vector<WallCut> odd;
+  for (const WallCut& cut : WallCutsOf(body, tube, developed)) {
+    if (auto opening = OpeningOf(body, cut, tube, developed)) {
+      found.openings.push_back(std::move(*opening));
+    } else {
+      odd.push_back(cut);
     }
   }
-  while (halves.size() > 1) {
-    const Bore a = halves.back();
-    halves.pop_back();
-    std::size_t best = halves.size();
-    std::optional<WallOpening> slot;
-    for (std::size_t i = 0; i < halves.size(); ++i) {
-      auto with = SlotOf(a, halves[i], tube, developed);
-      if (with && (!slot || with->length_mm < slot->length_mm)) {
-        slot = with;
-        best = i;
-      }
-    }
-    if (!slot) continue;
-    openings.push_back(*slot);
-    halves.erase(halves.begin() + long(best));
+  std::sort(
+      found.openings.begin(), found.openings.end(), [](const WallOpening& a, const WallOpening& b) {
+        return std::make_pair(a.along_mm, a.around_deg) < std::make_pair(b.along_mm, b.around_deg);
+      });
+  std::set<int> known;
+  for (const WallOpening& opening : found.openings) {
+    known.insert(opening.faces.begin(), opening.faces.end());
   }
-  std::sort(openings.begin(), openings.end(), [](const WallOpening& a, const WallOpening& b) {
-    return std::make_pair(a.along_mm, a.around_deg) < std::make_pair(b.along_mm, b.around_deg);
-  });
-  return openings;
+  found.notes = BoreNotes(body, tube, known);
+  for (const WallCut& cut : odd) {
+    const bool told = std::any_of(cut.faces.begin(), cut.faces.end(),
+                                  [&](int face) { return known.contains(face); });
+    if (told || (!cut.is_through && HasFreeFaces(body, cut))) continue;
+    found.notes.push_back(OddCutNote(cut));
+  }
+  return found;
 }
 
 }  // namespace bendloop::host

@@ -75,7 +75,12 @@ pipeline::NominalFeatures FeaturesOf(const config::PartConfig& part) {
     nominal.name = name;
     nominal.from_end = opening.from_end_mm.has_value();
     nominal.opening = {nominal.from_end ? *opening.from_end_mm : opening.from_start_mm.value_or(0),
-                       opening.around_deg, opening.length_mm, opening.width_mm, opening.axis_deg};
+                       opening.around_deg,
+                       opening.length_mm,
+                       opening.width_mm,
+                       opening.axis_deg,
+                       opening.lean_along_deg,
+                       opening.lean_around_deg};
     nominal.place_tolerance_mm = opening.place_tolerance_mm;
     nominal.around_tolerance_deg = opening.around_tolerance_deg;
     nominal.size_tolerance_mm = opening.size_tolerance_mm;

@@ -125,6 +125,47 @@ pipeline::OpeningFound ReadOpening(const JsonReader& json) {
   return found;
 }
 
+Json OpeningInspectionJson(const pipeline::OpeningInspection& opening) {
+  Json json = {
+      {"name", opening.name}, {"kind", Word(opening.named)}, {"state", Word(opening.state)}};
+  json["found"] = opening.found;
+  if (opening.state == pipeline::OpeningState::kFound) {
+    json["found_kind"] = Word(opening.found_as);
+  }
+  json["along_mm"] = DeviationJson(opening.along_mm);
+  json["around_deg"] = DeviationJson(opening.around_deg);
+  json["length_mm"] = DeviationJson(opening.length_mm);
+  json["width_mm"] = DeviationJson(opening.width_mm);
+  json["axis_deg"] = DeviationJson(opening.axis_deg);
+  json["out_of_round_mm"] = DeviationJson(opening.out_of_round_mm);
+  json["lean_deg"] = DeviationJson(opening.lean_deg);
+  return json;
+}
+
+// Earlier results have neither kinds nor what goes with them.
+pipeline::OpeningInspection ReadOpeningInspection(const JsonReader& json) {
+  pipeline::OpeningInspection opening;
+  opening.name = json.At("name").Text();
+  opening.state = ReadWord<pipeline::OpeningState>(json.At("state"));
+  opening.found = json.At("found").Count();
+  if (json.Has("kind")) {
+    opening.named = opening.found_as = ReadWord<pipeline::OpeningKind>(json.At("kind"));
+  }
+  if (json.Has("found_kind")) {
+    opening.found_as = ReadWord<pipeline::OpeningKind>(json.At("found_kind"));
+  }
+  opening.along_mm = ReadDeviation(json.At("along_mm"));
+  opening.around_deg = ReadDeviation(json.At("around_deg"));
+  opening.length_mm = ReadDeviation(json.At("length_mm"));
+  opening.width_mm = ReadDeviation(json.At("width_mm"));
+  opening.axis_deg = ReadDeviation(json.At("axis_deg"));
+  if (json.Has("out_of_round_mm")) {
+    opening.out_of_round_mm = ReadDeviation(json.At("out_of_round_mm"));
+  }
+  if (json.Has("lean_deg")) opening.lean_deg = ReadDeviation(json.At("lean_deg"));
+  return opening;
+}
+
 Json EndInspectionJson(const pipeline::EndInspection& end) {
   return end.is_known ? Json({{"obliquity_deg", DeviationJson(end.obliquity_deg)}}) : Json();
 }
@@ -165,14 +206,7 @@ Json FeatureInspectionJson(const pipeline::FeatureInspection& features) {
   Json json = Json::object();
   Json openings = Json::array();
   for (const pipeline::OpeningInspection& opening : features.openings) {
-    openings.push_back({{"name", opening.name},
-                        {"state", Word(opening.state)},
-                        {"found", opening.found},
-                        {"along_mm", DeviationJson(opening.along_mm)},
-                        {"around_deg", DeviationJson(opening.around_deg)},
-                        {"length_mm", DeviationJson(opening.length_mm)},
-                        {"width_mm", DeviationJson(opening.width_mm)},
-                        {"axis_deg", DeviationJson(opening.axis_deg)}});
+    openings.push_back(OpeningInspectionJson(opening));
   }
   if (!openings.empty()) json["openings"] = std::move(openings);
   // Ends that nobody judges stand among the features measured.
@@ -187,12 +221,7 @@ void ReadFeatureInspection(const JsonReader& json, pipeline::FeatureInspection& 
   if (json.Has("openings")) {
     const JsonReader openings = json.At("openings");
     for (std::size_t i = 0, n = openings.Size(kMostOpenings); i < n; ++i) {
-      const JsonReader opening = openings.Item(i);
-      features.openings.push_back(
-          {opening.At("name").Text(), ReadWord<pipeline::OpeningState>(opening.At("state")),
-           opening.At("found").Count(), ReadDeviation(opening.At("along_mm")),
-           ReadDeviation(opening.At("around_deg")), ReadDeviation(opening.At("length_mm")),
-           ReadDeviation(opening.At("width_mm")), ReadDeviation(opening.At("axis_deg"))});
+      features.openings.push_back(ReadOpeningInspection(openings.Item(i)));
     }
   }
   features.first_end = ReadEndInspection(json, "first_end");

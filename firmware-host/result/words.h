@@ -36,6 +36,14 @@ struct Words<pipeline::OpeningState> {
 };
 
 template <>
+struct Words<pipeline::OpeningKind> {
+  using E = pipeline::OpeningKind;
+  static constexpr const char* kExpected = "\"hole\", \"leaning_hole\" or \"slot\"";
+  static constexpr std::pair<E, std::string_view> kTable[] = {
+      {E::kHole, "hole"}, {E::kLeaningHole, "leaning_hole"}, {E::kSlot, "slot"}};
+};
+
+template <>
 struct Words<pipeline::ToleranceState> {
   using E = pipeline::ToleranceState;
   static constexpr const char* kExpected = "\"in\", \"out\", \"undecided\" or \"not_judged\"";

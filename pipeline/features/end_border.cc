@@ -3,8 +3,10 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <tuple>
 
 #include "pipeline/math/arc_tangents.h"
 #include "pipeline/math/dense_solve.h"
@@ -21,23 +23,35 @@ struct EndBorderSettings {
   // Columns that hold so many sigma more or fewer samples than the rough plane says are hidden, or
   // something lies on them; no more than this part of all.
   double odd = 6.0, most_odd = 0.25;
-  // Samples of a cell in the test whether they are scattered, sectors of the turn in it, and the
-  // variance of cells over their mean: 1 of scattered samples, far more of lines, less of grids.
+  // Part of the turn that must not be hidden.
+  double least_seen = 0.2;
+  // Samples of a cell in the test whether they are scattered, sectors of the turn in it at most,
+  // and the variance of cells over their mean: 1 of scattered samples, far more of lines, less of
+  // grids.
   double in_cell = 8.0;
   std::size_t sectors = 8;
+  double in_sector = 120.0;
   double least_scatter = 0.6, most_scatter = 1.5;
   // Part of the samples that may lie anywhere.
   double flier = 1e-3;
   // Samples within 2 sigma of noise of the plane: from so many on the likelihood is as a normal
   // density is. Fewer are asked by a walk.
   double enough_about = 50.0;
-  int walk = 1200;
+  int walk = 1200, cloud_walk = 3000;
+  int places = 40;  // where such a walk may begin, on either side
   // The noise is thought to be what is said but for this part of it; anything else is rarer, but
   // not so rare that samples could not say it (Cauchy).
   double sure_noise = 0.15;
   int most_steps = 30;
   // The noise may be so many times what was thought, or so many times less.
   double other_noise = 10.0;
+  // Where rays are not known: of what was thought, noises that the likeliest is sought from, and
+  // the least that is told from none. That it is what was thought is as likely as all others
+  // together; half the width of that.
+  std::array<double, 4> noises = {1.0, 0.5, 0.25, 0.1};
+  double least_noise = 0.03, as_thought = 0.15;
+  // Of the noise: how far an error of a part of the density moves the border.
+  double by_density = 1.1;
 };
 constexpr EndBorderSettings kEndBorder;
 
@@ -57,9 +71,15 @@ struct BorderSample {
 // The likelihood of planes, for samples about the border.
 class BorderLikelihood {
  public:
+  // `about_mm`: no plane leaves the band about this one, of which all samples are known.
   BorderLikelihood(std::vector<BorderSample> samples, const Eigen::Vector3d& missing,
-                   double smear_mm, double slope_mm)
-      : samples_(std::move(samples)), missing_(missing), smear_mm_(smear_mm) {
+                   double smear_mm, double slope_mm, const Eigen::Vector3d& about_mm,
+                   double band_mm)
+      : samples_(std::move(samples)),
+        missing_(missing),
+        about_mm_(about_mm),
+        smear_mm_(smear_mm),
+        band_mm_(band_mm) {
     certainty_ << 0.0, 1.0 / (slope_mm * slope_mm), 1.0 / (slope_mm * slope_mm);
   }
 
@@ -68,6 +88,8 @@ class BorderLikelihood {
              Eigen::Matrix4d* curvature = nullptr) const {
     const double s = smear_mm_ * std::exp(x[3]);
     const Eigen::Vector3d plane = x.head<3>();
+    const Eigen::Vector3d off_mm = plane - about_mm_;
+    if (!slope && !(std::abs(off_mm[0]) + off_mm.tail<2>().norm() < band_mm_)) return -1e300;
     double log = -missing_.dot(plane) - 0.5 * certainty_.dot(plane.cwiseAbs2());
     if (slope) {
       slope->setZero();
@@ -100,7 +122,8 @@ class BorderLikelihood {
  private:
   std::vector<BorderSample> samples_;
   Eigen::Vector3d missing_;  // samples that each mm of the plane's numbers takes away
-  double smear_mm_;
+  Eigen::Vector3d about_mm_;
+  double smear_mm_, band_mm_;
   Eigen::Vector3d certainty_ = Eigen::Vector3d::Zero();  // before the scan
 };
 
@@ -157,28 +180,41 @@ Numbers StartOf(const BorderLikelihood& likelihood, const Eigen::Vector3d& from,
   return start;
 }
 
-// Of what was thought of the noise, and of what the samples say of it, by how likely they are.
-std::optional<Posterior> Together(const BorderLikelihood& likelihood, const Numbers& start) {
-  const auto thought = Likeliest(likelihood, start, 3);
-  if (!thought) return std::nullopt;
-  Posterior result{thought->x.head<3>(), thought->covariance.topLeftCorner<3, 3>()};
-  const auto free = Likeliest(likelihood, thought->x, 4);
+// The likeliest noise of all, sought from what was thought, and from less where that says nothing.
+std::optional<BorderFitted> WithLikeliestNoise(const BorderLikelihood& likelihood,
+                                               const Numbers& thought, bool knows_rays) {
+  std::optional<BorderFitted> best;
+  for (const double noise : kEndBorder.noises) {
+    Numbers from = thought;
+    from[3] = std::log(noise);
+    const auto fit = Likeliest(likelihood, from, 4);
+    if (fit && (!best || fit->log > best->log)) best = fit;
+    if (knows_rays) break;
+  }
+  return best;
+}
+
+// Of what was thought of the noise (`thought`), and of what the samples say of it (`free`), by how
+// likely they are.
+Posterior Together(const BorderLikelihood& likelihood, const BorderFitted& thought,
+                   const std::optional<BorderFitted>& free) {
+  Posterior result{thought.x.head<3>(), thought.covariance.topLeftCorner<3, 3>()};
   if (!free) return result;
   if (std::abs(free->x[3]) > std::log(kEndBorder.other_noise)) {
     // Nothing like what was thought: as near to what they say as it may be.
     Numbers most = free->x;
     most[3] = std::copysign(std::log(kEndBorder.other_noise), most[3]);
     const auto other = Likeliest(likelihood, most, 3);
-    if (!other || !(other->log > thought->log)) return result;
+    if (!other || !(other->log > thought.log)) return result;
     return Posterior{other->x.head<3>(), other->covariance.topLeftCorner<3, 3>(), 0.0};
   }
   // Laplace's volume of one more number, of its prior's.
   const double volume = std::sqrt(2.0 * std::numbers::pi * free->covariance.determinant() /
-                                  thought->covariance.topLeftCorner<3, 3>().determinant()) /
+                                  thought.covariance.topLeftCorner<3, 3>().determinant()) /
                         (2.0 * std::log(kEndBorder.other_noise));
-  const double odds = std::exp(std::min(50.0, free->log - thought->log)) * volume;
+  const double odds = std::exp(std::min(50.0, free->log - thought.log)) * volume;
   const double part = std::isfinite(odds) ? odds / (1.0 + odds) : 0.0;
-  const Eigen::Vector3d apart = free->x.head<3>() - thought->x.head<3>();
+  const Eigen::Vector3d apart = free->x.head<3>() - thought.x.head<3>();
   result.mean += part * apart;
   result.covariance *= 1.0 - part;
   result.covariance += part * free->covariance.topLeftCorner<3, 3>();
@@ -186,25 +222,73 @@ std::optional<Posterior> Together(const BorderLikelihood& likelihood, const Numb
   return result;
 }
 
+// What was thought of the noise before, in logarithms: of its own over what was thought.
+double LogOfNoise(double log_noise, bool knows_rays) {
+  if (knows_rays) {
+    return std::abs(log_noise) > std::log(kEndBorder.other_noise)
+               ? -1e300
+               : -std::log1p(std::pow(log_noise / kEndBorder.sure_noise, 2));
+  }
+  const double least = std::log(kEndBorder.least_noise);
+  if (log_noise < least || log_noise > std::log(kEndBorder.other_noise)) return -1e300;
+  const double off = log_noise / kEndBorder.as_thought;
+  const double as_thought =
+      std::exp(-0.5 * off * off) / (kEndBorder.as_thought * std::sqrt(2.0 * std::numbers::pi));
+  const double less = (log_noise < 0 ? 1.0 : std::exp(-0.5 * off * off)) / -least;
+  return std::log(as_thought + less);
+}
+
 // The same where few samples lie about the border, so that its likelihood has edges.
-Posterior Walked(const BorderLikelihood& likelihood, const Posterior& rough) {
+Posterior Walked(const BorderLikelihood& likelihood, const Posterior& from, int walk,
+                 bool knows_rays) {
+  const Posterior all = SamplePosterior(from, walk, [&](const Eigen::VectorXd& x) {
+    const double log = LogOfNoise(x[3], knows_rays);
+    return log < -1e299 ? log : log + likelihood.Log(x);
+  });
+  return {all.mean.head<3>(), all.covariance.topLeftCorner<3, 3>()};
+}
+
+// Of rays, whose noise is about what was thought.
+Posterior WalkedOfRays(const BorderLikelihood& likelihood, const Posterior& rough) {
   Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
   from.mean.head<3>() = rough.mean;
   from.covariance.topLeftCorner<3, 3>() = rough.covariance;
   from.covariance(3, 3) = kEndBorder.sure_noise * kEndBorder.sure_noise;
-  const Posterior all = SamplePosterior(from, kEndBorder.walk, [&](const Eigen::VectorXd& x) {
-    if (std::abs(x[3]) > std::log(kEndBorder.other_noise)) return -1e300;
-    return likelihood.Log(x) - std::log1p(std::pow(x[3] / kEndBorder.sure_noise, 2));
-  });
-  return {all.mean.head<3>(), all.covariance.topLeftCorner<3, 3>()};
+  return Walked(likelihood, from, kEndBorder.walk, true);
+}
+
+// Of a cloud, from where, of many places and noises, it is likeliest. An edge is as unsure as
+// samples lie apart, `gap_mm`; a walk with shorter steps would stay where it is.
+Posterior WalkedOfCloud(const BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm) {
+  const double around_mm = std::hypot(rough.plane.Sigma(0), gap_mm, rough.smear_mm);
+  Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
+  double most = -1e300;
+  for (const double noise : kEndBorder.noises) {
+    for (int i = -kEndBorder.places; i <= kEndBorder.places; ++i) {
+      Numbers x;
+      x << rough.plane.mean.head<3>(), std::log(noise);
+      x[0] += 4.0 * around_mm * i / kEndBorder.places;
+      const double log = likelihood.Log(x) + LogOfNoise(x[3], false);
+      if (log > most) std::tie(most, from.mean) = std::make_tuple(log, Eigen::VectorXd(x));
+    }
+  }
+  const double edge_mm = std::hypot(gap_mm, 0.3 * rough.smear_mm * std::exp(from.mean[3]));
+  const double slope_mm = std::min(rough.slope_mm, 1.5 * edge_mm);
+  from.covariance.diagonal() << edge_mm * edge_mm, slope_mm * slope_mm, slope_mm * slope_mm, 0.1;
+  return Walked(likelihood, from, kEndBorder.cloud_walk, false);
 }
 
 // The samples about an end, in columns of the turn.
 class BandColumns {
  public:
-  BandColumns(std::span<const BandSample> samples, const Eigen::Vector3d& plane_mm, double band_mm,
+  BandColumns(std::span<const BandSample> samples, const RoughEnd& rough, double band_mm,
               double deep_mm)
-      : band_mm_(band_mm), deep_mm_(deep_mm), deep_(kEndBorder.columns), near_(kEndBorder.columns) {
+      : band_mm_(band_mm),
+        deep_mm_(deep_mm),
+        hidden_(rough.hidden),
+        deep_(kEndBorder.columns),
+        near_(kEndBorder.columns) {
+    const Eigen::Vector3d plane_mm = rough.plane.mean;
     std::vector<double> cosine, sine, around_rad(samples.size());
     cosine.reserve(samples.size()), sine.reserve(samples.size());
     for (const BandSample& sample : samples) {
@@ -218,6 +302,7 @@ class BandColumns {
       const double turn = around_rad[i] / (2.0 * std::numbers::pi);
       const double part = (turn - std::floor(turn)) * static_cast<double>(kEndBorder.columns);
       const auto k = std::min(kEndBorder.columns - 1, static_cast<std::size_t>(part));
+      if (IsHidden(k)) continue;
       if (level_mm < -band_mm_) {
         deep_[k].push_back(-band_mm_ - level_mm);
       } else {
@@ -228,9 +313,15 @@ class BandColumns {
 
   // Whether their number in small cells differs as that of scattered ones does.
   bool AreScattered(double smear_mm) const {
-    const std::size_t together = kEndBorder.columns / kEndBorder.sectors;
+    double samples = 0;
+    for (std::size_t k = 0; k < kEndBorder.columns; ++k) samples += Deep(k);
+    std::size_t sectors = kEndBorder.sectors;
+    while (sectors > 1 && samples < kEndBorder.in_sector * static_cast<double>(sectors)) {
+      sectors /= 2;
+    }
+    const std::size_t together = kEndBorder.columns / sectors;
     double squares = 0, cells = 0;
-    for (std::size_t sector = 0; sector < kEndBorder.sectors; ++sector) {
+    for (std::size_t sector = 0; sector < sectors; ++sector) {
       double all = 0;
       for (std::size_t k = 0; k < together; ++k) all += Deep(sector * together + k);
       if (all < 10.0 * kEndBorder.in_cell) continue;
@@ -254,13 +345,26 @@ class BandColumns {
            scatter > kEndBorder.least_scatter - chance;
   }
 
+  // How much of their density may be another at the border than behind it: as much as it changes
+  // from the farther half of them to the nearer one, and on to the border.
+  double DensityDoubt() const {
+    double nearer = 0, farther = 0;
+    for (const auto& column : deep_) {
+      for (const double below_mm : column) (below_mm < 0.5 * deep_mm_ ? nearer : farther) += 1;
+    }
+    const double change = std::abs(nearer - farther) / std::max(1.0, nearer + farther);
+    return 2.0 * (1.0 + band_mm_ / deep_mm_) * change;
+  }
+
   // The samples about the border, and what is missing beyond it. None: much of the turn is hidden.
   std::optional<std::vector<BorderSample>> Seen(double spread_mm, Eigen::Vector3d& missing) const {
     std::vector<BorderSample> seen;
-    std::size_t odd = 0;
+    std::size_t odd = 0, asked = 0;
     missing.setZero();
     const double half_rad = std::numbers::pi / static_cast<double>(kEndBorder.columns);
     for (std::size_t k = 0; k < kEndBorder.columns; ++k) {
+      if (IsHidden(k)) continue;
+      ++asked;
       const double per_mm = Deep(k) / deep_mm_;  // along the tube
       const double expected = per_mm * band_mm_;
       const double off = std::abs(static_cast<double>(near_[k].size()) - expected);
@@ -274,7 +378,9 @@ class BandColumns {
       row.tail<2>() *= std::sin(half_rad) / half_rad;  // the mean over the column
       missing += per_mm * row;
     }
-    if (static_cast<double>(odd) > kEndBorder.most_odd * static_cast<double>(kEndBorder.columns)) {
+    if (static_cast<double>(odd) > kEndBorder.most_odd * static_cast<double>(asked) ||
+        static_cast<double>(asked - odd) <
+            kEndBorder.least_seen * static_cast<double>(kEndBorder.columns)) {
       return std::nullopt;
     }
     return seen;
@@ -282,11 +388,33 @@ class BandColumns {
 
  private:
   double Deep(std::size_t k) const { return static_cast<double>(deep_[k].size()); }
+  bool IsHidden(std::size_t k) const { return hidden_[k * kEndSectors / kEndBorder.columns]; }
 
   double band_mm_, deep_mm_;
+  EndSectors hidden_;
   std::vector<std::vector<double>> deep_;  // [mm] before the band
   std::vector<std::vector<BorderSample>> near_;
 };
+
+// The planes that the likelihood leaves. `about`: samples within 2 sigma of noise of it.
+std::optional<Posterior> Among(const BorderLikelihood& likelihood, const RoughEnd& rough,
+                               double about, double spread_mm) {
+  const double gap_mm = 2.0 * rough.smear_mm / about;
+  if (about < kEndBorder.enough_about) {
+    return rough.knows_rays ? WalkedOfRays(likelihood, rough.plane)
+                            : WalkedOfCloud(likelihood, rough, gap_mm);
+  }
+  const Eigen::Vector3d plane_mm = rough.plane.mean.head<3>();
+  const auto thought =
+      Likeliest(likelihood, StartOf(likelihood, plane_mm, spread_mm / rough.smear_mm), 3);
+  if (!thought) return std::nullopt;
+  const auto free = WithLikeliestNoise(likelihood, thought->x, rough.knows_rays);
+  const double least = free ? std::exp(std::min(0.0, free->x[3])) : 1.0;
+  if (!rough.knows_rays && about * least < kEndBorder.enough_about) {
+    return WalkedOfCloud(likelihood, rough, gap_mm);
+  }
+  return Together(likelihood, *thought, free);
+}
 
 }  // namespace
 
@@ -301,18 +429,23 @@ std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band
                                   kEndBorder.of_density / std::max(1e-9, rough.per_mm2 * turn_mm));
   if (!(deep_mm > 0) || !(band_mm < r_mm)) return std::nullopt;
   const double about = 2.0 * rough.per_mm2 * turn_mm * rough.smear_mm;
-  if (about < kEndBorder.enough_about && !rough.is_thinned) return std::nullopt;
+  if (about < kEndBorder.enough_about && !rough.is_thinned && rough.knows_rays) return std::nullopt;
   const std::vector<BandSample> samples = band(plane_mm, band_mm + deep_mm, band_mm);
-  const BandColumns columns(samples, plane_mm, band_mm, deep_mm);
+  const BandColumns columns(samples, rough, band_mm, deep_mm);
   if (!columns.AreScattered(rough.smear_mm)) return std::nullopt;
   Eigen::Vector3d missing;
   const auto seen = columns.Seen(spread_mm, missing);
   if (!seen) return std::nullopt;
-  const BorderLikelihood likelihood(*seen, missing, rough.smear_mm, rough.slope_mm);
-  if (about >= kEndBorder.enough_about) {
-    return Together(likelihood, StartOf(likelihood, plane_mm, spread_mm / rough.smear_mm));
-  }
-  return Walked(likelihood, rough.plane);
+  const BorderLikelihood likelihood(*seen, missing, rough.smear_mm, rough.slope_mm, plane_mm,
+                                    band_mm);
+  auto border = Among(likelihood, rough, about, spread_mm);
+  if (!border) return std::nullopt;
+  // Where samples are of another density than behind the border it is elsewhere.
+  const double gap_mm = 1.0 / (rough.per_mm2 * turn_mm);
+  const double doubt_mm =
+      columns.DensityDoubt() * std::max(kEndBorder.by_density * rough.smear_mm, gap_mm);
+  border->covariance(0, 0) += doubt_mm * doubt_mm;
+  return border;
 }
 
 }  // namespace bendloop::pipeline

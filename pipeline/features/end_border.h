@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "pipeline/features/end_sectors.h"
 #include "pipeline/features/posterior.h"
 
 namespace bendloop::pipeline {
@@ -24,17 +25,21 @@ struct RoughEnd {
   Posterior plane;
   double pipe_radius_mm = 0;
   double smear_mm = 0;      // 1 sigma by which noise is thought to displace a sample
+  bool knows_rays = true;   // else noise may displace them as far as this, or hardly at all
   double per_mm2 = 0;       // samples
   double slope_mm = 0;      // 1 sigma of the rise before the scan
   bool is_thinned = false;  // from a part of the samples
+  EndSectors hidden{};      // samples stop before it there, for another reason
 };
 
 // The plane where scattered samples stop, from all that lie about it. Each of them lies before the
 // plane but for its noise, and as many as the density behind the border says are missing beyond:
 // the likelihood of a Poisson process, which is all that samples tell. How far noise displaces them
 // is what was thought, or, where they say otherwise, what they say; both answers count by how
-// likely they are. None: they are not scattered (laser lines, a grid), some of the turn is hidden,
-// or too few lie about the border to tell more than `rough`.
+// likely they are. Of a cloud nobody knows which way its noise goes: along rays it hardly moves
+// samples along the tube, in all directions as far as across it; either is thought of alike. None:
+// they are not scattered (laser lines, a grid), some of the turn is hidden, or, of rays, too few
+// lie about the border to tell more than `rough`.
 std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band);
 
 }  // namespace bendloop::pipeline

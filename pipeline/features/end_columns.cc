@@ -50,7 +50,7 @@ double ApartInGaps(const std::vector<double>& here, const std::vector<double>& n
 
 }  // namespace
 
-EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_line) {
+EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_line, double hidden) {
   std::sort(gaps.begin(), gaps.end());
   const double longest = gaps.back();
   const auto n = static_cast<double>(gaps.size());
@@ -76,8 +76,9 @@ EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_lin
     const double beyond = std::max(0.0, missing - longest) / kColumns.beyond_longest;
     const double of_noise = is_beyond ? 0.0 : std::log(std::max(passes, 1e-30));
     const double log = of_noise + of_gaps / columns_of_line - beyond;
-    table_.at.push_back(std::max(log, -kColumns.saturated));
-    if (z > 0 && log < -kColumns.saturated) break;
+    const double least = z > 0 && hidden > 0 ? -hidden : -kColumns.saturated;
+    table_.at.push_back(std::max(log, least));
+    if (z > 0 && log < least) break;
   }
   table_.at.push_back(table_.at.back());
 }

@@ -25,8 +25,9 @@ class EndStops {
  public:
   // `gaps`: between samples. `smear`: 1 sigma by which noise displaces a sample. Both in mean gaps.
   // Columns that the same laser lines cross have the same gaps and tell of their length once,
-  // together; of the longest each.
-  EndStops(std::vector<double> gaps, double smear, double columns_of_line);
+  // together; of the longest each. `hidden`: what a column says that stops before it by however
+  // much, as one does that something hides; 0: that denies the border.
+  EndStops(std::vector<double> gaps, double smear, double columns_of_line, double hidden = 0);
   // The sum over several columns.
   double Sum(std::span<const double> beyond) const { return table_.Sum(beyond); }
   // The same of a plane (EndSide) over columns.
@@ -47,8 +48,8 @@ class EndColumns {
   double width_rad() const;
   bool AreEnough() const;
   double MeanGapMm() const;
-  EndStops MakeStops(double smear_mm) const {
-    return {gaps_, smear_mm / MeanGapMm(), columns_of_line_};
+  EndStops MakeStops(double smear_mm, double hidden = 0) const {
+    return {gaps_, smear_mm / MeanGapMm(), columns_of_line_, hidden};
   }
 
  private:

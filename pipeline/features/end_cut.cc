@@ -15,6 +15,7 @@
 #include "pipeline/features/end_edge.h"
 #include "pipeline/features/end_evidence.h"
 #include "pipeline/features/end_samples.h"
+#include "pipeline/features/end_shadow.h"
 #include "pipeline/features/posterior.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/math/dense_solve.h"
@@ -30,6 +31,8 @@ struct EndCutSettings {
   // it open tell nothing of the cut; its pull on others is below a hundredth of their sigma's
   // reach.
   double usual_slope = 0.5;
+  // The same of ends that are to be square.
+  double square_slope = 0.01;
   // [sigma] From a square cut; closer ones are taken for it.
   double oblique = 5.0;
   // Steps of the walk, and of one that says whether the end may be oblique at all, from so many
@@ -55,6 +58,19 @@ struct EndCutSettings {
   // [of their smear] Samples that lie so far beyond a plane, how many of all may, and those of how
   // much of the turn.
   double beyond = 4.0, fliers = 3.0, flier_part = 0.005, beside = 0.25;
+  // The logarithm of how much likelier a shadow on one side is to be, that it is one; where it is
+  // less likely by as much, of each column, it may be. Part of the turn that a cut is told by, and
+  // that is about all.
+  double shadow = 10.0, perhaps = 0.3, least_seen = 0.2, all_seen = 0.75;
+  // The same of a border that no plane is, of each column. By trial: of shadows -0.5 and more, of
+  // waves that were cut -1 and less.
+  double shadow_of_curve = 0.2, perhaps_of_curve = 0.8;
+  // [of r_P] The end beside a shadow that lies so much further out is looked for again from there,
+  // so often at most.
+  double further = 1.0;
+  int most_further = 4;
+  // [of their 1 sigma, together] Planes that are nearer to each other are one.
+  double apart = 3.0;
   // Of scattered samples' columns: so many look like lines by chance.
   double by_chance = 0.2;
 };
@@ -225,14 +241,17 @@ class EndFit {
     std::optional<EndEvidence> columns;
     if (!all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns || MayBeLines(*columns)) {
-      if (auto plane = OfLines()) return plane;
+      if (auto plane = OfLines()) return all_.knows_passes ? plane : UnlessScattered(*plane);
     }
     if (all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns) return std::nullopt;
     const EndPlane plane = OfColumns(*columns, slope_mm);
-    if (Agrees(plane, *columns, slope_mm, r_mm_)) return Certain(plane);
-    if (const auto border = Bordered(plane, *columns, slope_mm)) return border;
-    return Certain(plane);
+    const bool agrees = Agrees(plane, *columns, slope_mm, r_mm_);
+    const auto border = agrees ? std::nullopt : Bordered(plane, *columns, slope_mm);
+    if (border) return UnlessInShadow(*border);
+    const EndPlane certain = Certain(plane);
+    if (agrees && certain.slope_sigmas < kCut.may_be_oblique) return certain;
+    return UnlessInShadow(certain);
   }
 
  private:
@@ -265,17 +284,63 @@ class EndFit {
     if (columns.sides.size() > columns.columns.size()) {
       return PlaneAmong(columns, slope_mm, r_mm_, dice_);
     }
+    RoughEnd rough = Rough();
+    bool of_border = false;
+    EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_, [&](const Posterior& about) {
+      rough.plane = about;
+      if (!rough.knows_rays) rough.hidden = SectorsInShadow(columns, slope_mm, about.mean);
+      const auto border = FitEndBorder(rough, all_.band);
+      of_border = border.has_value();
+      return border;
+    });
+    plane.of_border = of_border;
+    if (of_border && plane.slope_sigmas < kCut.may_be_oblique) PlaceOfSquare(rough, plane);
+    return plane;
+  }
+
+  // By all samples about a rough plane; none: they are not scattered, or too few.
+  std::optional<EndPlane> OfBorder(const RoughEnd& rough) const {
+    const auto border = FitEndBorder(rough, all_.band);
+    if (!border) return std::nullopt;
+    EndPlane plane = PlaneOf(*border, Eigen::Vector2d::Zero(), r_mm_);
+    plane.of_border = true;
+    if (plane.slope_sigmas < kCut.may_be_oblique) PlaceOfSquare(rough, plane);
+    return plane;
+  }
+
+  // The samples of a cloud look like lines by chance now and then.
+  EndPlane UnlessScattered(const EndPlane& of_lines) const {
+    RoughEnd rough = Rough();
+    const double at_mm = std::hypot(of_lines.at_sigma_mm, rough.smear_mm);
+    const double slope_mm = std::hypot(r_mm_ * of_lines.slope_sigma, rough.smear_mm);
+    rough.plane = {NumbersOf(of_lines, r_mm_), Eigen::Matrix3d::Zero(), 0.0};
+    rough.plane.covariance.diagonal() << at_mm * at_mm, slope_mm * slope_mm, slope_mm * slope_mm;
+    const auto border = OfBorder(rough);
+    return border ? Certain(*border) : of_lines;
+  }
+
+  // What is known of the end but its plane.
+  RoughEnd Rough() const {
     const double seen_mm2 = 2.0 * std::numbers::pi * r_mm_ * depth_mm_;
     RoughEnd rough;
     rough.pipe_radius_mm = r_mm_;
-    rough.smear_mm = smear_mm_;
+    rough.knows_rays = all_.knows_passes;
+    rough.smear_mm = rough.knows_rays ? smear_mm_ : std::max(smear_mm_, sigma_mm_);
     rough.per_mm2 = static_cast<double>(all_.count) / seen_mm2;
     rough.slope_mm = kCut.usual_slope * r_mm_;
     rough.is_thinned = all_.count > kCut.enough_samples;
-    return PlaneAmong(columns, slope_mm, r_mm_, dice_, [&](const Posterior& plane) {
-      rough.plane = plane;
-      return FitEndBorder(rough, all_.band);
-    });
+    return rough;
+  }
+
+  // What is not oblique for all that is seen was cut about square: few samples tell the place of
+  // such a plane better than that of any.
+  void PlaceOfSquare(RoughEnd rough, EndPlane& plane) const {
+    rough.slope_mm = kCut.square_slope * r_mm_;
+    rough.plane.mean.tail<2>().setZero();
+    const auto square = FitEndBorder(rough, all_.band);
+    if (!square) return;
+    plane.at_mm = square->mean[0];
+    plane.at_sigma_mm = square->Sigma(0);
   }
 
   // Columns of few samples each may stop by chance as those of an oblique cut would: where the
@@ -316,6 +381,48 @@ class EndFit {
     return plane;
   }
 
+  // The plane, or border, where samples stop; or where the sides end that are in no shadow. Where
+  // either may be, it is as unsure as both are apart.
+  EndPlane UnlessInShadow(const EndPlane& plane) const {
+    const std::vector<EndSample> samples = all_.every(StrideTo(all_.count, kCut.enough_samples));
+    const EndInDoubt doubt{r_mm_,        window_mm_,        smear_mm_, NumbersOf(plane, r_mm_),
+                           plane.border, plane.border_terms};
+    const auto shadowed = FindEndInShadow(samples, doubt, dice_);
+    if (!shadowed || shadowed->seen < kCut.least_seen) return plane;
+    // A series follows the edge of a shadow, too.
+    const bool is_curve = !plane.border.empty();
+    const double sure = is_curve ? -kCut.shadow_of_curve * shadowed->columns : kCut.shadow;
+    const double perhaps = -(is_curve ? kCut.perhaps_of_curve : kCut.perhaps) * shadowed->columns;
+    if (shadowed->likelier < perhaps) return plane;
+    const double apart_mm = std::abs(shadowed->plane.mean[0] - plane.at_mm);
+    if (apart_mm < kCut.apart * (shadowed->plane.Sigma(0) + plane.at_sigma_mm)) return plane;
+    if (shadowed->likelier > sure) return BesideShadow(*shadowed, samples);
+    EndPlane either = plane;
+    either.at_sigma_mm = std::hypot(plane.at_sigma_mm, apart_mm);
+    either.slope_sigma = std::max(plane.slope_sigma, std::hypot(plane.cosine, plane.sine));
+    either.slope_sigmas = 0;
+    either.in_shadow = true;
+    return either;
+  }
+
+  EndPlane BesideShadow(const ShadowedEnd& end, std::span<const EndSample> samples) const {
+    EndPlane plane = PlaneOf(end.plane, Eigen::Vector2d::Zero(), r_mm_);
+    RoughEnd rough = Rough();
+    rough.plane = end.plane;
+    const Eigen::Vector2d slope_mm = end.plane.mean.tail<2>();
+    if (const auto columns = EndColumnsAbout(samples, window_mm_, smear_mm_, slope_mm)) {
+      rough.hidden = SectorsInShadow(*columns, slope_mm, end.plane.mean);
+      if (const auto border = OfBorder(rough)) plane = *border;
+    }
+    plane.in_shadow = end.seen < kCut.all_seen;
+    // A slope that a part of the turn shows may be another's.
+    if (plane.in_shadow && plane.slope_sigmas > kCut.may_be_oblique) {
+      plane.slope_sigma *= plane.slope_sigmas / kCut.may_be_oblique;
+      plane.slope_sigmas = kCut.may_be_oblique;
+    }
+    return plane;
+  }
+
   // None: no border explains the samples better than a plane that they contradict.
   std::optional<EndPlane> Bordered(const EndPlane& plane, const EndEvidence& evidence,
                                    const Eigen::Vector2d& slope_mm) const {
@@ -324,6 +431,7 @@ class EndFit {
     if (!curve) return std::nullopt;
     EndPlane of_curve = PlaneOf(*curve, Eigen::Vector2d::Zero(), r_mm_);
     of_curve.border = PlacesOf(*curve);
+    of_curve.border_terms = static_cast<int>(curve->mean.size());
     return of_curve;
   }
 
@@ -347,6 +455,7 @@ class CutSearch {
     const auto plane = PlaneOfWall(near);
     if (!plane) return std::nullopt;
     FoundCut found{*plane, Found(*plane)};
+    if (plane->in_shadow) return found;
     const Eigen::Vector3d of_wall_mm = NumbersOf(*plane, r_mm_);
     // Where the wall comes in or stands out, it ends before the tube does.
     if (const auto bevel = FindBevel(near, of_wall_mm, r_mm_, sigma_mm_)) {
@@ -383,10 +492,72 @@ class CutSearch {
   WalkDice& dice_;
 };
 
+// An end among the samples about it.
+struct SeenEnd {
+  FoundCut cut;
+  bool knows_passes = false;
+  bool is_further = false;  // than was looked at first
+
+  // Whether it tells the end's place better than the borders' outermost point does.
+  bool IsSurerThan(double sigma_mm) const {
+    const EndPlane& plane = cut.plane;
+    if (plane.slope_sigmas >= kCut.oblique || plane.of_border || is_further) return true;
+    // Where the wall comes in, or its border is no plane, its outermost point is not the end.
+    if (cut.cut.bevel || cut.cut.burr || !plane.border.empty() || plane.in_shadow) return true;
+    // Laser lines tell of an end's place at its axis whether it is square or not.
+    return plane.of_lines &&
+           (plane.slope_sigmas >= kCut.may_be_oblique || plane.at_sigma_mm < sigma_mm);
+  }
+};
+
+class EndSearch {
+ public:
+  EndSearch(const hal::Tube& tube, bool at_start, double sigma_mm,
+            std::span<const PointBlock> blocks, WalkDice& dice)
+      : tube_(tube), at_start_(at_start), sigma_mm_(sigma_mm), blocks_(blocks), dice_(dice) {}
+
+  std::optional<SeenEnd> Find(EndAxis axis) {
+    auto end = FindAt(axis);
+    // Beside a shadow the tube may go on for longer than is looked at.
+    double further_mm = 0;
+    for (int i = 0; i < kCut.most_further && end; ++i) {
+      const double at_mm = end->cut.plane.at_mm;
+      if (!end->cut.plane.in_shadow || at_mm < kCut.further * tube_.pipe_radius_mm) break;
+      axis.end_mm += at_mm * axis.outward;
+      const auto next = FindAt(axis);
+      if (!next) break;
+      further_mm += at_mm;
+      end = next;
+    }
+    if (!end) return std::nullopt;
+    end->cut.plane.at_mm += further_mm;
+    end->is_further = further_mm > 0;
+    return end;
+  }
+
+ private:
+  std::optional<SeenEnd> FindAt(const EndAxis& axis) {
+    const auto& rows = tube_.program.rows;
+    const double straight_mm = at_start_ ? rows.front().length_mm : rows.back().length_mm;
+    const double r_mm = tube_.pipe_radius_mm;
+    const double window_mm = std::min(kCut.window * r_mm, straight_mm);
+    const SamplesNearEnd near(tube_, at_start_, axis, sigma_mm_, window_mm, blocks_);
+    const auto cut = CutSearch(r_mm, window_mm, sigma_mm_, dice_).Find(near);
+    if (!cut) return std::nullopt;
+    return SeenEnd{*cut, near.knows_passes(), false};
+  }
+
+  const hal::Tube& tube_;
+  bool at_start_;
+  double sigma_mm_;
+  std::span<const PointBlock> blocks_;
+  WalkDice& dice_;
+};
+
 }  // namespace
 
 std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
-                                    double window_mm, double sigma_mm) {
+                                    double window_mm, double sigma_mm, bool knows_passes) {
   const EndBand band = [&](const Eigen::Vector3d& plane_mm, double below_mm, double above_mm) {
     std::vector<BandSample> taken;
     for (const EndSample& sample : samples) {
@@ -407,43 +578,35 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
   if (samples.empty()) return std::nullopt;
   const auto hidden = [](const Eigen::Vector3d&) { return EndSectors{}; };
   WalkDice dice(3);
-  return EndFit({samples.size(), true, every, band, hidden}, pipe_radius_mm, window_mm, sigma_mm,
-                dice)
+  return EndFit({samples.size(), knows_passes, every, band, hidden}, pipe_radius_mm, window_mm,
+                sigma_mm, dice)
       .Fit();
 }
 
 EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnds& ends) {
   EndCuts cuts;
-  const double r_mm = ends.tube.pipe_radius_mm;
   const hal::Tube found = ends.tube;
   WalkDice dice(3);
-  auto& rows = ends.tube.program.rows;
   for (const bool at_start : {true, false}) {
     if (!(at_start ? ends.first_seen : ends.last_seen)) continue;
-    const double straight_mm =
-        at_start ? found.program.rows.front().length_mm : found.program.rows.back().length_mm;
-    const double window_mm = std::min(kCut.window * r_mm, straight_mm);
-    const EndAxis& axis = at_start ? ends.first : ends.last;
-    const SamplesNearEnd near(found, at_start, axis, sigma_mm, window_mm, blocks);
-    const auto cut = CutSearch(r_mm, window_mm, sigma_mm, dice).Find(near);
-    if (!cut) continue;
-    const EndPlane* plane = &cut->plane;
-    (at_start ? cuts.first : cuts.last) = cut->cut;
-    // Where the wall comes in, or its border is no plane, its outermost point is not the end.
-    const bool has_edge = cut->cut.bevel || cut->cut.burr || !plane->border.empty();
-    // Laser lines tell of an end's place at its axis whether it is square or not.
-    const double sigma_of_square_mm = at_start ? ends.first_sigma_mm : ends.last_sigma_mm;
-    const bool is_surer = plane->of_lines && (plane->slope_sigmas >= kCut.may_be_oblique ||
-                                              plane->at_sigma_mm < sigma_of_square_mm);
-    if (plane->slope_sigmas < kCut.oblique && !is_surer && !has_edge) continue;
+    const auto end =
+        EndSearch(found, at_start, sigma_mm, blocks, dice).Find(at_start ? ends.first : ends.last);
+    if (!end) continue;
+    const EndPlane& plane = end->cut.plane;
+    (at_start ? cuts.first : cuts.last) = end->cut.cut;
+    double& sigma_of_end_mm = at_start ? ends.first_sigma_mm : ends.last_sigma_mm;
+    if (!end->IsSurerThan(sigma_of_end_mm)) {
+      // Where noise has moved them are the outermost samples of a cloud, by which it was found.
+      if (!end->knows_passes) sigma_of_end_mm = std::hypot(sigma_of_end_mm, sigma_mm);
+      continue;
+    }
+    sigma_of_end_mm = plane.at_sigma_mm;
+    auto& rows = ends.tube.program.rows;
+    double& length_mm = at_start ? rows.front().length_mm : rows.back().length_mm;
+    length_mm = std::max(0.0, length_mm + plane.at_mm);
     if (at_start) {
       ends.tube.X_WT.position_mm -=
-          plane->at_mm * (ends.tube.X_WT.orientation * Eigen::Vector3d::UnitX());
-      rows.front().length_mm = std::max(0.0, rows.front().length_mm + plane->at_mm);
-      ends.first_sigma_mm = plane->at_sigma_mm;
-    } else {
-      rows.back().length_mm = std::max(0.0, rows.back().length_mm + plane->at_mm);
-      ends.last_sigma_mm = plane->at_sigma_mm;
+          plane.at_mm * (ends.tube.X_WT.orientation * Eigen::Vector3d::UnitX());
     }
   }
   return cuts;

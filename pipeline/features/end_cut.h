@@ -39,12 +39,16 @@ struct EndPlane {
   double slope_sigma = 0;       // of either
   double slope_sigmas = 0;      // how many sigma it is from a square cut
   bool of_lines = false;        // told by the laser lines of passes that are known
+  bool of_border = false;       // told by all scattered samples beside it (end_border.h)
+  bool in_shadow = false;       // on one side samples stop before it (end_shadow.h)
   // Where no plane explains the samples: how far the border lies beyond this one, which is nearest
   // to it all round.
   std::vector<BorderPlace> border;
+  int border_terms = 3;  // numbers that it and the plane take
 };
-// `samples`: from `window_mm` before the end on. None: too few.
+// `samples`: from `window_mm` before the end on; `knows_passes`: whether theirs is known. None: too
+// few.
 std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
-                                    double window_mm, double sigma_mm);
+                                    double window_mm, double sigma_mm, bool knows_passes = true);
 
 }  // namespace bendloop::pipeline

@@ -185,34 +185,42 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
   return evidence;
 }
 
+std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, double window_mm,
+                                           double smear_mm, const Eigen::Vector2d& slope_mm) {
+  std::vector<EndSample> level;
+  if (!slope_mm.isZero()) level = Levelled(samples, slope_mm);
+  const EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm);
+  if (!columns.AreEnough()) return std::nullopt;
+  EndEvidence evidence;
+  for (const EndColumn& column : columns.seen()) {
+    if (column.lines) {
+      evidence.AddLines(*column.lines);
+      continue;
+    }
+    evidence.columns.push_back({std::cos(column.around_rad), std::sin(column.around_rad),
+                                column.last_mm, column.mean_gap_mm});
+  }
+  evidence.gap_mm = columns.MeanGapMm();
+  evidence.width_rad = columns.width_rad();
+  evidence.stops = columns.MakeStops(smear_mm);
+  evidence.stops_or_hidden = columns.MakeStops(smear_mm, -std::log(kEvidence.lost));
+  evidence.lines_greatest =
+      GreatestError(kEvidence.crossed * static_cast<double>(columns.seen().size()));
+  return evidence;
+}
+
 std::optional<EndEvidence> LookAtEndColumns(std::span<const EndSample> samples, double r_mm,
                                             double window_mm, double smear_mm,
                                             Eigen::Vector2d& slope_mm) {
-  std::optional<EndEvidence> evidence;
-  for (int pass = 0; pass < 3; ++pass) {
-    std::vector<EndSample> level;
-    if (!slope_mm.isZero()) level = Levelled(samples, slope_mm);
-    const EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm);
-    if (!columns.AreEnough()) return std::nullopt;
-    evidence.emplace();
-    for (const EndColumn& column : columns.seen()) {
-      if (column.lines) {
-        evidence->AddLines(*column.lines);
-        continue;
-      }
-      evidence->columns.push_back({std::cos(column.around_rad), std::sin(column.around_rad),
-                                   column.last_mm, column.mean_gap_mm});
-    }
-    evidence->gap_mm = columns.MeanGapMm();
-    evidence->stops = columns.MakeStops(smear_mm);
-    evidence->lines_greatest =
-        GreatestError(kEvidence.crossed * static_cast<double>(columns.seen().size()));
+  for (int pass = 0;; ++pass) {
+    auto evidence = EndColumnsAbout(samples, window_mm, smear_mm, slope_mm);
+    if (!evidence) return std::nullopt;
     const Eigen::Vector2d rise_mm = RoughEndPlane(*evidence, r_mm).tail<2>();
-    if (pass == 2 || rise_mm.norm() * columns.width_rad() < kEvidence.level * evidence->gap_mm)
-      break;
+    if (pass == 2 || rise_mm.norm() * evidence->width_rad < kEvidence.level * evidence->gap_mm) {
+      return evidence;
+    }
     slope_mm += rise_mm;
   }
-  return evidence;
 }
 
 }  // namespace bendloop::pipeline

@@ -51,7 +51,9 @@ struct EndEvidence {
   double lines_greatest = 0;     // [sigma] how much nearer than they say the border may be
   std::vector<EndStop> columns;  // of scattered samples
   std::optional<EndStops> stops;
-  double gap_mm = 0;  // mean gap between samples
+  std::optional<EndStops> stops_or_hidden;  // the same where something may hide them
+  double gap_mm = 0;                        // mean gap between samples
+  double width_rad = 0;                     // of a column
 
   void AddLines(const LineBracket& lines);
   std::vector<RoughEndPlace> RoughPlaces() const;
@@ -69,5 +71,9 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
 std::optional<EndEvidence> LookAtEndColumns(std::span<const EndSample> samples,
                                             double pipe_radius_mm, double window_mm,
                                             double smear_mm, Eigen::Vector2d& slope_mm);
+
+// The same about this slope. None: they are too few, or on too little of the turn.
+std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, double window_mm,
+                                           double smear_mm, const Eigen::Vector2d& slope_mm);
 
 }  // namespace bendloop::pipeline

@@ -67,12 +67,6 @@ struct EndPlaces {
 
 }  // namespace
 
-std::size_t EndSectorOf(double around_rad) {
-  const double turn = around_rad / (2.0 * std::numbers::pi);
-  const double sector = (turn - std::floor(turn)) * static_cast<double>(kEndSectors);
-  return std::min(kEndSectors - 1, static_cast<std::size_t>(sector));
-}
-
 SamplesNearEnd::SamplesNearEnd(const hal::Tube& tube, bool at_start, const EndAxis& axis,
                                double sigma_mm, double window_mm,
                                std::span<const PointBlock> blocks)

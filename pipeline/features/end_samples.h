@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <span>
@@ -10,15 +9,11 @@
 
 #include "pipeline/features/end_border.h"
 #include "pipeline/features/end_lines.h"
+#include "pipeline/features/end_sectors.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
 
 namespace bendloop::pipeline {
-
-// Parts of the turn about an end.
-constexpr std::size_t kEndSectors = 24;
-using EndSectors = std::array<bool, kEndSectors>;
-std::size_t EndSectorOf(double around_rad);
 
 // A sample about an end: across its axis, and beyond the end along it.
 struct NearEnd {

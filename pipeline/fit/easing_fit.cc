@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/fit/easing_fit.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -17,14 +18,14 @@ struct EasingSettings {
   double start = 0.3;
   // [sigma] From which on samples insist. Bends of about the same angle hide what they ease over
   // in a wider radius, which is wrong by more than its sigma; easing that is not there costs
-  // certainty alone.
-  double insist = 4.0;
+  // certainty alone; at 2 tubes with sharp bends are taken for eased ones.
+  double insist = 3.0;
   // After the first step: of what it made chi square less by, so much may be left to the sharp
   // tube's where it led well, and so much more is in sight then (0.012 at most over tubes as the
   // paper's, sharp ones and such that ease over 0.1 to 1.5 r_P; 0.047 where many bends hide it in
   // radii of their own from a noise of 0.0016 r_P). [variances] With less in sight there is no
-  // easing; nor where the second step has gained less. By trial.
-  double well_led = 0.1, further = 0.06, in_sight = 12.0, promising = 10.0;
+  // easing; nor where a step goes on by less. By trial.
+  double well_led = 0.1, further = 0.06, in_sight = 12.0, promising = 6.0;
 };
 constexpr EasingSettings kEasingFit;
 
@@ -65,12 +66,20 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
       gained + kEasingFit.further * led < kEasingFit.in_sight * first.design_effect) {
     return none();
   }
-  options.easing = first.easing;
-  const SurfaceFit second = FitSurface(first.tube, few, options);
-  if (gain(second) < kEasingFit.promising * second.design_effect) return none();
+  // A step may go too far, and the next ones bring it back: on as long as they gain.
+  SurfaceFit eased = first;
+  double now = gained, least = 0;
+  do {
+    const double before = std::min(now, 0.0);
+    options.easing = eased.easing;
+    eased = FitSurface(eased.tube, few, options);
+    now = gain(eased);
+    least = kEasingFit.promising * eased.design_effect;
+    if (now < before + least) return none();
+  } while (now < least);
   options.max_steps = most_steps;
-  options.easing = second.easing;
-  SurfaceFit eased = FitSurface(second.tube, few, options);
+  options.easing = eased.easing;
+  eased = FitSurface(eased.tube, few, options);
   if (gain(eased) < kEasingFit.insist * kEasingFit.insist * eased.design_effect) return none();
   ReachTo(EndsOf(structure.tube), eased.tube);
   return {eased.easing, std::nullopt, eased.tube};

@@ -59,39 +59,33 @@ class Inspector {
   OpeningInspection Inspect(const NominalOpening& nominal) {
     OpeningInspection out;
     out.name = nominal.name;
+    out.named = out.found_as = KindOf(nominal.opening);
     hal::WallOpening expected = nominal.opening;
     if (nominal.from_end) expected.along_mm = length_mm_ - expected.along_mm;
     const std::optional<std::size_t> found = Nearest(nominal, expected);
     hal::WallOpening measured = expected, sigma;
+    NominalOpening judged = nominal;
     if (found) {
       is_taken_[*found] = true;
       out.found = *found;
       measured = InNominalOrder(measurement_.features.openings[*found]);
       sigma = measurement_.features.openings[*found].sigma;
+      out.found_as = KindOf(measured);
+    } else {
+      judged.place_tolerance_mm = judged.around_tolerance_deg = std::nullopt;
+      judged.size_tolerance_mm = judged.axis_tolerance_deg = std::nullopt;
     }
     out.state = found                 ? OpeningState::kFound
                 : ShowsWall(expected) ? OpeningState::kMissing
                                       : OpeningState::kNotSeen;
     const double k = decision_sigmas_;
-    const hal::WallOpening& n = nominal.opening;
-    const auto judged = [&](std::optional<double> tolerance) {
-      return found ? tolerance : std::nullopt;
-    };
-    const auto size = judged(nominal.size_tolerance_mm);
-    const bool is_slot = !n.is_hole();
     const double along_mm = measured.along_mm - expected.along_mm;
-    out.along_mm = CompareFeature(n.along_mm, nominal.from_end ? -along_mm : along_mm,
-                                  sigma.along_mm, judged(nominal.place_tolerance_mm), k);
-    out.around_deg =
-        CompareFeature(n.around_deg, hal::WrapRotationDeg(measured.around_deg - n.around_deg),
-                       sigma.around_deg, judged(nominal.around_tolerance_deg), k);
-    out.length_mm =
-        CompareFeature(n.length_mm, measured.length_mm - n.length_mm, sigma.length_mm, size, k);
-    out.width_mm = CompareFeature(n.width_mm, measured.width_mm - n.width_mm, sigma.width_mm,
-                                  is_slot ? size : std::nullopt, k);
-    const double turn = measured.is_hole() ? 0.0 : measured.axis_deg - n.axis_deg;
-    out.axis_deg = CompareFeature(n.axis_deg, std::remainder(turn, 180.0), sigma.axis_deg,
-                                  is_slot ? judged(nominal.axis_tolerance_deg) : std::nullopt, k);
+    out.along_mm = CompareFeature(nominal.opening.along_mm, nominal.from_end ? -along_mm : along_mm,
+                                  sigma.along_mm, judged.place_tolerance_mm, k);
+    out.around_deg = CompareFeature(expected.around_deg,
+                                    hal::WrapRotationDeg(measured.around_deg - expected.around_deg),
+                                    sigma.around_deg, judged.around_tolerance_deg, k);
+    CompareShapes(judged, measured, sigma, out);
     return out;
   }
 
@@ -115,6 +109,35 @@ class Inspector {
   }
 
  private:
+  // A hole is as wide any way as its diameter says, so what is no hole is judged both ways where a
+  // hole is named, and a hole both ways where a slot is.
+  void CompareShapes(const NominalOpening& nominal, const hal::WallOpening& measured,
+                     const hal::WallOpening& sigma_of, OpeningInspection& out) const {
+    const double k = decision_sigmas_;
+    const OpeningShape named = ShapeOf(nominal.opening), is = ShapeOf(measured);
+    const OpeningShape sigma = ShapeSigma(measured, sigma_of);
+    const auto size = nominal.size_tolerance_mm;
+    const bool both_holes = out.named == OpeningKind::kHole && out.found_as == OpeningKind::kHole;
+    const bool both_slots = out.named == OpeningKind::kSlot && out.found_as == OpeningKind::kSlot;
+    const auto across = both_holes ? std::nullopt : size;
+    out.length_mm =
+        CompareFeature(named.length_mm, is.length_mm - named.length_mm, sigma.length_mm, size, k);
+    out.width_mm =
+        CompareFeature(named.width_mm, is.width_mm - named.width_mm, sigma.width_mm, across, k);
+    const double named_mm = named.length_mm - named.width_mm;
+    out.out_of_round_mm =
+        CompareFeature(named_mm, is.length_mm - is.width_mm - named_mm,
+                       both_holes ? 0.0 : std::hypot(sigma.length_mm, sigma.width_mm),
+                       both_slots ? std::nullopt : across, k);
+    // What is round has no axis; how an oval lies is told and not judged.
+    const bool has_axis = out.named == OpeningKind::kSlot && out.found_as != OpeningKind::kHole;
+    out.axis_deg = CompareFeature(
+        named.axis_deg, has_axis ? std::remainder(is.axis_deg - named.axis_deg, 180.0) : 0.0,
+        sigma.axis_deg, has_axis ? nominal.axis_tolerance_deg : std::nullopt, k);
+    out.lean_deg = {named.lean_deg, is.lean_deg,  AngleBetweenDrillsDeg(nominal.opening, measured),
+                    sigma.lean_deg, std::nullopt, ToleranceState::kNotJudged};
+  }
+
   // The same place counted on the tube in the nominal's order.
   hal::WallOpening InNominalOrder(const OpeningFound& found) const {
     hal::WallOpening opening = found.opening;
@@ -124,6 +147,9 @@ class Inspector {
     const Eigen::Vector3d off = found.position_mm - frame.spine_mm;
     const Eigen::Vector3d outward = (off - off.dot(frame.tangent) * frame.tangent).normalized();
     opening.around_deg = hal::AroundDeg(frame.outward, frame.tangent, outward);
+    // With the feed turn both directions that leans are counted to.
+    opening.lean_along_deg = -opening.lean_along_deg;
+    opening.lean_around_deg = -opening.lean_around_deg;
     if (opening.is_hole()) return opening;
     const double axis = std::atan2(found.direction.dot(outward.cross(frame.tangent)),
                                    found.direction.dot(frame.tangent));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "hal/tube_features.h"
+#include "pipeline/inspection/opening_shape.h"
 #include "pipeline/tube/measurement.h"
 #include "pipeline/tube/tolerance.h"
 
@@ -21,7 +22,7 @@ struct NominalOpening {
   bool from_end = false;     // from the tube's end, not from its start
   std::optional<double> place_tolerance_mm;
   std::optional<double> around_tolerance_deg;
-  std::optional<double> size_tolerance_mm;  // of a hole's diameter, of a slot's length and width
+  std::optional<double> size_tolerance_mm;  // of a hole's diameter any way, of length and width
   std::optional<double> axis_tolerance_deg;
 };
 
@@ -42,14 +43,20 @@ std::string_view Name(OpeningState state);  // "found", "missing", "not seen"
 
 struct OpeningInspection {
   std::string name;
+  OpeningKind named = OpeningKind::kHole;  // what the part names
   OpeningState state = OpeningState::kNotSeen;
-  std::size_t found = 0;  // of kFound: which of the measurement's openings
+  std::size_t found = 0;                      // of kFound: which of the measurement's openings
+  OpeningKind found_as = OpeningKind::kHole;  // and what the scan shows it to be
   // Of kFound; nominal values otherwise.
   Deviation along_mm;  // from the end that the part names
   Deviation around_deg;
-  Deviation length_mm;  // of a hole its diameter
-  Deviation width_mm;   // of a hole nothing
-  Deviation axis_deg;   // of a hole nothing
+  // As seen along the wall's normal (opening_shape.h). Of a hole that is found where one is named
+  // the length is its diameter, and no other is judged.
+  Deviation length_mm;
+  Deviation width_mm;
+  Deviation axis_deg;
+  Deviation out_of_round_mm;  // length less width; where round is named, or found
+  Deviation lean_deg;         // of the drill's axis; the deviation is the angle between both
 };
 
 struct EndInspection {

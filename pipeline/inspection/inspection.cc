@@ -142,6 +142,33 @@ class Jury {
   std::vector<std::string> doubts_;
 };
 
+// "hole 1", and what the scan shows it to be where that is something else.
+std::string FoundName(const OpeningInspection& opening) {
+  if (opening.found_as == opening.named) return opening.name;
+  const std::string found = " (found: a " + std::string(Name(opening.found_as));
+  if (opening.found_as == OpeningKind::kHole) {
+    return opening.name + found + " of " + Fixed(opening.length_mm.measured, 2) + " mm)";
+  }
+  return opening.name + found + " of " + Fixed(opening.length_mm.measured, 2) + " x " +
+         Fixed(opening.width_mm.measured, 2) + " mm" +
+         (opening.found_as == OpeningKind::kLeaningHole
+              ? ", drilled " + Fixed(opening.lean_deg.measured, 1) +
+                    " degrees off the wall's normal)"
+              : ")");
+}
+
+void JudgeOpening(const OpeningInspection& opening, Jury& jury) {
+  const std::string name = FoundName(opening);
+  const bool is_round =
+      opening.named == OpeningKind::kHole && opening.found_as == OpeningKind::kHole;
+  jury.Hear(name + " place along the tube", opening.along_mm, "mm");
+  jury.Hear(name + " angle around", opening.around_deg, "degrees");
+  jury.Hear(name + (is_round ? " diameter" : " length"), opening.length_mm, "mm");
+  jury.Hear(name + " width", opening.width_mm, "mm");
+  jury.Hear(name + " length less width", opening.out_of_round_mm, "mm");
+  jury.Hear(name + " axis", opening.axis_deg, "degrees");
+}
+
 void JudgeFeatures(const FeatureInspection& features, const NominalFeatures& nominal, Jury& jury) {
   for (const OpeningInspection& opening : features.openings) {
     if (opening.state == OpeningState::kMissing) {
@@ -154,12 +181,7 @@ void JudgeFeatures(const FeatureInspection& features, const NominalFeatures& nom
                                "that side, or more slowly");
       continue;
     }
-    const bool is_slot = opening.width_mm.tolerance.has_value();
-    jury.Hear(opening.name + " place along the tube", opening.along_mm, "mm");
-    jury.Hear(opening.name + " angle around", opening.around_deg, "degrees");
-    jury.Hear(opening.name + (is_slot ? " length" : " diameter"), opening.length_mm, "mm");
-    jury.Hear(opening.name + " width", opening.width_mm, "mm");
-    jury.Hear(opening.name + " axis", opening.axis_deg, "degrees");
+    JudgeOpening(opening, jury);
   }
   for (const EndInspection* end : {&features.first_end, &features.last_end}) {
     if (!nominal.obliquity_tolerance_deg) continue;

@@ -38,6 +38,8 @@
 #include <gp_Circ.hxx>
 #include <gp_Pln.hxx>
 
+#include "hal/spine.h"
+
 namespace bendloop::test {
 namespace {
 
@@ -123,6 +125,30 @@ TopoDS_Shape SplineHose(double radius_mm) {
   const TopoDS_Wire ring =
       BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(gp_Circ(gp_Ax2(start, along), radius_mm)));
   const TopoDS_Wire spine = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(curve));
+  return BRepOffsetAPI_MakePipe(spine, BRepBuilderAPI_MakeFace(ring).Face()).Shape();
+}
+
+TopoDS_Shape SplineBends(const hal::Tube& tube, int places) {
+  BRepBuilderAPI_MakeWire spine;
+  for (const hal::SpineSegment& segment : hal::SpineSegments(tube.program, tube.X_WT)) {
+    const bool is_line = (segment.TangentAt(0) - segment.TangentAt(segment.length_mm)).norm() == 0;
+    TColgp_Array1OfPnt points(1, is_line ? 2 : places);
+    for (int i = 1; i <= points.Length(); ++i) {
+      const double part = double(i - 1) / (points.Length() - 1);
+      const Eigen::Vector3d p = segment.PointAt(part * segment.length_mm);
+      points(i) = {p.x(), p.y(), p.z()};
+    }
+    spine.Add(is_line ? BRepBuilderAPI_MakeEdge(points(1), points(2)).Edge()
+                      : BRepBuilderAPI_MakeEdge(
+                            GeomAPI_PointsToBSpline(points, 3, 8, GeomAbs_C2, 1e-4).Curve())
+                            .Edge());
+  }
+  const Eigen::Vector3d start = tube.X_WT.position_mm;
+  const Eigen::Vector3d along = tube.X_WT.orientation * Eigen::Vector3d::UnitX();
+  const gp_Ax2 axes(gp_Pnt(start.x(), start.y(), start.z()),
+                    gp_Dir(along.x(), along.y(), along.z()));
+  const TopoDS_Wire ring =
+      BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(gp_Circ(axes, tube.pipe_radius_mm)));
   return BRepOffsetAPI_MakePipe(spine, BRepBuilderAPI_MakeFace(ring).Face()).Shape();
 }
 

@@ -22,6 +22,8 @@ TopoDS_Shape CentreLine(const hal::Tube& tube);
 TopoDS_Shape Pipe(const hal::Tube& tube, const PipeOptions& options = {});
 // A pipe along a spline, which has no arc anywhere.
 TopoDS_Shape SplineHose(double radius_mm);
+// The centre line of `tube` with B-splines through so many places of each bend in its arcs' place.
+TopoDS_Shape SplineBends(const hal::Tube& tube, int places);
 // The faces of a shape, sewn to nothing, without those whose number is listed.
 TopoDS_Shape LooseFaces(const TopoDS_Shape& shape, const std::vector<int>& without = {});
 

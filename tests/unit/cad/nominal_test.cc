@@ -193,6 +193,16 @@ TEST(Nominal, SaysWhatIsNoTubeOfLinesAndArcs) {
   const auto kink = Nominal(test::WriteStepFile({{"frame", test::Joined(left, right)}}));
   EXPECT_EQ(kink.code, 3);
   EXPECT_THAT(kink.err, HasSubstr("kink of 60.000 degrees (a mitre) at x "));
+  // The lines and arcs nearest to it end where it does, and not where it is broken.
+  const auto nearest =
+      Nominal(test::WriteStepFile({{"frame", test::Joined(left, right)}}), {"--nearest"});
+  ASSERT_EQ(nearest.code, 0) << nearest.err;
+  EXPECT_THAT(nearest.out, HasSubstr("first end: square\nlast end: square\n"));
+  const auto& rows = nearest.part->rows.rows;
+  ASSERT_EQ(rows.size(), 2U);
+  const double corner_mm = *rows[0].bend_radius_mm * std::tan(M_PI / 6);
+  EXPECT_NEAR(rows[0].length_mm + corner_mm, 100, 0.02);
+  EXPECT_NEAR(rows[1].length_mm + corner_mm, 100, 0.02);
   EXPECT_EQ(Nominal("/no/such/file.step").code, 3);
   const std::string file = test::TemporaryFile("bad.step");
   std::ofstream(file) << "ISO-10303-21;\nHEADER;\nnonsense";

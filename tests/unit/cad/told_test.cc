@@ -154,5 +154,19 @@ TEST(Told, WhereItBendsAsNoArc) {
   EXPECT_THAT(line.err, HasSubstr("x 0.0, y 0.0, z 0.0"));
 }
 
+// However near they come to arcs: the rows are a fit's, as their odd decimals show.
+TEST(Told, BendsThatAreFittedByArcsAreToldWithHowFarOff) {
+  const hal::Tube tube = WithRadii(30, 30);
+  for (const int places : {7, 15}) {
+    const auto fitted = Nominal(test::WriteStepFile({{"fitted", test::SplineBends(tube, places)}}));
+    ASSERT_EQ(fitted.code, 0) << fitted.err;
+    test::ExpectRows(fitted, tube.program, 0.05);
+    EXPECT_THAT(fitted.out,
+                ContainsRegex("its (bends are B-splines, fitted by arcs that they lie up "
+                              "to|B-splines lie up to) 0.0[0-9]+ mm off"));
+  }
+  EXPECT_THAT(Told(tube).out, Not(HasSubstr("B-spline")));
+}
+
 }  // namespace
 }  // namespace bendloop::host

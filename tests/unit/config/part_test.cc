@@ -61,6 +61,7 @@ TEST(Part, ReadsHolesSlotsAndEnds) {
 from_start_mm = 20
 around_deg = 90
 diameter_mm = 4
+lean_around_deg = -22.5
 [[slot]]
 from_end_mm = 15
 around_deg = -30
@@ -79,6 +80,8 @@ obliquity_tolerance_deg = 1
   EXPECT_EQ(part->holes[0].from_start_mm, 20.0);
   EXPECT_EQ(part->holes[0].length_mm, 4);
   EXPECT_EQ(part->holes[0].width_mm, 4);
+  EXPECT_EQ(part->holes[0].lean_along_deg, 0);
+  EXPECT_EQ(part->holes[0].lean_around_deg, -22.5);
   ASSERT_EQ(part->slots.size(), 1u);
   EXPECT_EQ(part->slots[0].from_end_mm, 15.0);
   EXPECT_EQ(part->slots[0].axis_deg, 45);

@@ -108,6 +108,30 @@ TEST(ResultJson, EdgesOfEndsComeBack) {
   EXPECT_EQ(WriteResultJson(*read), text);
 }
 
+TEST(ResultJson, TellsWhatAnOpeningIsAndWhatItShouldBe) {
+  RunResult run = VagueRun();
+  pipeline::OpeningInspection& opening = run.inspection->features.openings.emplace_back();
+  opening.name = "hole 1";
+  opening.state = pipeline::OpeningState::kFound;
+  opening.found_as = pipeline::OpeningKind::kSlot;
+  opening.out_of_round_mm = {0, 7.25, 7.25, 0.05, 0.3, pipeline::ToleranceState::kOut};
+  opening.lean_deg.measured = 12.5;
+  const std::string text = WriteResultJson(run);
+  const Json json = Json::parse(text)["inspection"]["features"]["openings"][0];
+  EXPECT_EQ(json["kind"], "hole");
+  EXPECT_EQ(json["found_kind"], "slot");
+  EXPECT_EQ(json["out_of_round_mm"]["state"], "out");
+  const auto read = ReadResultJson(text, "kinds");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(WriteResultJson(*read), text);
+  // Results of before that have no kinds.
+  Json old = Json::parse(text);
+  for (const char* key : {"kind", "found_kind", "out_of_round_mm", "lean_deg"}) {
+    old["inspection"]["features"]["openings"][0].erase(key);
+  }
+  EXPECT_TRUE(ReadResultJson(old.dump(), "old"));
+}
+
 TEST(ResultJson, HasTheKeysOfTheSchemaInOrder) {
   const Json json = ResultJson(Sample(), {.spine = true});
   EXPECT_THAT(Keys(json), ElementsAre("schema", "part", "session", "time", "software", "tube",

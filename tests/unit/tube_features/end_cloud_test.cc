@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ends of tubes of which only a cloud is known: no pass, no ray, no sensor.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <vector>
+
+#include "hal/angles.h"
+#include "hal/spine.h"
+#include "pipeline/features/end_cut.h"
+#include "pipeline/fit/tube_ends.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using Points = std::vector<Eigen::Vector3d>;
+using Random = std::mt19937_64;
+
+double Between(Random& random, double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(random);
+}
+// The logarithm is even.
+double AboutBetween(Random& random, double low, double high) {
+  return std::exp(Between(random, std::log(low), std::log(high)));
+}
+
+// What a scan of a straight tube is like.
+struct Cloud {
+  double radius_mm = 8, per_mm2 = 2;
+  double noise_mm = 0.03;  // across the wall
+  double along = 1;        // the same along the tube, of that
+  double slope = 0;        // of the cut at its end
+  double wave_mm = 0;      // of its border, twice in a turn
+  // A side of its end that something hides: so much of the turn, from so far before the end; where
+  // the shadow begins it is as steep as that [mm of the tube over its whole width].
+  double hidden_part = 0, hidden_mm = 0, steep_mm = 0;
+
+  double length_mm() const { return 12 * radius_mm; }
+  // Samples in 1 sigma of noise along the tube, about its border.
+  double AboutBorder() const {
+    return along * noise_mm * per_mm2 * 2 * std::numbers::pi * radius_mm;
+  }
+  // Least 1 sigma of a square end (Cramer and Rao: pipeline/features/README.md).
+  double BoundMm() const { return along * noise_mm / std::sqrt(0.903 * AboutBorder()); }
+};
+
+// Along x from 0.
+Points Scan(const Cloud& cloud, Random& random) {
+  std::normal_distribution<double> noise(0, cloud.noise_mm);
+  const double to_mm = cloud.length_mm() * 1.3;
+  const double area = 2 * std::numbers::pi * cloud.radius_mm * to_mm;
+  Points points;
+  for (int i = 0; i < static_cast<int>(cloud.per_mm2 * area); ++i) {
+    const double around = Between(random, -std::numbers::pi, std::numbers::pi);
+    const double at_mm = Between(random, 0, to_mm);
+    const double end_mm = cloud.length_mm() +
+                          cloud.radius_mm * cloud.slope * std::cos(around - 0.4) +
+                          cloud.wave_mm * std::cos(2 * around);
+    const double turn = (around + std::numbers::pi) / (2 * std::numbers::pi);
+    const bool is_hidden =
+        turn < cloud.hidden_part &&
+        at_mm > cloud.length_mm() - cloud.hidden_mm +
+                    cloud.steep_mm * (turn / std::max(1e-9, cloud.hidden_part) - 0.5);
+    if (at_mm > end_mm || is_hidden) continue;
+    const double r_mm = cloud.radius_mm + noise(random);
+    points.emplace_back(at_mm + cloud.along * noise(random), r_mm * std::cos(around),
+                        r_mm * std::sin(around));
+  }
+  return points;
+}
+
+struct FoundEnd {
+  double off_mm = 0, sigma_mm = 1;
+  bool is_oblique = false;
+  double sigmas() const { return off_mm / sigma_mm; }
+};
+
+FoundEnd FindLastEnd(const Cloud& cloud, Random& random) {
+  const hal::Tube tube{cloud.radius_mm, {{{cloud.length_mm() * 1.02, 0, 0, std::nullopt}}}, {}};
+  const Points points = Scan(cloud, random);
+  const Eigen::Vector3d middle_mm(0.5 * cloud.length_mm(), 0, 0);
+  const std::vector<PointBlock> blocks = {{middle_mm, cloud.length_mm(), points}};
+  TubeEnds ends = FindTubeEnds(tube, cloud.noise_mm, blocks);
+  const EndCuts cuts = FindEndCuts(cloud.noise_mm, blocks, ends);
+  const double end_mm = ends.tube.X_WT.position_mm.x() + ends.tube.program.rows.back().length_mm;
+  FoundEnd found{end_mm - cloud.length_mm(), ends.last_sigma_mm, false};
+  found.is_oblique = cuts.last && cuts.last->cut.obliquity_deg > 5 * cuts.last->obliquity_sigma_deg;
+  return found;
+}
+
+// Mean and root mean square of errors in sigmas.
+struct Sigmas {
+  double sum = 0, squares = 0, count = 0;
+  void Add(double sigmas) {
+    sum += sigmas;
+    squares += sigmas * sigmas;
+    count += 1;
+  }
+  double Mean() const { return sum / count; }
+  double Rms() const { return std::sqrt(squares / count); }
+};
+
+// Noise in all directions moves samples beyond the end, noise along rays hardly does; nobody says
+// which it is.
+class SquareEnd : public testing::TestWithParam<double> {};
+
+TEST_P(SquareEnd, OfACloudIsAsFarOffAsItSays) {
+  Random random(7);
+  Sigmas all, dense;
+  double over_bound = 0;
+  int oblique = 0;
+  for (int i = 0; i < 100; ++i) {
+    Cloud cloud;
+    cloud.radius_mm = AboutBetween(random, 3.0, 20.0);
+    cloud.noise_mm = AboutBetween(random, 0.01, 0.1);
+    cloud.per_mm2 = AboutBetween(random, 1.0, 30.0);
+    cloud.along = GetParam();
+    const double area = 24 * std::numbers::pi * std::pow(cloud.radius_mm, 2);
+    cloud.per_mm2 = std::min(cloud.per_mm2, 60'000 / area);
+    const FoundEnd end = FindLastEnd(cloud, random);
+    oblique += end.is_oblique ? 1 : 0;
+    EXPECT_LT(std::abs(end.sigmas()), 5) << i;
+    all.Add(end.sigmas());
+    if (cloud.AboutBorder() < 10) continue;
+    dense.Add(end.sigmas());
+    over_bound = std::max(over_bound, end.sigma_mm / cloud.BoundMm());
+  }
+  EXPECT_LE(oblique, 1);  // of 400 one is
+  EXPECT_LT(all.Rms(), 1.3);
+  EXPECT_GT(all.Rms(), 0.7);
+  EXPECT_LT(std::abs(all.Mean()), 0.4);
+  if (dense.count < 10) return;
+  EXPECT_LT(dense.Rms(), 1.4);
+  EXPECT_LT(std::abs(dense.Mean()), 0.5);
+  EXPECT_LT(over_bound, 2.0);
+}
+INSTANTIATE_TEST_SUITE_P(NoiseAlong, SquareEnd, testing::Values(0.0, 0.3, 0.6, 1.0));
+
+// One side of the end lies in the tube's own shadow: samples stop before it there.
+TEST(EndInShadow, IsWhereTheOtherSidesEnd) {
+  Random random(8);
+  Sigmas errors;
+  for (int i = 0; i < 60; ++i) {
+    Cloud cloud;
+    cloud.radius_mm = AboutBetween(random, 3.0, 20.0);
+    cloud.per_mm2 = Between(random, 100, 900) / std::pow(cloud.radius_mm, 2);
+    cloud.hidden_part = Between(random, 0.2, 0.65);
+    cloud.hidden_mm = cloud.radius_mm * Between(random, 0.8, 2.5);
+    cloud.steep_mm = cloud.hidden_mm * Between(random, -1, 1);
+    const FoundEnd end = FindLastEnd(cloud, random);
+    EXPECT_FALSE(end.is_oblique) << i;
+    EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
+    errors.Add(end.sigmas());
+  }
+  EXPECT_LT(errors.Rms(), 1.4);
+}
+
+// A border that is cut in waves is no shadow either.
+TEST(EndInShadow, IsNoneWhereABorderIsCutInWaves) {
+  Random random(10);
+  for (int i = 0; i < 20; ++i) {
+    Cloud cloud;
+    cloud.per_mm2 = Between(random, 150, 900) / std::pow(cloud.radius_mm, 2);
+    cloud.wave_mm = cloud.radius_mm * Between(random, 0.2, 0.8);
+    EXPECT_LT(std::abs(FindLastEnd(cloud, random).off_mm), 0.05 * cloud.wave_mm) << i;
+  }
+}
+
+// Where samples stop at a plane all round it is the cut.
+TEST(EndInShadow, IsNoneWhereACutIsOblique) {
+  Random random(9);
+  Sigmas errors;
+  for (int i = 0; i < 60; ++i) {
+    Cloud cloud;
+    cloud.radius_mm = AboutBetween(random, 3.0, 20.0);
+    cloud.per_mm2 = Between(random, 40, 900) / std::pow(cloud.radius_mm, 2);
+    cloud.slope = std::tan(Between(random, 10, 50) * hal::kRadiansPerDegree);
+    const FoundEnd end = FindLastEnd(cloud, random);
+    EXPECT_TRUE(end.is_oblique) << i;
+    EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
+    errors.Add(end.sigmas());
+  }
+  EXPECT_LT(errors.Rms(), 1.3);
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
