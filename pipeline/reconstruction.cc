@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "pipeline/features/around_zero.h"
+#include "pipeline/features/cut_faces.h"
 #include "pipeline/features/dents.h"
 #include "pipeline/features/end_cut.h"
 #include "pipeline/features/end_profile.h"
@@ -278,7 +279,6 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
                tube->blocks, measurement.dents);
   KeepThoseOf(measurement.tube, measurement.dents, measurement.wrinkles);
-  SayDeepDents(measurement);
   SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   LookBeyondEnds(ends, final, measurement);
@@ -290,6 +290,9 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
                                        tube->blocks, std::move(cells))};
+  KeepPressedIn(measurement.tube, {measurement.tube, measurement.features}, final.noise_mm,
+                tube->blocks, measurement.dents);
+  SayDeepDents(measurement);
   DropPlanesOfFittings(measurement);
   AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);

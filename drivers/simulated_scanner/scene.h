@@ -31,8 +31,9 @@ struct SceneHit {
 // What stands in front of the sensor: the part first, then other tubes, a table, clamps.
 class Scene {
  public:
-  explicit Scene(const hal::Tube& part, const hal::TubeFeatures& features = {}) {
-    tubes_.emplace_back(part, features);
+  explicit Scene(const hal::Tube& part, const hal::TubeFeatures& features = {},
+                 double wall_mm = 0) {
+    tubes_.emplace_back(part, features, wall_mm);
   }
   void Add(const hal::Tube& tube) { tubes_.emplace_back(tube); }
   void Add(const TablePlane& table) { tables_.push_back(table); }

@@ -64,6 +64,7 @@ Result<void> CheckScan(const hal::Tube& tube, const VirtualScanOptions& options)
   if (checked) checked = InRange("mixed_pixel_fraction", options.mixed_pixel_fraction, kFraction);
   if (checked) checked = InRange("dropout_fraction", options.dropout_fraction, kFraction);
   if (checked) checked = InRange("pose_noise_mm", options.pose_noise_mm, kNoiseMm);
+  if (checked) checked = InRange("wall_mm", options.wall_mm, kWallMm);
   if (checked) checked = InRange("rays", options.rays, kRays);
   if (checked) checked = InRange("fan_half_angle_deg", options.fan_half_angle_deg, {0, 80});
   if (checked) checked = InRange("near_mm", options.near_mm, {0, options.far_mm});

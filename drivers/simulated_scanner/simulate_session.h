@@ -25,6 +25,7 @@ inline constexpr Limits kNoiseGrowth = {0, 4};
 inline constexpr Limits kFraction = {0, 1};
 inline constexpr Limits kRays = {1, kWireMaxPoints};
 inline constexpr Limits kSpacingMm = {0.01, 1000};
+inline constexpr Limits kWallMm = {0, 1000};
 inline constexpr Limits kTableGapMm = {0, 1000};
 inline constexpr Limits kProfilesPerSecond = {0.1, 1e6};
 

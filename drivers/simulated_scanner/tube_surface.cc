@@ -84,8 +84,10 @@ void ForEachRoot(const DepressedQuartic& f, double limit, Found found) {
 
 }  // namespace
 
-TubeSurface::TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features)
-    : pipe_radius_mm_(tube.pipe_radius_mm), segments_(hal::SpineSegments(tube.program, tube.X_WT)) {
+TubeSurface::TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features, double wall_mm)
+    : pipe_radius_mm_(tube.pipe_radius_mm),
+      wall_mm_(std::min(wall_mm, tube.pipe_radius_mm)),
+      segments_(hal::SpineSegments(tube.program, tube.X_WT)) {
   for (const hal::SpineSegment& segment : segments_) {
     if (!(segment.length_mm > 0)) continue;
     Part part;
@@ -128,7 +130,8 @@ void TubeSurface::CutEnds(const hal::TubeFeatures& features) {
     const hal::EndCut& cut = at_start ? features.first_end : features.last_end;
     const hal::EndEdge& edge = at_start ? features.first_edge : features.last_edge;
     const double slope = std::tan(cut.obliquity_deg * hal::kRadiansPerDegree);
-    if ((slope == 0 && edge == hal::EndEdge()) || parts_.empty()) continue;
+    const bool is_plain = slope == 0 && edge == hal::EndEdge();
+    if ((is_plain && !(wall_mm_ > 0)) || parts_.empty()) continue;
     Part& part = at_start ? parts_.front() : parts_.back();
     if (part.segment.is_arc()) continue;
     const double at_mm =
@@ -159,8 +162,10 @@ double TubeSurface::Cut::BeyondMm(const Vector3d& at_mm) const {
 double TubeSurface::Cut::InMm(const Vector3d& at_mm) const {
   const double before_mm = -BeyondMm(at_mm);
   double in_mm = 0;
-  if (before_mm < edge.bevel_mm) in_mm += edge.bevel_depth_mm * (1 - before_mm / edge.bevel_mm);
-  if (before_mm < edge.burr_length_mm) {
+  // The face of a cut lies at the border, by rounding a little beyond it.
+  if (edge.bevel_mm > 0 && before_mm < edge.bevel_mm)
+    in_mm += edge.bevel_depth_mm * (1 - before_mm / edge.bevel_mm);
+  if (edge.burr_length_mm > 0 && before_mm < edge.burr_length_mm) {
     in_mm -= edge.burr_mm * (1 - before_mm / edge.burr_length_mm);
   }
   return in_mm;
@@ -239,13 +244,22 @@ std::optional<Hit> TubeSurface::Pressed(const Part& part, const Ray& ray, const 
 std::optional<Hit> TubeSurface::FirstHit(std::size_t index, const Ray& ray, double from_mm,
                                          double to_mm) const {
   const Part& part = parts_[index];
-  const std::optional<Hit> round = part.segment.is_arc() ? HitArc(part, ray, from_mm, to_mm)
-                                                         : HitLine(part, ray, from_mm, to_mm);
-  return round ? Pressed(part, ray, *round) : round;
+  const auto round = HitRound(part, {pipe_radius_mm_, false}, ray, from_mm, to_mm);
+  const std::optional<Hit> skin = round ? Pressed(part, ray, *round) : round;
+  if (!(wall_mm_ > 0)) return skin;
+  const std::optional<Hit> wall = HitWall(part, ray, from_mm, skin ? skin->along_mm : to_mm);
+  return wall ? wall : skin;
 }
 
-std::optional<Hit> TubeSurface::HitLine(const Part& part, const Ray& ray, double from_mm,
-                                        double to_mm) const {
+std::optional<Hit> TubeSurface::HitRound(const Part& part, const Round& round, const Ray& ray,
+                                         double from_mm, double to_mm) const {
+  return part.segment.is_arc() ? HitArc(part, round, ray, from_mm, to_mm)
+                               : HitLine(part, round, ray, from_mm, to_mm);
+}
+
+std::optional<Hit> TubeSurface::HitLine(const Part& part, const Round& round, const Ray& ray,
+                                        double from_mm, double to_mm) const {
+  const double r = round.radius_mm;
   const Vector3d& axis = part.segment.tangent;
   const Vector3d from_start = ray.origin_mm - part.segment.start_mm;
   const double origin_along = from_start.dot(axis);
@@ -256,8 +270,7 @@ std::optional<Hit> TubeSurface::HitLine(const Part& part, const Ray& ray, double
   const double a = direction_across.squaredNorm();
   if (a < 1e-18) return std::nullopt;  // along the axis
   const double middle = -across.dot(direction_across) / a;
-  const double inside =
-      pipe_radius_mm_ * pipe_radius_mm_ - (across + middle * direction_across).squaredNorm();
+  const double inside = r * r - (across + middle * direction_across).squaredNorm();
   if (inside <= 0) return std::nullopt;
   const double half = std::sqrt(inside / a);
   for (const double x : {middle - half, middle + half}) {
@@ -265,16 +278,16 @@ std::optional<Hit> TubeSurface::HitLine(const Part& part, const Ray& ray, double
     if (x < from_mm || x > to_mm || along < -kSeamMm || along > part.segment.length_mm + kSeamMm) {
       continue;
     }
-    if (IsAway(part, ray.At(x))) continue;
-    return Hit{x, (across + x * direction_across) / pipe_radius_mm_};
+    if ((round.is_bore && x < middle) || IsAway(part, ray.At(x))) continue;
+    return Hit{x, (across + x * direction_across) / r};
   }
   return std::nullopt;
 }
 
-std::optional<Hit> TubeSurface::HitArc(const Part& part, const Ray& ray, double from_mm,
-                                       double to_mm) const {
+std::optional<Hit> TubeSurface::HitArc(const Part& part, const Round& round, const Ray& ray,
+                                       double from_mm, double to_mm) const {
   const double R = part.segment.bend_radius_mm;
-  const double r = pipe_radius_mm_;
+  const double r = round.radius_mm;
   // In the torus' frame (axis z, start on x), the ray counted from its point next to the center:
   // then the quartic has no cubic term and its numbers stay small.
   const Vector3d& x_axis = part.to_start;
@@ -307,6 +320,7 @@ std::optional<Hit> TubeSurface::HitArc(const Part& part, const Ray& ray, double 
     if (IsAway(part, ray.At(middle + x))) return false;
     const double ring = std::hypot(p.x(), p.y());
     const Vector3d normal = (p - Vector3d(p.x(), p.y(), 0) * (R / ring)) / r;
+    if (round.is_bore && d.dot(normal) <= 0) return false;
     hit = Hit{middle + x, normal.x() * x_axis + normal.y() * y_axis + normal.z() * z_axis};
     return true;
   });

@@ -32,16 +32,20 @@ struct Sphere {
 
 // The skin of a bent tube: cylinders and pieces of tori around the spine's lines and arcs, open at
 // both ends. Rays meet it exactly (torus: roots of the quartic), and pass through what is cut off
-// or drilled; dents, bevels and burrs are met to a nanometre. A cut stays on its straight.
+// or drilled; dents, bevels and burrs are met to a nanometre. A cut stays on its straight. With a
+// wall of some thickness rays that enter an end or an opening meet what the cut left of it: the
+// ring of an end, the flank of an opening, and the bore (tube_wall.cc).
 class TubeSurface {
  public:
-  explicit TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features = {});
+  // `wall_mm`: 0: a skin without thickness, and the bore returns nothing.
+  explicit TubeSurface(const hal::Tube& tube, const hal::TubeFeatures& features = {},
+                       double wall_mm = 0);
 
   std::size_t part_count() const { return parts_.size(); }
   // Holds the whole part.
   const Sphere& bounds(std::size_t part) const { return parts_[part].bounds; }
-  // The first point of this line or arc's skin between `from_mm` and `to_mm` along the ray, from
-  // outside or from inside.
+  // The first point of this line or arc's skin, or of its wall's cuts and bore, between `from_mm`
+  // and `to_mm` along the ray, from outside or from inside.
   std::optional<Hit> FirstHit(std::size_t part, const Ray& ray, double from_mm, double to_mm) const;
 
   const std::vector<hal::SpineSegment>& segments() const { return segments_; }
@@ -80,6 +84,11 @@ class TubeSurface {
     hal::SurfaceFrame frame;
     double depth_mm = 0, width_mm = 0;
   };
+  // The round tube's outside or its bore, which is met from within only.
+  struct Round {
+    double radius_mm = 0;
+    bool is_bore = false;
+  };
 
   void CutEnds(const hal::TubeFeatures& features);
   // Whether material is missing where the skin of the round tube would be.
@@ -88,10 +97,22 @@ class TubeSurface {
   double PressedMm(const Part& part, const Eigen::Vector3d& point_mm) const;
   double FromSpineMm(const Part& part, const Eigen::Vector3d& point_mm) const;
   std::optional<Hit> Pressed(const Part& part, const Ray& ray, const Hit& round) const;
-  std::optional<Hit> HitLine(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
-  std::optional<Hit> HitArc(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
+  std::optional<Hit> HitRound(const Part& part, const Round& round, const Ray& ray, double from_mm,
+                              double to_mm) const;
+  std::optional<Hit> HitLine(const Part& part, const Round& round, const Ray& ray, double from_mm,
+                             double to_mm) const;
+  std::optional<Hit> HitArc(const Part& part, const Round& round, const Ray& ray, double from_mm,
+                            double to_mm) const;
+
+  // Whether the wall of this line or arc is there, at its bore or above.
+  bool IsInWall(const Part& part, const Eigen::Vector3d& point_mm) const;
+  std::optional<Hit> HitRing(const Part& part, const Cut& cut, const Ray& ray) const;
+  std::optional<Hit> HitFlank(const Part& part, const Opening& opening, const Ray& ray) const;
+  // The nearest of the bore, the rings and the flanks.
+  std::optional<Hit> HitWall(const Part& part, const Ray& ray, double from_mm, double to_mm) const;
 
   double pipe_radius_mm_;
+  double wall_mm_;
   std::vector<hal::SpineSegment> segments_;
   std::vector<Part> parts_;  // of the segments that have a length
   std::vector<Opening> openings_;

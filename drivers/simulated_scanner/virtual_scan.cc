@@ -59,7 +59,7 @@ void AddClamps(const TubeSurface& part, int count, Scene& scene) {
 }
 
 Scene MakeScene(const hal::Tube& tube, const VirtualScanOptions& options) {
-  Scene scene(tube, options.features);
+  Scene scene(tube, options.features, options.wall_mm);
   const Vector3d up = options.path.up.normalized();
   if (options.clutter.table) {
     const double lowest_mm = LowestMm(SpinePoints(scene.part().segments()), up);

@@ -48,6 +48,7 @@ struct VirtualScanOptions {
   bool quantise = true;               // to whole micrometres, as the wire carries them
 
   hal::TubeFeatures features;  // of the part
+  double wall_mm = 0;          // of the part: seen where it is cut; 0: nothing returns from there
   Clutter clutter;
 };
 

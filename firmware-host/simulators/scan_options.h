@@ -48,6 +48,9 @@ inline void AddScanOptions(CLI::App& app, drivers::VirtualScanOptions& scan) {
   add("--jitter", scan.path.jitter_mm, "Of an unsteady hand, 1 sigma [mm]", drivers::kNoiseMm);
   add("--spacing", scan.path.profile_spacing_mm, "Between profiles [mm]", drivers::kSpacingMm);
   add("--rays", scan.rays, "Points of one laser line at most", drivers::kRays);
+  add("--cut-wall", scan.wall_mm,
+      "Thickness of the wall, seen where the tube is cut [mm]; 0: nothing returns from there",
+      drivers::kWallMm);
   add("--table-gap", scan.clutter.table_gap_mm,
       "The tube lies on posts, so far above the table [mm]", drivers::kTableGapMm);
 }

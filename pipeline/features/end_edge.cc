@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
+#include <utility>
 
 #include "hal/angles.h"
 #include "pipeline/features/sampling.h"
@@ -27,6 +29,11 @@ struct EdgeSettings {
   int rounds = 6;
   // [sigma] Deeper than the wall's samples are taken, so that noise has no say in which are.
   double fair = 3.0;
+  // [sigma] Samples no further from the face of the cut may be its own.
+  double of_face = 3.0;
+  // Of how far [sigma2] samples lie from the face: a cone that leaves more is none. And [sigma2]
+  // how much more the face must leave: by so much a cone explains by chance.
+  double least_better = 0.5, by_chance = 100.0;
 
   // [sigma] and [of r_P] How far a burr stands out at least; and at most.
   double out_sigmas = 5.0, out = 0.01, most_out = 0.2;
@@ -49,28 +56,64 @@ struct LineSums {
   double Slope() const { return (xy - x * y / n) / Spread(); }
 };
 
+// `of_cut_mm`: beyond the plane itself, which goes on into the tube; the wall's own face lies in
+// it.
 struct InsideSample {
   std::size_t index;
-  double beyond_mm, in_mm;
+  double beyond_mm, in_mm, of_cut_mm;
 };
 
-// Samples inside, beyond the plane, that may be a bevel's. Empty: too few, or on too few sides.
+double OfCutMm(const NearEnd& sample, const Eigen::Vector3d& plane_mm, double r_mm) {
+  return sample.at_mm - plane_mm[0] - (plane_mm[1] * sample.x + plane_mm[2] * sample.y) / r_mm;
+}
+
+bool AreEnough(const SamplesNearEnd& near, std::span<const InsideSample> inside) {
+  EndSectors seen{};
+  for (const InsideSample& sample : inside) {
+    seen[EndSectorOf(near.inside()[sample.index].AroundRad())] = true;
+  }
+  const auto sectors = static_cast<std::size_t>(std::count(seen.begin(), seen.end(), true));
+  return inside.size() >= kEdge.least_inside && sectors >= kEdge.least_sectors;
+}
+
+// Samples inside, beyond the plane, that may be a bevel's or the cut's own face.
 std::vector<InsideSample> InsideOf(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
                                    double r_mm) {
   std::vector<InsideSample> inside;
-  EndSectors seen{};
   for (std::size_t i = 0; i < near.inside().size(); ++i) {
     const NearEnd& sample = near.inside()[i];
     const double beyond_mm = sample.BeyondMm(plane_mm), in_mm = r_mm - sample.RadiusMm();
     if (beyond_mm < 0 || beyond_mm > kEdge.longest * r_mm || in_mm > kEdge.deepest * r_mm) continue;
-    inside.push_back({i, beyond_mm, in_mm});
-    seen[EndSectorOf(sample.AroundRad())] = true;
+    inside.push_back({i, beyond_mm, in_mm, OfCutMm(sample, plane_mm, r_mm)});
   }
-  const auto sectors = static_cast<std::size_t>(std::count(seen.begin(), seen.end(), true));
-  if (inside.size() < kEdge.least_inside || sectors < kEdge.least_sectors) inside.clear();
   return inside;
 }
 
+// A plane as the cut's, that most of the samples lie in.
+struct CutFace {
+  double beyond_mm = 0, cosine = 1;  // of the cut's plane; of its normal, to the tube
+
+  double Squares(const InsideSample& sample, double noise_mm) const {
+    return std::pow((sample.of_cut_mm - beyond_mm) * cosine / noise_mm, 2);
+  }
+};
+CutFace FaceOf(std::span<const InsideSample> inside, const Eigen::Vector3d& plane_mm, double r_mm,
+               double noise_mm) {
+  CutFace face;
+  face.cosine = r_mm / std::hypot(r_mm, plane_mm.tail<2>().norm());
+  std::vector<double> off_mm;
+  for (const InsideSample& sample : inside) off_mm.push_back(sample.of_cut_mm);
+  std::sort(off_mm.begin(), off_mm.end());
+  const double wide_mm = 2.0 * kEdge.of_face * noise_mm / face.cosine;
+  std::size_t most = 0;
+  for (std::size_t first = 0, end = 0; first < off_mm.size(); ++first) {
+    while (end < off_mm.size() && off_mm[end] - off_mm[first] <= wide_mm) ++end;
+    if (end - first <= most) continue;
+    most = end - first;
+    face.beyond_mm = off_mm[first + most / 2];
+  }
+  return face;
+}
 // How far [mm] a sample stands out at least that may be a burr's.
 double LeastOutMm(double r_mm, double noise_mm) {
   return std::max(kEdge.out_sigmas * noise_mm, kEdge.out * r_mm);
@@ -98,28 +141,10 @@ struct BurrSums {
   }
 };
 
-}  // namespace
-
-BevelFound EndBevel::Found(double ends_mm, double sigma_mm) const {
-  BevelFound found;
-  const double begins_sigma_mm = std::sqrt(covariance(0, 0));
-  const double fall_sigma = std::sqrt(covariance(1, 1));
-  found.length_mm = ends_mm - begins_mm;
-  found.length_sigma_mm = std::hypot(sigma_mm, begins_sigma_mm);
-  found.depth_mm = fall * found.length_mm;
-  // By how far it begins, how fast it falls, and where the tube ends.
-  const Eigen::Vector2d row(-fall, found.length_mm);
-  found.depth_sigma_mm =
-      std::sqrt(std::max(0.0, row.dot(covariance * row)) + fall * fall * sigma_mm * sigma_mm);
-  found.angle_deg = std::atan(fall) * hal::kDegreesPerRadian;
-  found.angle_sigma_deg = fall_sigma / (1.0 + fall * fall) * hal::kDegreesPerRadian;
-  return found;
-}
-
-std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
-                                  double r_mm, double noise_mm) {
-  const std::vector<InsideSample> inside = InsideOf(near, plane_mm, r_mm);
-  if (inside.empty()) return std::nullopt;
+// The cone that most of these samples lie on. None: they lie on none that begins at the border.
+std::optional<EndBevel> FitCone(const SamplesNearEnd& near, std::span<const InsideSample> inside,
+                                double r_mm, double noise_mm) {
+  if (!AreEnough(near, inside)) return std::nullopt;
   EndBevel bevel;
   double reach_mm = kEdge.deepest * r_mm, scatter_mm = noise_mm;
   const double fair_mm = (kSampling.on_surface + kEdge.fair) * noise_mm;
@@ -166,6 +191,82 @@ std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vecto
   if (static_cast<double>(bevel.samples.size()) <
       kEdge.least_part * static_cast<double>(inside.size())) {
     return std::nullopt;
+  }
+  return bevel;
+}
+
+}  // namespace
+
+double EndBevel::SigmasOff(double beyond_mm, double in_mm, double noise_mm) const {
+  return (in_mm - fall * (beyond_mm - begins_mm)) / (noise_mm * std::hypot(1.0, fall));
+}
+
+BevelFound EndBevel::Found(double ends_mm, double sigma_mm) const {
+  BevelFound found;
+  const double begins_sigma_mm = std::sqrt(covariance(0, 0));
+  const double fall_sigma = std::sqrt(covariance(1, 1));
+  found.length_mm = ends_mm - begins_mm;
+  found.length_sigma_mm = std::hypot(sigma_mm, begins_sigma_mm);
+  found.depth_mm = fall * found.length_mm;
+  // By how far it begins, how fast it falls, and where the tube ends.
+  const Eigen::Vector2d row(-fall, found.length_mm);
+  found.depth_sigma_mm =
+      std::sqrt(std::max(0.0, row.dot(covariance * row)) + fall * fall * sigma_mm * sigma_mm);
+  found.angle_deg = std::atan(fall) * hal::kDegreesPerRadian;
+  found.angle_sigma_deg = fall_sigma / (1.0 + fall * fall) * hal::kDegreesPerRadian;
+  return found;
+}
+
+namespace {
+
+// Of a cone that ends at a face: its samples up to there, but those that lie so low that they may
+// be of the face.
+void TakeSamples(const SamplesNearEnd& near, std::span<const InsideSample> inside,
+                 const CutFace& face, double noise_mm, EndBevel& bevel) {
+  bevel.samples.clear();
+  for (const InsideSample& sample : inside) {
+    const double low = bevel.SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
+    const bool is_at_face = face.Squares(sample, noise_mm) < kEdge.of_face * kEdge.of_face;
+    if (low > -kEdge.off && low < (is_at_face ? kSampling.low : kEdge.off)) {
+      bevel.samples.push_back(near.inside()[sample.index]);
+    }
+  }
+}
+
+}  // namespace
+
+std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                  double r_mm, double noise_mm) {
+  const std::vector<InsideSample> inside = InsideOf(near, plane_mm, r_mm);
+  if (!AreEnough(near, inside)) return std::nullopt;
+  const CutFace face = FaceOf(inside, plane_mm, r_mm, noise_mm);
+  // A bevel may leave some of the face.
+  std::vector<InsideSample> off_face;
+  for (const InsideSample& sample : inside) {
+    if (face.Squares(sample, noise_mm) > kEdge.of_face * kEdge.of_face) off_face.push_back(sample);
+  }
+  constexpr double kMost = kEdge.off * kEdge.off;  // [sigma2] counts of a sample
+  double of_face = 0, least = 0;
+  for (const InsideSample& sample : inside)
+    of_face += std::min(kMost, face.Squares(sample, noise_mm));
+  std::optional<EndBevel> bevel;
+  for (const bool has_face : {false, true}) {
+    auto cone = FitCone(near, has_face ? off_face : inside, r_mm, noise_mm);
+    if (!cone) continue;
+    double left = 0;
+    std::size_t below = 0;  // the cone, at the face
+    for (const InsideSample& sample : inside) {
+      const double off = cone->SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
+      const double at_face = face.Squares(sample, noise_mm);
+      left += std::min({kMost, off * off, has_face ? at_face : kMost});
+      below += off > kEdge.off && at_face < kEdge.of_face * kEdge.of_face ? 1 : 0;
+    }
+    if (has_face && below < kEdge.least_inside) continue;
+    if (left > kEdge.least_better * of_face - kEdge.by_chance) continue;
+    if (bevel && left > least - kEdge.by_chance) continue;
+    least = left;
+    bevel = std::move(cone);
+    if (has_face) TakeSamples(near, inside, face, noise_mm, *bevel);
   }
   return bevel;
 }

@@ -17,13 +17,16 @@ struct EndBevel {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of both
   std::vector<NearEnd> samples;                          // that lie on it
 
+  // How far a sample that lies so far beyond that plane, and inside, is from the cone.
+  double SigmasOff(double beyond_mm, double in_mm, double noise_mm) const;
   // `ends_mm`: where the tube ends beyond that plane, with 1 sigma.
   BevelFound Found(double ends_mm, double sigma_mm) const;
 };
 
 // `plane_mm`: of the border of the wall (EndSide). Its samples inside that lie beyond are a bevel's
-// where they are seen on many sides and lie on one cone that begins there. None: no bevel.
-// `noise_mm`: 1 sigma of the samples.
+// where they are seen on many sides and lie on one cone that begins there, and not all in the plane
+// that the wall is cut by: those are of its own face. None: no bevel. `noise_mm`: 1 sigma of the
+// samples.
 std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
                                   double pipe_radius_mm, double noise_mm);
 

@@ -251,13 +251,23 @@ std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings) {
   return Sweep{usual_mm + mean, std::sqrt(std::max(0.0, square / count - mean * mean))};
 }
 
+bool MayBeFace(const LineCrossing& crossing, std::span<const Placed> strip,
+               std::span<const EndSample> samples) {
+  const auto own = strip.subspan(crossing.first, crossing.samples);
+  return std::all_of(own.begin(), own.end(),
+                     [&](const Placed& sample) { return samples[sample.index].may_be_face; });
+}
+
 std::optional<LineBracket> BracketOf(std::span<const Placed> strip,
                                      std::span<const EndSample> samples, double smear_mm,
                                      std::vector<LineCrossing>& crossings) {
   FindCrossings(strip, crossings);
   const auto sweep = SweepOf(crossings);
   if (!sweep) return std::nullopt;
-  const LineCrossing& last = crossings.back();
+  // A line that meets the face of the cut has passed the border; what may have is left open.
+  const LineCrossing &beyond = crossings.back(), &last = MayBeFace(beyond, strip, samples)
+                                                             ? crossings[crossings.size() - 2]
+                                                             : beyond;
   LineBracket bracket;
   bracket.last_rad = AroundRad(last, strip, samples);
   bracket.last_mm = last.at_mm;
@@ -269,7 +279,7 @@ std::optional<LineBracket> BracketOf(std::span<const Placed> strip,
     around += LessThanHalfATurn(AroundRad(crossing, strip, samples) - bracket.last_rad);
   }
   bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());
-  bracket.next_mm = last.at_mm + sweep->gap_mm;
+  bracket.next_mm = beyond.at_mm + sweep->gap_mm;
   bracket.next_sigma_mm = std::hypot(bracket.last_sigma_mm, sweep->scatter_mm);
   return bracket;
 }

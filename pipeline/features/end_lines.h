@@ -13,13 +13,15 @@ namespace bendloop::pipeline {
 // A sample near an end: around the feed direction from AroundZero() [radians], and beyond the end
 // along it [mm], negative on the tube. `pass`: of the scan; samples of scans that do not know their
 // passes have all the same. `of_radius`: how far from the axis, of the pipe's radius; where the
-// wall comes in or stands out at the end.
+// wall comes in or stands out at the end. `may_be_face`: it lies so low that it may be of the face
+// that the cut left of the wall, which begins at the border.
 struct EndSample {
   double around_rad = 0;
   double beyond_mm = 0;
   unsigned pass = 0;
   double of_radius = 1;
   Eigen::Vector2d direction = Eigen::Vector2d::Zero();  // from the axis; none: by `around_rad`
+  bool may_be_face = false;
 
   Eigen::Vector2d Direction() const {
     return direction.isZero(0.0) ? Eigen::Vector2d(std::cos(around_rad), std::sin(around_rad))

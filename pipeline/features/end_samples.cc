@@ -70,7 +70,7 @@ struct EndPlaces {
 SamplesNearEnd::SamplesNearEnd(const hal::Tube& tube, bool at_start, const EndAxis& axis,
                                double sigma_mm, double window_mm,
                                std::span<const PointBlock> blocks)
-    : r_mm_(tube.pipe_radius_mm) {
+    : r_mm_(tube.pipe_radius_mm), sigma_mm_(sigma_mm) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const std::size_t at = at_start ? 0 : segments.size() - 1;
   const Eigen::Vector3d &end = axis.end_mm, &outward = axis.outward;
@@ -125,11 +125,16 @@ std::vector<EndSample> SamplesNearEnd::Every(std::size_t stride) const {
   ArcTangents(y, x, around_rad);
   std::vector<EndSample> samples;
   samples.reserve(x.size());
+  const double low_mm = r_mm_ - kSampling.low * sigma_mm_;
   for (std::size_t i = 0; i < x.size(); ++i) {
     const NearEnd& near = wall_[i * stride];
     const double out = 1.0 / std::sqrt(std::max(kNoWhere, near.x * near.x + near.y * near.y));
-    samples.push_back(
-        {around_rad[i], near.at_mm, near.pass, near.of_radius, {out * near.x, out * near.y}});
+    samples.push_back({around_rad[i],
+                       near.at_mm,
+                       near.pass,
+                       near.of_radius,
+                       {out * near.x, out * near.y},
+                       near.of_radius == 1.0 && out * low_mm > 1.0});
   }
   return samples;
 }

@@ -56,7 +56,7 @@ class SamplesNearEnd {
   SamplesNearEnd With(std::span<const NearEnd> more) const;
 
  private:
-  double r_mm_;
+  double r_mm_, sigma_mm_;
   bool knows_passes_ = false;
   std::vector<NearEnd> wall_, inside_, outside_;
 };

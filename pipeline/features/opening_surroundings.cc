@@ -9,8 +9,10 @@
 
 #include "hal/angles.h"
 #include "pipeline/features/beside_border.h"
+#include "pipeline/features/local_wall.h"
 #include "pipeline/features/opening_lines.h"
 #include "pipeline/features/plane_samples.h"
+#include "pipeline/features/sampling.h"
 #include "pipeline/features/unrolled_wall.h"
 
 namespace bendloop::pipeline {
@@ -35,6 +37,11 @@ struct LookSettings {
   // of has them on two sides.
   double least_part = 0.4, least_sides = 0.75;
   int places = 9;  // of it that are asked for, each way
+  // Samples beside an opening that lie below the wall, and of those on it: fewer are fliers.
+  double least_of_face = 4.0, part_of_face = 0.01;
+  // [sigma] By how much less low samples may lie, for each mm that rays go towards the border while
+  // they go down by one; and at least.
+  double low_by_slope = 4.0, least_low = -0.5;
   // Cosine of a ray to the wall's normal: of flatter ones nobody knows where they met it.
   double flattest = 0.15;
 };
@@ -135,6 +142,50 @@ Eigen::Vector3d LookedAtTube::OnItsRay(const Eigen::Vector3d& point, SensorDirec
   return point - (foot.distance_mm - pipe_radius_mm) / cosine * way;
 }
 
+bool Surroundings::ShowsFace(const OpeningBorder& about, double beside_mm) const {
+  const auto is_near = [&](const Eigen::Vector2d& place_mm) {
+    return std::abs(about.DistanceMm(place_mm)) < beside_mm;
+  };
+  double of_face = 0, of_wall = 0;
+  for (std::size_t i = 0; i < wall.size(); ++i) {
+    if (!is_near(wall[i])) continue;
+    (sigmas_below[i] > kSampling.on_surface ? of_face : of_wall) += 1;
+  }
+  of_face += static_cast<double>(std::count_if(below.begin(), below.end(), is_near));
+  return of_face > std::max(kLook.least_of_face, kLook.part_of_face * of_wall);
+}
+
+Surroundings Surroundings::WithoutFace(const OpeningBorder& about, double beside_mm) const {
+  // Further off what is as low is a dent.
+  const auto is_face = [&](const Eigen::Vector2d& place_mm, double sigmas) {
+    return sigmas > kSampling.on_surface && about.DistanceMm(place_mm) < beside_mm;
+  };
+  Surroundings without;
+  if (!ShowsFace(about, beside_mm)) {
+    without = *this;
+    without.all = wall;
+    for (SeenWall& sample : without.seen) sample.sigmas_below = 0;
+    return without;
+  }
+  without.below = below;
+  for (std::size_t i = 0; i < present.size(); ++i) {
+    (is_face(present[i], present_below[i]) ? without.below : without.present).push_back(present[i]);
+  }
+  for (std::size_t i = 0; i < wall.size(); ++i) {
+    const double sigmas = sigmas_below[i];
+    const bool may_be_face = sigmas > kSampling.low && sigmas <= kSampling.on_surface;
+    if (is_face(wall[i], sigmas)) continue;
+    without.all.push_back(wall[i]);
+    if (may_be_face) continue;
+    without.wall.push_back(wall[i]);
+    without.sigmas_below.push_back(sigmas);
+  }
+  for (const SeenWall& sample : seen) {
+    if (!is_face(sample.place_mm, sample.sigmas_below)) without.seen.push_back(sample);
+  }
+  return without;
+}
+
 Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_mm,
                                   double wall_mm) const {
   const double r_mm = pipe_radius_mm;
@@ -142,6 +193,8 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
   const Eigen::Vector3d middle = frame.spine_mm + r_mm * frame.outward;
   const double ball_mm = std::hypot(reach_mm, (1.0 + kLook.outside) * r_mm);
   std::vector<std::int32_t> candidates;
+  std::vector<OffWall> off_present, off_wall;  // of `around.present` and `around.wall`
+  std::vector<std::size_t> seen_at;            // of `around.seen`, in `around.wall`
   for (const PointBlock& block : blocks) {
     const double near_mm = ball_mm + block.half_diagonal_mm;
     if ((block.center_mm - middle).squaredNorm() > near_mm * near_mm) continue;
@@ -155,8 +208,14 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
       const NearSegment near = NearestSegment(point, frames, candidates);
       const double off_mm = near.distance_mm - r_mm;
       if (off_mm < -kLook.inside * r_mm || off_mm > kLook.outside * r_mm) continue;
+      if (off_mm < -wall_mm) {
+        around.below.push_back(place);
+        continue;
+      }
       around.present.push_back(place);
-      if (std::abs(off_mm) >= wall_mm) continue;
+      off_present.push_back({place, off_mm});
+      if (off_mm >= wall_mm) continue;
+      off_wall.push_back({place, off_mm});
       if (i >= block.to_sensor.size() || !block.to_sensor[i].known()) {
         around.wall.push_back(place);
         continue;
@@ -164,7 +223,16 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
       const Eigen::Vector3d met = OnItsRay(point, block.to_sensor[i], near.segment);
       around.wall.push_back(InPlane(met, frame));
       around.seen.push_back({met, around.wall.back(), block.to_sensor[i], near.segment});
+      seen_at.push_back(around.wall.size() - 1);
     }
+  }
+  const LocalWall local(off_wall, reach_mm, noise_mm);
+  for (const OffWall& sample : off_present) {
+    around.present_below.push_back(local.SigmasBelow(sample));
+  }
+  for (const OffWall& sample : off_wall) around.sigmas_below.push_back(local.SigmasBelow(sample));
+  for (std::size_t i = 0; i < seen_at.size(); ++i) {
+    around.seen[i].sigmas_below = around.sigmas_below[seen_at[i]];
   }
   return around;
 }
@@ -249,6 +317,26 @@ class PassViews {
 
 }  // namespace
 
+namespace {
+
+// How low a sample beside an opening may lie that is certainly of the wall. A ray that crosses the
+// opening towards the border there may have passed the border below it, and met the face: the
+// flatter it came, the further inside does it look like a sample of the wall.
+double MostSigmasBelow(const SeenWall& sample, const Eigen::Vector3d& normal,
+                       const hal::SurfaceFrame& frame, const OpeningBorder& about) {
+  const Eigen::Vector3d way = -TowardsSensor(sample.to_sensor);
+  constexpr double kStepMm = 1e-3;
+  const double cosine = std::max(kLeastRayCosine, -way.dot(normal));
+  const Eigen::Vector3d over = way - way.dot(normal) * normal;
+  const Eigen::Vector2d aside(over.dot(frame.tangent), over.dot(frame.sideways()));
+  const double outward = (about.DistanceMm(sample.place_mm + kStepMm * aside) -
+                          about.DistanceMm(sample.place_mm - kStepMm * aside)) /
+                         (2.0 * kStepMm * cosine);
+  return std::clamp(kSampling.low - kLook.low_by_slope * outward, kLook.least_low, kSampling.low);
+}
+
+}  // namespace
+
 PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
                                           const Surroundings& around,
                                           const OpeningBorder& about) const {
@@ -283,7 +371,8 @@ PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
     const Eigen::Vector3d normal =
         std::cos(turn) * frame.outward + std::sin(turn) * frame.sideways();
     const bool is_flat = TowardsSensor(sample.to_sensor).dot(normal) < kLeastRayCosine;
-    if (!is_flat && !views.MayBeHidden(sample.point_mm, sample.to_sensor)) {
+    const bool may_be_face = sample.sigmas_below > MostSigmasBelow(sample, normal, frame, about);
+    if (!is_flat && !may_be_face && !views.MayBeHidden(sample.point_mm, sample.to_sensor)) {
       found.fair.push_back(sample.place_mm);
     }
   }

@@ -20,15 +20,31 @@ struct SeenWall {
   Eigen::Vector2d place_mm = Eigen::Vector2d::Zero();  // in the plane
   SensorDirection to_sensor;
   std::int32_t segment = 0;  // of the spine, the nearest
+  double sigmas_below = 0;   // the wall that most samples lie on
 };
 
 // What lies about a place, in the plane across the outward direction there: x goes along the tube,
 // y as `frame.sideways()` does.
 struct Surroundings {
   std::vector<Eigen::Vector2d> wall;  // samples of the surface
+  std::vector<double> sigmas_below;   // of each, the wall that most of them lie on
   std::vector<SeenWall> seen;         // of these; all or some
-  // These, and whatever else may hide it or shows that something is there.
+  std::vector<Eigen::Vector2d> all;   // of the wall, those that may be of the face as well
+  // These, and whatever else may hide it or shows that something is there; of each, how far below
+  // the wall that most of them lie on.
   std::vector<Eigen::Vector2d> present;
+  std::vector<double> present_below;  // [sigma]
+  // What lies below the wall: something in an opening, or what its cut left and the bore behind.
+  std::vector<Eigen::Vector2d> below;
+
+  // Without the samples that may be of the face that the drill left of the wall. It lies below the
+  // surface, along the border of `about` or `beside_mm` further at most; what noise alone may have
+  // put as low stays among `seen`, as those whose rays met the wall or its face.
+  // All, where nothing says that the face is seen.
+  Surroundings WithoutFace(const OpeningBorder& about, double beside_mm) const;
+
+ private:
+  bool ShowsFace(const OpeningBorder& about, double beside_mm) const;
 };
 // What the passes of a scan tell of an opening.
 struct PassSurroundings {

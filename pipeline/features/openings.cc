@@ -31,10 +31,13 @@ struct OpeningSettings {
   double least_gaps = 2.2;
   // Samples that the wall would have there; fewer may be missing by chance (e^-16).
   double least_missing = 16.0;
+  // [of its width] So far outside of what is roughly its border the face of the cut may be.
+  double face = 0.15;
   // Of its area, where passes are known: so much was looked through by all of them.
   double least_through = 0.6;
-  // Of these, so many may lie in it: fliers and mixed pixels.
-  double most_inside = 0.04;
+  // Of these, so many may lie in it: fliers and mixed pixels. And below the wall: what is seen of
+  // the face of the cut and of the bore; what fills an opening is seen all over it.
+  double most_inside = 0.04, most_below = 0.3;
   // [sigma] The plane that it is seen in may put it aside by so much.
   double aside = 0.15;
   int moves = 3;  // then it is seen in that of its own middle
@@ -113,19 +116,23 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSu
       DensityBeside(border, are_scattered ? passes.scattered : around.wall).per_mm2 *
       border.AreaMm2();
   const double clear_mm = 0.1 * border.width_mm;
-  double inside = 0, through_mm2 = passes.scattered_part * border.AreaMm2();
+  double inside = 0, below = 0, through_mm2 = passes.scattered_part * border.AreaMm2();
   for (const Eigen::Vector2d& place : around.present) {
     inside += border.DistanceMm(place) < -clear_mm ? 1 : 0;
+  }
+  for (const Eigen::Vector2d& place : around.below) {
+    below += border.DistanceMm(place) < -clear_mm ? 1 : 0;
   }
   for (std::size_t i = 0; i < passes.missed.size(); ++i) {
     through_mm2 += border.DistanceMm(passes.missed[i].place_mm) < 0 ? passes.cell_mm2[i] : 0;
   }
   if (passes.are_known && through_mm2 < kOpening.least_through * border.AreaMm2()) return false;
   // Where rays are known to have passed, sides need be no shorter than lines lie apart.
-  const BorderSides sides = SidesOf(border, around.wall, clear_mm, 2.0 * gap_mm + clear_mm,
+  const BorderSides sides = SidesOf(border, around.all, clear_mm, 2.0 * gap_mm + clear_mm,
                                     passes.are_known ? 2.0 * gap_mm : 0.0);
   return missing >= kOpening.least_missing &&
          inside <= std::max(1.0, kOpening.most_inside * missing) &&
+         below <= std::max(1.0, kOpening.most_below * missing) &&
          sides.with_samples + 1 >= sides.all;
 }
 
@@ -164,7 +171,8 @@ class Candidate {
       // What a lean leaves of a wall is known of a round one: in a bend drills are taken for
       // radial.
       about.pipe_radius_mm = IsInBend(frame, *rough) ? 0.0 : r_mm_;
-      return Fit(frame, about, around, {reach_mm, gap_mm}, kOpening.moves);
+      const Look look{reach_mm, gap_mm};
+      return Fit(frame, about, WithoutFace(around, about, look), look, kOpening.moves);
     }
     return std::nullopt;
   }
@@ -191,10 +199,16 @@ class Candidate {
       const hal::SurfaceFrame own = FrameOf(frame, border.middle_mm);
       OpeningBorder moved = border;
       moved.middle_mm.setZero();
-      return Fit(own, moved, tube_.LookAt(own, look.reach_mm, wall_mm_), look, moves - 1);
+      const Surroundings there = tube_.LookAt(own, look.reach_mm, wall_mm_);
+      return Fit(own, moved, WithoutFace(there, moved, look), look, moves - 1);
     }
     return Found(frame, fitted,
                  passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered));
+  }
+
+  static Surroundings WithoutFace(const Surroundings& around, const OpeningBorder& border,
+                                  const Look& look) {
+    return around.WithoutFace(border, kOpening.face * border.width_mm + 2.0 * look.gap_mm);
   }
 
   // Whether any of its border is on a bend.

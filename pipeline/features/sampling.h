@@ -9,6 +9,9 @@ namespace bendloop::pipeline {
 struct BorderSampling {
   // [sigma] From the surface; points further off are not the tube's.
   double on_surface = 4.0;
+  // [sigma] Below the surface: beside a border samples that lie lower may be of the face that the
+  // cut left of the wall, others are of it rarely; of the wall itself one in fifteen lies lower.
+  double low = 1.5;
   // Of the noise along the normal: how far it displaces a sample along the surface. Rays come in at
   // up to 60 degrees from the normal across the tube, but at less than 30 along it.
   double along = 0.5;

@@ -18,8 +18,9 @@ struct CellSettings {
   double in_cell = 3.0;
   int most_around = 512;  // cells of a turn
   std::size_t most_cells = 4'000'000;
-  // [of r_P] From the surface: whatever is there hides the wall, or is the wall.
-  double inside = 0.3, outside = 1.0;
+  // [of r_P] From the surface: whatever is there hides the wall, or is the wall. What lies further
+  // in may be the bore, seen through an opening.
+  double inside = 0.1, outside = 1.0;
   // For each pipe radius of the tube's length so many points tell of any hole: one of a tenth of a
   // pipe radius lacks twelve of them.
   double enough_points = 10'000.0;

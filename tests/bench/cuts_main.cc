@@ -244,13 +244,14 @@ void ScoreCuts(const CutScan& scanned, const pipeline::Measurement& m, Scores& s
                     2 * truth.dents.front().along_mm > true_mm ? longer_mm : 0, scores);
 }
 
-void PrintScans(std::uint64_t seed, int count) {
+void PrintScans(std::uint64_t seed, int count, double wall_mm) {
   std::vector<std::vector<std::string>> lines = {
       {"lines mm apart", "what", "rms error", "error over sigma", "bound", "error over bound"}};
   for (const double spacing_mm : {0.5, 1.0}) {
     Scores scores;
     for (int i = 0; i < count; ++i) {
-      const CutScan scanned = ACutTube(seed + static_cast<std::uint64_t>(i), spacing_mm);
+      CutScan scanned = ACutTube(seed + static_cast<std::uint64_t>(i), spacing_mm);
+      scanned.options.wall_mm = wall_mm;
       const auto measurement = Measure(scanned);
       if (measurement && measurement->tube.program.rows.size() == 3)
         ScoreCuts(scanned, *measurement, scores);
@@ -269,6 +270,7 @@ void PrintScans(std::uint64_t seed, int count) {
 int main(int argc, char** argv) {
   int count = 200, scans = 40, live = 0;
   std::uint64_t seed = 1;
+  double wall_mm = 0;
   bool told = false;
   std::string plot;
   CLI::App app("Errors of ends, holes and slots beside the least that samples allow");
@@ -276,11 +278,13 @@ int main(int argc, char** argv) {
   app.add_option("--scans", scans, "Tubes scanned by laser lines")->capture_default_str();
   app.add_option("--live", live, "Random tubes scanned by hand")->capture_default_str();
   app.add_option("--seed", seed, "Of the first of all these")->capture_default_str();
+  app.add_option("--wall", wall_mm, "Of scanned tubes, seen where it is cut [mm]; 0: not seen")
+      ->capture_default_str();
   app.add_flag("--told", told, "Say of these what is not found or more than 3 sigma off");
   app.add_option("--plot", plot, "Draw borders found, of a handle and of a tube, into this SVG");
   CLI11_PARSE(app, argc, argv);
   if (!plot.empty()) bendloop::bench::DrawBorders(plot);
   if (count > 0) bendloop::bench::PrintScattered(seed, count);
-  if (scans > 0) bendloop::bench::PrintScans(seed, scans);
-  if (live > 0) bendloop::bench::PrintLive(seed, live, told);
+  if (scans > 0) bendloop::bench::PrintScans(seed, scans, wall_mm);
+  if (live > 0) bendloop::bench::PrintLive(seed, live, wall_mm, told);
 }

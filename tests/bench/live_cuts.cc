@@ -139,6 +139,36 @@ void ScoreOpenings(const pipeline::Measurement& m, const hal::TubeFeatures& trut
   }
 }
 
+void ScoreDents(const pipeline::Measurement& m, const hal::TubeFeatures& truth,
+                double true_length_mm, LiveScores& scores) {
+  const bool has_false = m.dents.size() > truth.dents.size();
+  scores.Count("dents: more than are", has_false);
+  for (const pipeline::DentFound& dent : m.dents) {
+    if (has_false) {
+      scores.Tell("one is " + std::to_string(dent.depth_mm) + " deep, at " +
+                  std::to_string(dent.along_mm) + " mm, " + std::to_string(dent.around_deg) +
+                  " deg");
+    }
+  }
+  for (const hal::PressedDent& pressed : truth.dents) {
+    scores.Count("dent: not found", m.dents.empty());
+    if (m.dents.size() != 1) continue;
+    const pipeline::DentFound& dent = m.dents.front();
+    const double longer_mm = hal::SpineLength(m.tube.program) - true_length_mm;
+    scores.Add(
+        "dent: along mm",
+        dent.along_mm - pressed.along_mm - (2 * pressed.along_mm > true_length_mm ? longer_mm : 0),
+        dent.along_sigma_mm);
+    scores.Add("dent: around deg", Turn(dent.around_deg, pressed.around_deg),
+               dent.around_sigma_deg);
+    scores.Add("dent: depth mm", dent.depth_mm - pressed.depth_mm, dent.sigma_mm);
+    scores.Add("dent: area mm2",
+               dent.area_mm2 -
+                   2 * std::numbers::pi * std::numbers::ln2 * pressed.width_mm * pressed.width_mm,
+               dent.area_sigma_mm2);
+  }
+}
+
 void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScores& scores) {
   hal::TubeFeatures truth = scanned.options.features;
   hal::BendProgram program = scanned.tube.program;
@@ -158,6 +188,8 @@ void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScore
                m.sigma.rows[row].length_mm);
     scores.Count("end: not told", !end);
     if (!end) continue;
+    scores.Count("end: bevel, burr or border that is none",
+                 end->bevel || end->burr || !end->border.empty());
     scores.Add("end: obliquity deg", end->cut.obliquity_deg - cut.obliquity_deg,
                end->obliquity_sigma_deg);
     if (cut.obliquity_deg < 5 * end->obliquity_sigma_deg) continue;
@@ -172,24 +204,7 @@ void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScore
   const drivers::ScanPathOptions& path = scanned.options.path;
   ScoreOpenings(m, truth, true_length_mm, 4 * path.profile_spacing_mm, scores);
   if (m.features.openings.empty()) scores.Count("opening where none is", false);
-  scores.Count("dents: more than are", m.dents.size() > truth.dents.size());
-  for (const hal::PressedDent& pressed : truth.dents) {
-    scores.Count("dent: not found", m.dents.empty());
-    if (m.dents.size() != 1) continue;
-    const pipeline::DentFound& dent = m.dents.front();
-    const double longer_mm = hal::SpineLength(m.tube.program) - true_length_mm;
-    scores.Add(
-        "dent: along mm",
-        dent.along_mm - pressed.along_mm - (2 * pressed.along_mm > true_length_mm ? longer_mm : 0),
-        dent.along_sigma_mm);
-    scores.Add("dent: around deg", Turn(dent.around_deg, pressed.around_deg),
-               dent.around_sigma_deg);
-    scores.Add("dent: depth mm", dent.depth_mm - pressed.depth_mm, dent.sigma_mm);
-    scores.Add("dent: area mm2",
-               dent.area_mm2 -
-                   2 * std::numbers::pi * std::numbers::ln2 * pressed.width_mm * pressed.width_mm,
-               dent.area_sigma_mm2);
-  }
+  ScoreDents(m, truth, true_length_mm, scores);
 }
 
 }  // namespace
@@ -222,11 +237,12 @@ CutScan ALiveTube(std::uint64_t seed) {
   return scanned;
 }
 
-void PrintLive(std::uint64_t first_seed, int count, bool told) {
+void PrintLive(std::uint64_t first_seed, int count, double wall_mm, bool told) {
   LiveScores scores(told);
   for (int i = 0; i < count; ++i) {
     const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
-    const CutScan scanned = ALiveTube(seed);
+    CutScan scanned = ALiveTube(seed);
+    scanned.options.wall_mm = std::min(wall_mm, 0.4 * scanned.tube.pipe_radius_mm);
     scores.Begin("tube " + std::to_string(seed) + " of " + Number(scanned.tube.pipe_radius_mm) +
                  " mm, lines of " + Number(scanned.options.path.profile_spacing_mm) + " mm, " +
                  std::to_string(scanned.options.path.views_deg.size()) + " passes, noise " +

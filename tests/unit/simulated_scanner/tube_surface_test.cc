@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <numbers>
+
 #include "tube_fixture.h"
 
 namespace bendloop::drivers {
@@ -29,6 +32,87 @@ bool EntersAnEnd(const std::vector<hal::SpineSegment>& spine, double radius_mm, 
     if (along > 0 && (ray.At(along) - end).norm() < radius_mm + 0.1) return true;
   }
   return false;
+}
+
+// A tube with two openings and oblique ends as a body: whether a point is within its metal.
+struct CutBody {
+  hal::Tube tube{10, {{{80, 0, 60, 30.0}, {80, 0, 0, std::nullopt}}}, {}};
+  hal::TubeFeatures features;
+  double wall_mm = 2;
+  std::vector<hal::SpineSegment> spine = hal::SpineSegments(tube.program, tube.X_WT);
+
+  CutBody() {
+    features.first_end = {25, 70};
+    features.last_end = {0, 0};
+    features.openings = {{40, 20, 9, 9, 0, 10, -15}, {90, -60, 14, 6, 30}};
+  }
+  bool IsDrilled(const hal::WallOpening& opening, const Vector3d& point_mm) const {
+    const hal::SurfaceFrame frame = hal::FrameAt(spine, opening.along_mm, opening.around_deg);
+    const auto slope = [](double deg) { return std::tan(deg * std::numbers::pi / 180); };
+    const Vector3d drill = (frame.outward + slope(opening.lean_along_deg) * frame.tangent -
+                            slope(opening.lean_around_deg) * frame.sideways())
+                               .normalized();
+    const double axis = opening.axis_deg * std::numbers::pi / 180;
+    Vector3d along = std::cos(axis) * frame.tangent + std::sin(axis) * frame.sideways();
+    along = (along - along.dot(drill) * drill).normalized();
+    const Vector3d from_spine_mm = point_mm - frame.spine_mm;
+    if (from_spine_mm.dot(frame.outward) < 0) return false;
+    Vector3d off_mm = from_spine_mm - tube.pipe_radius_mm * frame.outward;
+    off_mm -= off_mm.dot(drill) * drill;
+    const double half_mm = 0.5 * (opening.length_mm - opening.width_mm);
+    off_mm -= std::clamp(off_mm.dot(along), -half_mm, half_mm) * along;
+    return off_mm.norm() < 0.5 * opening.width_mm;
+  }
+  bool IsMetal(const Vector3d& point_mm) const {
+    // The first end leaves more than the spine, whose straight goes on there.
+    std::vector<hal::SpineSegment> longer = spine;
+    longer.front().start_mm -= 10 * longer.front().tangent;
+    longer.front().length_mm += 10;
+    const double from_spine_mm = NearestFoot(longer, point_mm).distance_mm;
+    if (from_spine_mm > tube.pipe_radius_mm || from_spine_mm < tube.pipe_radius_mm - wall_mm) {
+      return false;
+    }
+    const hal::SurfaceFrame first = hal::FrameAt(spine, 0, features.first_end.around_deg);
+    const Vector3d from_mm = point_mm - first.spine_mm;
+    const double slope = std::tan(features.first_end.obliquity_deg * std::numbers::pi / 180);
+    if (-from_mm.dot(first.tangent) > slope * from_mm.dot(first.outward)) return false;
+    for (const hal::WallOpening& opening : features.openings) {
+      if (IsDrilled(opening, point_mm)) return false;
+    }
+    return true;
+  }
+};
+
+TEST(TubeSurface, RaysMeetTheWallWhereItIsCut) {
+  const CutBody body;
+  const TubeSurface surface(body.tube, body.features, body.wall_mm);
+  std::mt19937_64 engine(5);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const double length_mm = hal::SpineLength(body.tube.program);
+  int below = 0;
+  for (int i = 0; i < 1200; ++i) {
+    // Half of them at what is cut.
+    constexpr double kCutsMm[] = {0, 40, 90, 191.4};
+    const double along_mm = i % 2 == 0 ? kCutsMm[i / 2 % 4] : length_mm * 0.5 * (1 + unit(engine));
+    const hal::SurfaceFrame frame = hal::FrameAt(body.spine, along_mm, 180 * unit(engine));
+    Ray ray;
+    ray.direction = Vector3d(unit(engine), unit(engine), unit(engine)).normalized();
+    const Vector3d target_mm = frame.spine_mm + 10 * frame.outward +
+                               4 * Vector3d(unit(engine), unit(engine), unit(engine));
+    ray.origin_mm = target_mm - 100 * ray.direction;
+    if (body.IsMetal(ray.origin_mm)) continue;
+    const auto hit = FirstHit(surface, ray);
+    const double to_mm = hit ? hit->along_mm - 1e-3 : 200;
+    bool is_free = true;
+    for (double at_mm = 0; at_mm < to_mm; at_mm += 0.02) is_free &= !body.IsMetal(ray.At(at_mm));
+    EXPECT_TRUE(is_free) << "ray " << i;
+    if (!hit) continue;
+    EXPECT_TRUE(body.IsMetal(ray.At(hit->along_mm + 1e-5))) << "ray " << i;
+    EXPECT_NEAR(hit->normal.norm(), 1, 1e-9);
+    EXPECT_LT(hit->normal.dot(ray.direction), 0) << "ray " << i;
+    below += NearestFoot(body.spine, ray.At(hit->along_mm)).distance_mm < 9.999 ? 1 : 0;
+  }
+  EXPECT_GT(below, 60);
 }
 
 TEST(TubeSurface, RaysMeetTheTrueSurfaceFirstAndAlways) {

@@ -29,7 +29,8 @@ struct EdgeScan {
   }
 };
 
-EdgeScan ScanEdges(std::uint64_t seed, const hal::TubeFeatures& features, double noise_mm = 0.03) {
+EdgeScan ScanEdges(std::uint64_t seed, const hal::TubeFeatures& features, double noise_mm = 0.03,
+                   double wall_mm = 0) {
   EdgeScan scan;
   scan.tube = drivers::LayOnTable(
       {8, {{{70, 0, 60, 25.0}, {60, 90, 45, 25.0}, {65, 0, 0, std::nullopt}}}, {}}, seed);
@@ -42,6 +43,7 @@ EdgeScan ScanEdges(std::uint64_t seed, const hal::TubeFeatures& features, double
   options.path.views_deg = drivers::SpreadViewsDeg(4, true);
   options.path.jitter_mm = options.path.jitter_deg = 0.1;
   options.features = features;
+  options.wall_mm = wall_mm;
   const drivers::VirtualScan virtual_scan(scan.tube, options);
   const hal::ManualClock clock;
   Reconstruction reconstruction({}, clock);
@@ -104,6 +106,60 @@ TEST(EndEdge, ABevelIsMeasuredAndTheTubeEndsAtItsTip) {
                     std::atan(truth.bevel_depth_mm / truth.bevel_mm) * hal::kDegreesPerRadian,
                 end->bevel->angle_sigma_deg);
       EXPECT_LT(end->bevel->length_sigma_mm, 0.2);
+    }
+  }
+}
+
+// What the cut left of the wall lies in its plane: it is no bevel, and makes no tube longer or more
+// square.
+TEST(EndEdge, TheFaceOfACutIsNoBevel) {
+  EdgeErrors length("length"), obliquity("obliquity"), around("around");
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.first_end = {3.5 * static_cast<double>(seed), 40.0 * static_cast<double>(seed)};
+    const EdgeScan scan = ScanEdges(seed, features, 0.01 * static_cast<double>(1 + seed % 5),
+                                    1.0 + 0.5 * static_cast<double>(seed % 3));
+    for (const bool first : {true, false}) {
+      const hal::EndCut& truth = first ? scan.truth.first_end : scan.truth.last_end;
+      const auto& end = first ? scan.measured.features.first_end : scan.measured.features.last_end;
+      ASSERT_TRUE(end);
+      EXPECT_FALSE(end->bevel || end->burr);
+      EXPECT_TRUE(end->border.empty());
+      const auto& rows = scan.measured.tube.program.rows;
+      const auto& sigmas = scan.measured.sigma.rows;
+      length.Add((first ? rows.front() : rows.back()).length_mm - scan.true_length_mm(first),
+                 (first ? sigmas.front() : sigmas.back()).length_mm);
+      if (truth.obliquity_deg == 0) continue;
+      obliquity.Add(end->cut.obliquity_deg - truth.obliquity_deg, end->obliquity_sigma_deg);
+      around.Add(std::remainder(end->cut.around_deg - truth.around_deg, 360.0),
+                 end->around_sigma_deg);
+    }
+    EXPECT_TRUE(scan.measured.dents.empty());
+    EXPECT_TRUE(scan.measured.features.openings.empty());
+  }
+}
+
+TEST(EndEdge, ABevelIsFoundBesideTheFace) {
+  EdgeErrors along("along"), depth("depth"), length("length");
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.last_edge.bevel_mm = 1.0 + 0.2 * static_cast<double>(seed % 3);
+    features.last_edge.bevel_depth_mm = 0.6 + 0.15 * static_cast<double>(seed % 4);
+    const EdgeScan scan = ScanEdges(seed, features, 0.03, 2.0);
+    for (const bool first : {true, false}) {
+      const hal::EndEdge& truth = first ? scan.truth.first_edge : scan.truth.last_edge;
+      const auto& end = first ? scan.measured.features.first_end : scan.measured.features.last_end;
+      ASSERT_TRUE(end);
+      ASSERT_EQ(end->bevel.has_value(), truth.bevel_mm > 0);
+      if (!end->bevel) continue;
+      const auto& rows = scan.measured.tube.program.rows;
+      const auto& sigmas = scan.measured.sigma.rows;
+      length.Add((first ? rows.front() : rows.back()).length_mm - scan.true_length_mm(first),
+                 (first ? sigmas.front() : sigmas.back()).length_mm);
+      along.Add(end->bevel->length_mm - truth.bevel_mm, end->bevel->length_sigma_mm);
+      depth.Add(end->bevel->depth_mm - truth.bevel_depth_mm, end->bevel->depth_sigma_mm);
     }
   }
 }
