@@ -13,7 +13,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 // Neighbouring faces overlap by this, so that no ray slips between them.
-constexpr double kSeamMm = 1e-9;
+constexpr double kWallSeamMm = 1e-9;
 
 // Where a line that starts at `from` leaves a circle around `center`.
 std::optional<double> LeavesCircle(const Vector2d& from, const Vector2d& direction,
@@ -48,17 +48,17 @@ std::optional<double> LeavesBox(const Vector2d& from, const Vector2d& direction,
 
 bool TubeSurface::IsInWall(const Part& part, const Vector3d& point_mm) const {
   const double from_spine_mm = FromSpineMm(part, point_mm);
-  if (from_spine_mm < pipe_radius_mm_ - wall_mm_ - kSeamMm) return false;
+  if (from_spine_mm < pipe_radius_mm_ - wall_mm_ - kWallSeamMm) return false;
   if (from_spine_mm > pipe_radius_mm_ - PressedMm(part, point_mm)) return false;
   const Vector3d from_mm = point_mm - part.segment.start_mm;
   if (!part.segment.is_arc()) {
     const double along_mm = from_mm.dot(part.segment.tangent);
-    return along_mm >= -kSeamMm && along_mm <= part.segment.length_mm + kSeamMm;
+    return along_mm >= -kWallSeamMm && along_mm <= part.segment.length_mm + kWallSeamMm;
   }
   const Vector3d from_center_mm = point_mm - part.center_mm;
   double phi =
       std::atan2(from_center_mm.dot(part.segment.tangent), from_center_mm.dot(part.to_start));
-  const double seam_rad = kSeamMm / part.segment.bend_radius_mm;
+  const double seam_rad = kWallSeamMm / part.segment.bend_radius_mm;
   if (phi < -seam_rad) phi += 2 * std::numbers::pi;
   return phi <= part.segment.angle_rad() + seam_rad;
 }

@@ -46,6 +46,8 @@ struct LookSettings {
   double flattest = 0.15;
 };
 constexpr LookSettings kLook;
+// [sigma] Of samples where no face is seen: certainly of the wall.
+constexpr double kNotBelow = -1e300;
 
 // What of a tube stands between its own wall and a scanner: the laser above a place, or its camera,
 // which looks at the line from somewhere before or behind.
@@ -164,7 +166,7 @@ Surroundings Surroundings::WithoutFace(const OpeningBorder& about, double beside
   if (!ShowsFace(about, beside_mm)) {
     without = *this;
     without.all = wall;
-    for (SeenWall& sample : without.seen) sample.sigmas_below = 0;
+    for (SeenWall& sample : without.seen) sample.sigmas_below = kNotBelow;
     return without;
   }
   without.below = below;

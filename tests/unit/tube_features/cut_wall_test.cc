@@ -51,11 +51,11 @@ Measurement Measure(const WallScan& scanned) {
   return measurement ? *measurement : Measurement{};
 }
 
-// Errors of one number in sigmas.
-class Errors {
+// WallErrors of one number in sigmas.
+class WallErrors {
  public:
-  explicit Errors(std::string name) : name_(std::move(name)) {}
-  ~Errors() {
+  explicit WallErrors(std::string name) : name_(std::move(name)) {}
+  ~WallErrors() {
     EXPECT_GT(count_, 0) << name_;
     EXPECT_LT(std::sqrt(squares_ / count_), 1.5) << name_;
   }
@@ -71,7 +71,7 @@ class Errors {
 };
 
 TEST(CutWall, HolesAndSlotsAreAsWideAsTheyAre) {
-  Errors hole("diameter"), width("width"), length("length"), around("around");
+  WallErrors hole("diameter"), width("width"), length("length"), around("around");
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     SCOPED_TRACE(seed);
     WallScan scan = AWallScan(seed);
