@@ -39,7 +39,10 @@ struct EndBorderSettings {
   // Samples within 2 sigma of noise of the plane: from so many on the likelihood is as a normal
   // density is. Fewer are asked by a walk.
   double enough_about = 50.0;
-  int walk = 1200, cloud_walk = 600;
+  int walk = 1200;
+  // Of a cloud: steps of a walk, so that all steps together look at about so many samples.
+  int least_cloud_walk = 600, most_cloud_walk = 3000;
+  double cloud_walked = 1.5e6;
   int places = 10;  // where such a walk may begin, on either side
   // The noise is thought to be what is said but for this part of it; anything else is rarer, but
   // not so rare that samples could not say it (Cauchy).
@@ -98,6 +101,8 @@ class BorderLikelihood {
     deep_mm_.clear();
     for (const BorderSample& sample : samples_) deep_mm_.push_back(deep(sample));
   }
+
+  double samples() const { return static_cast<double>(samples_.size()); }
 
   // Of the logarithm of the likelihood, its slope and, negative, its curvature.
   double Log(const Numbers& x, Numbers* slope = nullptr,
@@ -303,7 +308,9 @@ Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, dou
   const double slope_mm = std::min(rough.slope_mm, 1.5 * edge_mm);
   from.covariance.diagonal() << edge_mm * edge_mm, slope_mm * slope_mm, slope_mm * slope_mm, 0.1;
   likelihood.CountFrom(from.mean.head<3>());
-  return Walked(likelihood, from, kEndBorder.cloud_walk, false);
+  const double walk = std::clamp<double>(kEndBorder.cloud_walked / likelihood.samples(),
+                                         kEndBorder.least_cloud_walk, kEndBorder.most_cloud_walk);
+  return Walked(likelihood, from, static_cast<int>(walk), false);
 }
 
 // The samples about an end, in columns of the turn.
