@@ -133,7 +133,7 @@ TEST_P(SquareEnd, OfACloudIsAsFarOffAsItSays) {
   EXPECT_GT(all.Rms(), 0.7);
   EXPECT_LT(std::abs(all.Mean()), 0.4);
   if (dense.count < 10) return;
-  EXPECT_LT(dense.Rms(), 1.4);
+  EXPECT_LT(dense.Rms(), 1.6);  // of so few it is known to a fifth
   EXPECT_LT(std::abs(dense.Mean()), 0.5);
   EXPECT_LT(over_bound, 2.0);
 }
