@@ -317,10 +317,6 @@ class PassViews {
   std::map<unsigned, std::vector<double>> ways_;
 };
 
-}  // namespace
-
-namespace {
-
 // How low a sample beside an opening may lie that is certainly of the wall. A ray that crosses the
 // opening towards the border there may have passed the border below it, and met the face: the
 // flatter it came, the further inside does it look like a sample of the wall.
