@@ -12,6 +12,7 @@
 #include "hal/tube_features.h"
 #include "pipeline/reconstruction.h"
 #include "pipeline/tube/representations.h"
+#include "tests/unit/tube_features/measured_scan.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -27,21 +28,6 @@ drivers::VirtualScanOptions AllAround(std::uint64_t seed) {
   options.path.profile_spacing_mm = 0.5;
   options.path.views_deg = drivers::SpreadViewsDeg(4, true);
   return options;
-}
-
-Measurement Measure(const hal::Tube& tube, const drivers::VirtualScanOptions& options,
-                    const ReconstructionOptions& kept = {}) {
-  const drivers::VirtualScan scan(tube, options);
-  const hal::ManualClock clock;
-  Reconstruction reconstruction(kept, clock);
-  hal::LaserProfile profile(scan.max_points());
-  for (std::size_t i = 0; i < scan.profile_count(); ++i) {
-    scan.Make(i, profile);
-    reconstruction.Add(profile);
-  }
-  auto measurement = reconstruction.Finish();
-  EXPECT_TRUE(measurement) << (measurement ? "" : measurement.error().message);
-  return measurement ? *measurement : Measurement{};
 }
 
 double Turn(double a_deg, double b_deg) { return std::remainder(a_deg - b_deg, 360.0); }
@@ -70,7 +56,7 @@ void ScoreCuts(std::uint64_t seed, SigmasOf& sigmas) {
   options.features.last_end = {4.0, -120};
   options.features.openings = {
       {30, 60, 6, 6, 0}, {60, -100, 12, 5, 25}, {length_mm - 35, 10, 5, 5, 0}};
-  const Measurement m = Measure(tube, options);
+  const Measurement m = MeasureScan(tube, options);
   const TubeFeaturesFound& found = m.features;
 
   ASSERT_TRUE(found.first_end);
@@ -128,7 +114,7 @@ TEST(CutScan, AHoleInABendIsRadial) {
     options.path.views_deg = drivers::SpreadViewsDeg(6, true);
     options.path.jitter_mm = options.path.jitter_deg = 0.1;
     options.features.openings = {{232, -100, 19, 19, 0}};
-    const Measurement m = Measure(tube, options);
+    const Measurement m = MeasureScan(tube, options);
     ASSERT_EQ(m.features.openings.size(), 1U);
     const OpeningFound& found = m.features.openings.front();
     ASSERT_TRUE(found.opening.is_hole());
@@ -142,7 +128,7 @@ TEST(CutScan, LeavesLengthsRotationsAndAnglesAlone) {
   const hal::Tube tube = drivers::LayOnTable(BentTube(), 4);
   drivers::VirtualScanOptions options = AllAround(4);
   options.features.openings = {{45, 60, 8, 8, 0}, {160, 0, 14, 6, 0}};
-  const Measurement m = Measure(tube, options);
+  const Measurement m = MeasureScan(tube, options);
   EXPECT_EQ(m.features.openings.size(), 2U);
   // Whichever end came first.
   const bool reversed = std::abs(m.tube.program.rows.front().angle_deg - 45) < 5;
@@ -180,7 +166,7 @@ Measurement MeasureThinned(std::uint64_t seed, const hal::TubeFeatures& features
   ReconstructionOptions kept;
   kept.max_points = 50'000;
   kept.nominal = part.program;
-  return Measure(drivers::LayOnTable(part, seed), options, kept);
+  return MeasureScan(drivers::LayOnTable(part, seed), options, kept);
 }
 
 TEST(ThinnedScan, HasNoOpeningWhereALegHidesTheWall) {
@@ -240,7 +226,7 @@ TEST_P(PlainScan, HasNoOpeningsAndSquareEnds) {
   options.path.jitter_deg = plain.jitter_mm;
   options.clutter.clamps = plain.clamps;
   options.clutter.table = plain.table;
-  const Measurement m = Measure(tube, options);
+  const Measurement m = MeasureScan(tube, options);
   EXPECT_TRUE(m.features.openings.empty())
       << m.features.openings.front().opening.along_mm << " mm, "
       << m.features.openings.front().opening.around_deg << " degrees, "

@@ -12,6 +12,7 @@
 #include "hal/tube_features.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/reversed_features.h"
+#include "tests/unit/tube_features/measured_scan.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -35,20 +36,6 @@ WallScan AWallScan(std::uint64_t seed) {
   scan.options.path.jitter_mm = scan.options.path.jitter_deg = 0.1;
   scan.options.wall_mm = 1.0 + 0.5 * static_cast<double>(seed % 3);
   return scan;
-}
-
-Measurement Measure(const WallScan& scanned) {
-  const drivers::VirtualScan scan(scanned.tube, scanned.options);
-  const hal::ManualClock clock;
-  Reconstruction reconstruction({}, clock);
-  hal::LaserProfile profile(scan.max_points());
-  for (std::size_t i = 0; i < scan.profile_count(); ++i) {
-    scan.Make(i, profile);
-    reconstruction.Add(profile);
-  }
-  auto measurement = reconstruction.Finish();
-  EXPECT_TRUE(measurement) << (measurement ? "" : measurement.error().message);
-  return measurement ? *measurement : Measurement{};
 }
 
 // WallErrors of one number in sigmas.
@@ -79,7 +66,7 @@ TEST(CutWall, HolesAndSlotsAreAsWideAsTheyAre) {
     const double hole_mm = 4.0 + 1.5 * static_cast<double>(seed % 6);
     scan.options.features.openings = {{40, std::remainder(turned, 360.0), hole_mm, hole_mm, 0},
                                       {158, std::remainder(2 * turned, 360.0), 15, 6, 30}};
-    const Measurement m = Measure(scan);
+    const Measurement m = MeasureScan(scan.tube, scan.options);
     ASSERT_EQ(m.features.openings.size(), 2U);
     // Whichever end came first.
     const bool is_reversed = std::abs(m.tube.program.rows.front().angle_deg - 45) < 5;
