@@ -33,6 +33,8 @@ struct EndCutSettings {
   double usual_slope = 0.5;
   // The same of ends that are to be square.
   double square_slope = 0.01;
+  // Odds before the scan that an end is not square; and the logarithm of odds that leave no doubt.
+  double oblique_odds = 0.1, sure_odds = 6.0;
   // [sigma] From a square cut; closer ones are taken for it.
   double oblique = 5.0;
   // Steps of the walk, and of one that says whether the end may be oblique at all, from so many
@@ -294,7 +296,7 @@ class EndFit {
       return border;
     });
     plane.of_border = of_border;
-    if (of_border && plane.slope_sigmas < kCut.may_be_oblique) PlaceOfSquare(rough, plane);
+    if (of_border) PlaceOfSquare(rough, plane);
     return plane;
   }
 
@@ -304,7 +306,7 @@ class EndFit {
     if (!border) return std::nullopt;
     EndPlane plane = PlaneOf(*border, Eigen::Vector2d::Zero(), r_mm_);
     plane.of_border = true;
-    if (plane.slope_sigmas < kCut.may_be_oblique) PlaceOfSquare(rough, plane);
+    PlaceOfSquare(rough, plane);
     return plane;
   }
 
@@ -333,14 +335,23 @@ class EndFit {
   }
 
   // What is not oblique for all that is seen was cut about square: few samples tell the place of
-  // such a plane better than that of any.
+  // such a plane better than that of any. Where it may be either its place is both planes', by
+  // their odds: the prior's, by Laplace's volume of two slopes, by what speaks for them.
   void PlaceOfSquare(RoughEnd rough, EndPlane& plane) const {
+    const double volume = std::pow(plane.slope_sigma / kCut.usual_slope, 2);
+    const double log_odds =
+        std::log(kCut.oblique_odds * volume) + 0.5 * std::pow(plane.slope_sigmas, 2);
+    if (log_odds > kCut.sure_odds) return;
     rough.slope_mm = kCut.square_slope * r_mm_;
     rough.plane.mean.tail<2>().setZero();
     const auto square = FitEndBorder(rough, all_.band);
     if (!square) return;
-    plane.at_mm = square->mean[0];
-    plane.at_sigma_mm = square->Sigma(0);
+    const double part = 1.0 / (1.0 + std::exp(-log_odds));  // of the oblique one
+    const double apart_mm = plane.at_mm - square->mean[0];
+    plane.at_sigma_mm =
+        std::sqrt(part * std::pow(plane.at_sigma_mm, 2) + (1.0 - part) * square->covariance(0, 0) +
+                  part * (1.0 - part) * apart_mm * apart_mm);
+    plane.at_mm = square->mean[0] + part * apart_mm;
   }
 
   // Columns of few samples each may stop by chance as those of an oblique cut would: where the
