@@ -28,7 +28,8 @@ struct BowedSettings {
   // [of r_P] Of a place along the spine.
   double place = 1.5;
   // [of r_P] Shorter straights have no bow, nor those of which the bends beside them leave less.
-  double shortest = 2.5, shortest_left = 0.05;
+  // What a straight of 1.3 r_P bows by turns the bends beside it by half a degree (L / 320).
+  double shortest = 0.7, shortest_left = 0.05;
   // [of a straight's length] 1 sigma of a bow's height, and of one that changes sides: L / 300 is
   // the worst that is sold as straight.
   double bow = 0.002, s_bow = 0.001;
