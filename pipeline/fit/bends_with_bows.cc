@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "pipeline/fit/bowed_cost.h"
 #include "pipeline/fit/bowed_tube.h"
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/kept_ends.h"
@@ -253,19 +254,6 @@ std::vector<Change> Changes(const BowedSolution& now, std::optional<std::size_t>
   return changes;
 }
 
-double CostOf(const BowedTubeState& state, std::span<const PointBlock> blocks, double reach_mm,
-              double sigma_mm) {
-  const SurfaceAssignment points =
-      PointsOf(state, SpineOf(state), kBeyond * state.tube.pipe_radius_mm, blocks, reach_mm);
-  // Of all points: a tube that lost its way has few near it.
-  double cost = static_cast<double>(CountPoints(blocks) - points.distances_mm.size()) *
-                RobustSum(reach_mm, sigma_mm);
-  for (const SegmentPoints& of : points.segments) {
-    cost += RobustSum(std::span(of.distance.data(), of.size), sigma_mm);
-  }
-  return cost;
-}
-
 // How much better `a` explains the points [variances].
 double GainOf(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
               double reach_mm, std::size_t most_points = kRevise.points) {
@@ -341,7 +329,13 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
     solution.fit = FitFromAfar(start_now, *solution.undented, from_there);
     ReachTo(ends, solution.fit.tube);
     solution.straight = solution.fit.tube;
-    solution.bows = FitBows(*solution.undented, from_there, solution.fit);
+    const SurfaceFit straight_fit = solution.fit;
+    const BowedFit with_dents =
+        std::exchange(solution.bows, FitBows(*solution.undented, from_there, solution.fit));
+    if (!solution.bows.is_lost || with_dents.is_lost) continue;
+    // From where lines and arcs lie the steps led astray; from the bowed tube they need not.
+    solution.fit = straight_fit;
+    solution.bows = FitBows(*solution.undented, from_there, solution.fit, &with_dents);
   }
   ReachTo(ends, solution.fit.tube);
   return solution;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "pipeline/fit/bowed_cost.h"
 #include "pipeline/fit/bowed_tube.h"
 
 namespace bendloop::pipeline {
@@ -51,7 +52,7 @@ void MoveToLines(const SurfaceFit& before, BowedTubeState state, std::span<const
 }  // namespace
 
 BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
-                 SurfaceFit& fit) {
+                 SurfaceFit& fit, const BowedFit* from) {
   const BowedTubeState no_bows{fit.tube, fit.flattening, fit.easing, {}};
   if (!HasCorners(fit.tube.program) || fit.tube.program.bend_count() == 0) {
     return {no_bows, fit.sigma_mm, fit.design_effect, true};
@@ -70,8 +71,17 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
   BowedFit bows{straight.Next(),
                 std::hypot(straight.noise_mm(), kBowed.wide * straight.HighestBow()),
                 straight.worth(), true};
+  if (from && !from->is_lost) bows = *from;
   std::optional<double> usual_radius_mm = straight.UsualRadius();
-  const double least_part = kBowed.kept * straight.Weight() / static_cast<double>(seen);
+  const double had_say = straight.Weight() / static_cast<double>(seen);
+  const auto has_lost_its_way = [&](const BowedTube& bowed, const OwnedBlocks& points_now) {
+    const double has_say = bowed.Weight() / static_cast<double>(points_now.point_count());
+    if (has_say >= kBowed.kept * had_say) return false;
+    if (has_say < kBowed.kept_beside_dents * had_say) return true;
+    const double noise_mm = bowed.noise_mm();
+    return CostOf(bowed.Next(), few, options.reach_mm, noise_mm) >
+           CostOf(no_bows, few, options.reach_mm, noise_mm);
+  };
   bool is_last = false;
   int last_rounds = 0;
   for (int round = 1;; ++round) {
@@ -84,10 +94,9 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
     // what the samples hardly tell apart (radius, easing and bows of a slight bend) that is far.
     const bool is_there =
         is_last && (++last_rounds == kBowed.most_last_rounds || bowed.Gain() < kBowed.at_rest);
-    const bool is_lost =
-        is_last && bowed.Weight() < least_part * static_cast<double>(points_now.point_count());
+    const bool is_lost = is_last && has_lost_its_way(bowed, points_now);
     if (!bowed.IsSolved() || is_lost || round - last_rounds > kBowed.most_rounds ||
-        (is_last && !bowed.IsSettled()) || (is_there && !bowed.MoveTo(fit))) {
+        (is_there && !(bowed.IsSettled() && bowed.MoveTo(fit)))) {
       // A radius that bows beside a slight bend made wide is as unsure as it is unusual.
       BowedTube doubtful(before, no_bows, straight.UsualRadius(), options);
       doubtful.Take(few, fit.sigma_mm);

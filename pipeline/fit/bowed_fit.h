@@ -21,8 +21,9 @@ struct BowedFit {
 // place and direction to the bend behind it, so that lines and arcs alone meet neither. Where the
 // samples insist on bows, or places of the tube disagree by more than the fit believes, `fit`
 // becomes the tube whose straights are the best-fit lines of the bowed ones, with the covariance
-// that this leaves. `options`: of the final fit.
+// that this leaves. `options`: of the final fit. `from`: a solution for most of the points, to
+// begin there; none: from the lines and arcs of `fit`.
 BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
-                 SurfaceFit& fit);
+                 SurfaceFit& fit, const BowedFit* from = nullptr);
 
 }  // namespace bendloop::pipeline

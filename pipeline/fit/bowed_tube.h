@@ -62,9 +62,12 @@ struct BowedSettings {
   int least_rounds = 3, most_rounds = 8, most_last_rounds = 5, steps = 3;
   // [variances] What another round explains of a tube that rests.
   double at_rest = 2.0;
-  // [variances a point] What a round more would explain, and [of the points of the straight tube]
-  // how many have a say: with more, or fewer, the solution has not settled but lost its way.
-  double settled = 0.1, kept = 0.97;
+  // [variances a point] What a round more would explain: with more the solution has not settled.
+  double settled = 0.1;
+  // [of those of the straight tube] Points that have a say: with fewer it has lost its way, unless
+  // it explains all of them better and they are those of dents, which the straight tube does not
+  // tell from its bows.
+  double kept = 0.97, kept_beside_dents = 0.8;
   // [degrees] Bends so slight that their radius moves the spine by radius * angle^2 / 8.
   double slight_deg = 10;
   // [degrees] Bends that have a corner.
