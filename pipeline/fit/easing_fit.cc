@@ -12,8 +12,8 @@ namespace bendloop::pipeline {
 namespace {
 
 struct EasingSettings {
-  // So many points tell whether there is any. By trial.
-  std::size_t points = 8000;
+  // So many points tell whether there is any, and where they leave it open, so many. By trial.
+  std::size_t points = 8000, many_points = 32'000;
   // [of r_P] Where the search begins: benders' clamps and dies make 0.2 to 1.
   double start = 0.3;
   // [sigma] From which on samples insist. Bends of about the same angle hide what they ease over
@@ -37,13 +37,37 @@ double CostOf(const SurfaceFit& fit, double sigma_mm, const SurfaceFitOptions& o
          fit.priors.ChiSquare(fit.tube.program, fit.flattening, fit.easing);
 }
 
+// How much better the points are explained [variances].
+double GainOf(const SurfaceFit& eased, const SurfaceFit& sharp, const SurfaceFitOptions& options) {
+  return CostOf(sharp, eased.sigma_mm, options) - CostOf(eased, eased.sigma_mm, options);
+}
+
+double AskedOf(const SurfaceFit& eased) {
+  return kEasingFit.insist * kEasingFit.insist * eased.design_effect;
+}
+
+// By many points; few left it open. None: those do not insist.
+std::optional<SurfaceFit> EasedByMany(const SurfaceFit& sharp_by_few,
+                                      const SurfaceFit& eased_by_few,
+                                      std::span<const PointBlock> blocks,
+                                      SurfaceFitOptions options) {
+  const OwnedBlocks many = Gathered(blocks, StrideTo(CountPoints(blocks), kEasingFit.many_points));
+  options.easing = {};
+  const SurfaceFit sharp = FitSurface(sharp_by_few.tube, many, options);
+  options.easing = eased_by_few.easing;
+  SurfaceFit eased = FitSurface(eased_by_few.tube, many, options);
+  if (GainOf(eased, sharp, options) < AskedOf(eased)) return std::nullopt;
+  return eased;
+}
+
 }  // namespace
 
 FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> blocks,
                        SurfaceFitOptions options) {
   const std::size_t bends = structure.tube.program.bend_count();
   if (bends == 0) return {};
-  const std::size_t stride = StrideTo(CountPoints(blocks), kEasingFit.points);
+  const std::size_t points = CountPoints(blocks);
+  const std::size_t stride = StrideTo(points, kEasingFit.points);
   const OwnedBlocks few = Gathered(blocks, stride);
   options.easing = {};
   // That of the sharp tube goes on where it is of all points.
@@ -54,15 +78,15 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
   };
   const double start_mm = kEasingFit.start * structure.tube.pipe_radius_mm;
   options.easing.variance_mm2.assign(bends, start_mm * start_mm);
-  const auto gain = [&](const SurfaceFit& eased) {
-    return CostOf(sharp, eased.sigma_mm, options) - CostOf(eased, eased.sigma_mm, options);
-  };
+  // As many times as there are to be asked.
+  const double more = static_cast<double>(std::min(points, kEasingFit.many_points)) /
+                      static_cast<double>(few.point_count());
   // Most tubes' bends are sharp, and the first steps show it.
   options.report = FitReport::kCost;
   const int most_steps = std::exchange(options.max_steps, 1);
   const SurfaceFit first = FitSurface(sharp.tube, few, options);
   const double led = (first.start_cost_mm2 - first.cost_mm2) / (first.sigma_mm * first.sigma_mm);
-  const double gained = gain(first);
+  const double gained = GainOf(first, sharp, options);
   if (gained > -kEasingFit.well_led * led &&
       gained + kEasingFit.further * led < kEasingFit.in_sight * first.design_effect) {
     return none();
@@ -75,15 +99,20 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
     const double before = std::min(now, 0.0);
     options.easing = eased.easing;
     eased = FitSurface(eased.tube, few, options);
-    now = gain(eased);
-    least = kEasingFit.promising * eased.design_effect;
+    now = GainOf(eased, sharp, options);
+    least = kEasingFit.promising / more * eased.design_effect;
     if (now < least && first.design_effect < kEasingFit.hardly) return none();
     if (now < before + least) return none();
   } while (now < least);
   options.max_steps = most_steps;
   options.easing = eased.easing;
   eased = FitSurface(eased.tube, few, options);
-  if (gain(eased) < kEasingFit.insist * kEasingFit.insist * eased.design_effect) return none();
+  if (const double gain = GainOf(eased, sharp, options); gain < AskedOf(eased)) {
+    if (gain * more < AskedOf(eased)) return none();
+    auto by_many = EasedByMany(sharp, eased, blocks, options);
+    if (!by_many) return none();
+    eased = std::move(*by_many);
+  }
   ReachTo(EndsOf(structure.tube), eased.tube);
   return {eased.easing, std::nullopt, eased.tube};
 }
