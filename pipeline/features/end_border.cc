@@ -8,6 +8,7 @@
 #include <numbers>
 #include <tuple>
 
+#include "pipeline/features/even_table.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/math/arc_tangents.h"
 #include "pipeline/math/dense_solve.h"
@@ -104,31 +105,40 @@ class BorderLikelihood {
 
   double samples() const { return static_cast<double>(samples_.size()); }
 
-  // Of the logarithm of the likelihood, its slope and, negative, its curvature.
-  double Log(const Numbers& x, Numbers* slope = nullptr,
-             Eigen::Matrix4d* curvature = nullptr) const {
-    constexpr double kFar = 6.0;  // [sigma] Behind a plane: certainly seen
-    const double s = smear_mm_ * std::exp(x[3]);
-    const Eigen::Vector3d plane = x.head<3>();
-    const Eigen::Vector3d off_mm = plane - about_mm_;
-    if (!slope && !(std::abs(off_mm[0]) + off_mm.tail<2>().norm() < band_mm_)) return -1e300;
-    double log = -missing_.dot(plane) - 0.5 * certainty_.dot(plane.cwiseAbs2());
-    if (slope) {
-      slope->setZero();
-      slope->head<3>() = -missing_ - certainty_.cwiseProduct(plane);
-      curvature->setZero();
-      curvature->diagonal().head<3>() = certainty_;
+  bool KnowsSamplesAt(const Numbers& x) const {
+    const Eigen::Vector3d off_mm = x.head<3>() - about_mm_;
+    return std::abs(off_mm[0]) + off_mm.tail<2>().norm() < band_mm_;
+  }
+
+  // The logarithm of the likelihood.
+  double Log(const Numbers& x) const {
+    if (!KnowsSamplesAt(x)) return -1e300;
+    static const EvenTable table = LogNormalCdf(kEndBorder.flier);
+    const double per_sigma = 1.0 / SmearMm(x);
+    near_.resize(CountNear(x));
+    for (std::size_t i = 0; i < near_.size(); ++i) {
+      near_[i] = (samples_[i].row.dot(x.head<3>()) - samples_[i].at_mm) * per_sigma;
     }
-    const Eigen::Vector3d moved_mm = plane - from_mm_;
-    const double far_mm = kFar * s + std::abs(moved_mm[0]) + moved_mm.tail<2>().norm();
-    for (std::size_t i = 0; i < samples_.size() && deep_mm_[i] < far_mm; ++i) {
+    return LogOfNumbers(x) + table.Sum(near_);
+  }
+
+  // The same, its slope and, negative, its curvature.
+  double Log(const Numbers& x, Numbers* slope, Eigen::Matrix4d* curvature) const {
+    const double s = SmearMm(x);
+    const Eigen::Vector3d plane = x.head<3>();
+    double log = LogOfNumbers(x);
+    slope->setZero();
+    slope->head<3>() = -missing_ - certainty_.cwiseProduct(plane);
+    curvature->setZero();
+    curvature->diagonal().head<3>() = certainty_;
+    const std::size_t near = CountNear(x);
+    for (std::size_t i = 0; i < near; ++i) {
       const BorderSample& sample = samples_[i];
       const double z = (sample.row.dot(plane) - sample.at_mm) / s;
       if (z > kFar) continue;
       const double covered = kEndBorder.flier + (1.0 - kEndBorder.flier) * 0.5 *
                                                     std::erfc(-z * std::numbers::sqrt2 / 2.0);
       log += std::log(covered);
-      if (!slope) continue;
       const double g = (1.0 - kEndBorder.flier) * std::exp(-0.5 * z * z) /
                        std::sqrt(2.0 * std::numbers::pi) / covered;
       Numbers row;  // of z
@@ -145,6 +155,21 @@ class BorderLikelihood {
   }
 
  private:
+  static constexpr double kFar = 6.0;  // [sigma] Behind a plane: certainly seen
+
+  double SmearMm(const Numbers& x) const { return smear_mm_ * std::exp(x[3]); }
+  // The first so many samples hold all that a plane may not cover.
+  std::size_t CountNear(const Numbers& x) const {
+    const Eigen::Vector3d moved_mm = x.head<3>() - from_mm_;
+    const double far_mm = kFar * SmearMm(x) + std::abs(moved_mm[0]) + moved_mm.tail<2>().norm();
+    return static_cast<std::size_t>(std::lower_bound(deep_mm_.begin(), deep_mm_.end(), far_mm) -
+                                    deep_mm_.begin());
+  }
+  // What is expected of the plane, and what is missing beyond it.
+  double LogOfNumbers(const Numbers& x) const {
+    return -missing_.dot(x.head<3>()) - 0.5 * certainty_.dot(x.head<3>().cwiseAbs2());
+  }
+
   std::vector<BorderSample> samples_;
   Eigen::Vector3d missing_;  // samples that each mm of the plane's numbers takes away
   Eigen::Vector3d about_mm_;
@@ -152,6 +177,7 @@ class BorderLikelihood {
   std::vector<double> deep_mm_;  // of each sample, behind that plane; the least first
   double smear_mm_, band_mm_;
   Eigen::Vector3d certainty_ = Eigen::Vector3d::Zero();  // before the scan
+  mutable std::vector<double> near_;                     // [sigma] behind a plane
 };
 
 struct BorderFitted {
@@ -174,16 +200,19 @@ std::optional<BorderFitted> Likeliest(const BorderLikelihood& likelihood, const 
     damped.diagonal() += damping * damped.diagonal().cwiseAbs();
     Numbers to = fit.x;
     to.head(n) += SolveSymmetric(damped, slope.head(n));
-    const bool is_near = to.allFinite() && std::abs(to[3]) < std::log(2.0 * kEndBorder.other_noise);
-    const double there = is_near ? likelihood.Log(to) : fit.log - 1.0;
+    const bool is_near = to.allFinite() && likelihood.KnowsSamplesAt(to) &&
+                         std::abs(to[3]) < std::log(2.0 * kEndBorder.other_noise);
+    Numbers slope_there;
+    Eigen::Matrix4d curvature_there;
+    const double there =
+        is_near ? likelihood.Log(to, &slope_there, &curvature_there) : fit.log - 1.0;
     if (!(there > fit.log)) {
       if (is_near && fit.log - there < 1e-9) break;
       damping = std::max(1e-3, damping * 8.0);
       continue;
     }
     const bool is_done = there - fit.log < 1e-6;
-    fit.x = to;
-    fit.log = likelihood.Log(fit.x, &slope, &curvature);
+    std::tie(fit.x, fit.log, slope, curvature) = std::tie(to, there, slope_there, curvature_there);
     damping *= 0.1;
     if (is_done) break;
   }
@@ -267,8 +296,8 @@ double LogOfNoise(double log_noise, bool knows_rays) {
 
 // The same where few samples lie about the border, so that its likelihood has edges.
 Posterior Walked(const BorderLikelihood& likelihood, const Posterior& from, int walk,
-                 bool knows_rays) {
-  const Posterior all = SamplePosterior(from, walk, [&](const Eigen::VectorXd& x) {
+                 bool knows_rays, WalkDice& dice) {
+  const Posterior all = SamplePosterior(from, walk, dice, [&](const Eigen::VectorXd& x) {
     const double log = LogOfNoise(x[3], knows_rays);
     return log < -1e299 ? log : log + likelihood.Log(x);
   });
@@ -276,17 +305,18 @@ Posterior Walked(const BorderLikelihood& likelihood, const Posterior& from, int 
 }
 
 // Of rays, whose noise is about what was thought.
-Posterior WalkedOfRays(const BorderLikelihood& likelihood, const Posterior& rough) {
+Posterior WalkedOfRays(const BorderLikelihood& likelihood, const Posterior& rough, WalkDice& dice) {
   Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
   from.mean.head<3>() = rough.mean;
   from.covariance.topLeftCorner<3, 3>() = rough.covariance;
   from.covariance(3, 3) = kEndBorder.sure_noise * kEndBorder.sure_noise;
-  return Walked(likelihood, from, kEndBorder.walk, true);
+  return Walked(likelihood, from, kEndBorder.walk, true, dice);
 }
 
 // Of a cloud, from where, of many places and noises, it is likeliest. An edge is as unsure as
 // samples lie apart, `gap_mm`; a walk with shorter steps would stay where it is.
-Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm) {
+Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm,
+                        WalkDice& dice) {
   const double around_mm = std::hypot(rough.plane.Sigma(0), gap_mm, rough.smear_mm);
   Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
   // From wide to narrow: of less noise the border lies near to where it does of more.
@@ -310,7 +340,7 @@ Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, dou
   likelihood.CountFrom(from.mean.head<3>());
   const double walk = std::clamp<double>(kEndBorder.cloud_walked / likelihood.samples(),
                                          kEndBorder.least_cloud_walk, kEndBorder.most_cloud_walk);
-  return Walked(likelihood, from, static_cast<int>(walk), false);
+  return Walked(likelihood, from, static_cast<int>(walk), false, dice);
 }
 
 // The samples about an end, in columns of the turn.
@@ -433,11 +463,11 @@ class BandColumns {
 
 // The planes that the likelihood leaves. `about`: samples within 2 sigma of noise of it.
 std::optional<Posterior> Among(BorderLikelihood& likelihood, const RoughEnd& rough, double about,
-                               double spread_mm) {
+                               double spread_mm, WalkDice& dice) {
   const double gap_mm = 2.0 * rough.smear_mm / about;
   if (about < kEndBorder.enough_about) {
-    return rough.knows_rays ? WalkedOfRays(likelihood, rough.plane)
-                            : WalkedOfCloud(likelihood, rough, gap_mm);
+    return rough.knows_rays ? WalkedOfRays(likelihood, rough.plane, dice)
+                            : WalkedOfCloud(likelihood, rough, gap_mm, dice);
   }
   const Eigen::Vector3d plane_mm = rough.plane.mean.head<3>();
   const auto thought =
@@ -446,14 +476,14 @@ std::optional<Posterior> Among(BorderLikelihood& likelihood, const RoughEnd& rou
   const auto free = WithLikeliestNoise(likelihood, thought->x, rough.knows_rays);
   const double least = free ? std::exp(std::min(0.0, free->x[3])) : 1.0;
   if (!rough.knows_rays && about * least < kEndBorder.enough_about) {
-    return WalkedOfCloud(likelihood, rough, gap_mm);
+    return WalkedOfCloud(likelihood, rough, gap_mm, dice);
   }
   return Together(likelihood, *thought, free);
 }
 
 }  // namespace
 
-std::optional<Posterior> FitEndBorder(const RoughEnd& known, const EndBand& band) {
+std::optional<Posterior> FitEndBorder(const RoughEnd& known, const EndBand& band, WalkDice& dice) {
   RoughEnd rough = known;
   const Eigen::Vector3d plane_mm = rough.plane.mean;
   const double r_mm = rough.pipe_radius_mm;
@@ -480,7 +510,7 @@ std::optional<Posterior> FitEndBorder(const RoughEnd& known, const EndBand& band
   const auto seen = columns.Seen(spread_mm, missing);
   if (!seen) return std::nullopt;
   BorderLikelihood likelihood(*seen, missing, rough.smear_mm, rough.slope_mm, plane_mm, band_mm);
-  auto border = Among(likelihood, rough, about, spread_mm);
+  auto border = Among(likelihood, rough, about, spread_mm, dice);
   if (!border) return std::nullopt;
   // Where samples are of another density than behind the border it is elsewhere.
   const double gap_mm = 1.0 / (rough.per_mm2 * turn_mm);

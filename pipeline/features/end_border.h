@@ -39,7 +39,7 @@ struct RoughEnd {
 // likely they are. Of a cloud nobody knows which way its noise goes: along rays it hardly moves
 // samples along the tube, in all directions as far as across it; either is thought of alike. None:
 // they are not scattered (laser lines, a grid), some of the turn is hidden, or, of rays, too few
-// lie about the border to tell more than `rough`.
-std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band);
+// lie about the border to tell more than `rough`. `dice`: of four numbers.
+std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band, WalkDice& dice);
 
 }  // namespace bendloop::pipeline

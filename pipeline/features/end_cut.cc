@@ -215,6 +215,11 @@ double DepthMm(std::span<const EndSample> samples) {
   return high->beyond_mm - low->beyond_mm;
 }
 
+// What walks share.
+struct EndDice {
+  WalkDice plane{3}, border{4};
+};
+
 // What is asked of all samples about an end.
 struct AllSamples {
   std::size_t count = 0;
@@ -228,8 +233,7 @@ struct AllSamples {
 // The plane of an end, or a border that none is where lines and columns say so.
 class EndFit {
  public:
-  // `dice`: what walks over three numbers share.
-  EndFit(AllSamples all, double pipe_radius_mm, double window_mm, double sigma_mm, WalkDice& dice)
+  EndFit(AllSamples all, double pipe_radius_mm, double window_mm, double sigma_mm, EndDice& dice)
       : all_(std::move(all)),
         r_mm_(pipe_radius_mm),
         window_mm_(window_mm),
@@ -275,7 +279,7 @@ class EndFit {
     const auto lines =
         LookAtEndLines(all_.every(OfLinesStride()), r_mm_, window_mm_, smear_mm_, sigma_mm_);
     if (!lines) return std::nullopt;
-    EndPlane plane = PlaneAmong(*lines, Eigen::Vector2d::Zero(), r_mm_, dice_);
+    EndPlane plane = PlaneAmong(*lines, Eigen::Vector2d::Zero(), r_mm_, dice_.plane);
     plane.of_lines = true;
     if (Agrees(plane, *lines, Eigen::Vector2d::Zero(), r_mm_)) return plane;
     return Bordered(plane, *lines, Eigen::Vector2d::Zero());
@@ -284,14 +288,14 @@ class EndFit {
   EndPlane OfColumns(const EndEvidence& columns, const Eigen::Vector2d& slope_mm) {
     // Where laser lines are seen the columns have said all; a few samples look like some by chance.
     if (columns.sides.size() > columns.columns.size()) {
-      return PlaneAmong(columns, slope_mm, r_mm_, dice_);
+      return PlaneAmong(columns, slope_mm, r_mm_, dice_.plane);
     }
     RoughEnd rough = Rough();
     bool of_border = false;
-    EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_, [&](const Posterior& about) {
+    EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane, [&](const Posterior& about) {
       rough.plane = about;
       if (!rough.knows_rays) rough.hidden = SectorsInShadow(columns, slope_mm, about.mean);
-      const auto border = FitEndBorder(rough, all_.band);
+      const auto border = FitEndBorder(rough, all_.band, dice_.border);
       of_border = border.has_value();
       return border;
     });
@@ -302,7 +306,7 @@ class EndFit {
 
   // By all samples about a rough plane; none: they are not scattered, or too few.
   std::optional<EndPlane> OfBorder(const RoughEnd& rough) const {
-    const auto border = FitEndBorder(rough, all_.band);
+    const auto border = FitEndBorder(rough, all_.band, dice_.border);
     if (!border) return std::nullopt;
     EndPlane plane = PlaneOf(*border, Eigen::Vector2d::Zero(), r_mm_);
     plane.of_border = true;
@@ -344,7 +348,7 @@ class EndFit {
     if (log_odds > kCut.sure_odds) return;
     rough.slope_mm = kCut.square_slope * r_mm_;
     rough.plane.mean.tail<2>().setZero();
-    const auto square = FitEndBorder(rough, all_.band);
+    const auto square = FitEndBorder(rough, all_.band, dice_.border);
     if (!square) return;
     const double part = 1.0 / (1.0 + std::exp(-log_odds));  // of the oblique one
     const double apart_mm = plane.at_mm - square->mean[0];
@@ -398,7 +402,7 @@ class EndFit {
     const std::vector<EndSample> samples = all_.every(StrideTo(all_.count, kCut.enough_samples));
     const EndInDoubt doubt{r_mm_,        window_mm_,        smear_mm_, NumbersOf(plane, r_mm_),
                            plane.border, plane.border_terms};
-    const auto shadowed = FindEndInShadow(samples, doubt, dice_);
+    const auto shadowed = FindEndInShadow(samples, doubt, dice_.plane);
     if (!shadowed || shadowed->seen < kCut.least_seen) return plane;
     // A series follows the edge of a shadow, too.
     const bool is_curve = !plane.border.empty();
@@ -449,7 +453,7 @@ class EndFit {
   AllSamples all_;
   double r_mm_, window_mm_, sigma_mm_, smear_mm_;
   double depth_mm_ = 0;  // along the tube, of the samples of columns
-  WalkDice& dice_;
+  EndDice& dice_;
 };
 
 // One end: its plane, and what it has beside it.
@@ -459,7 +463,7 @@ struct FoundCut {
 };
 class CutSearch {
  public:
-  CutSearch(double pipe_radius_mm, double window_mm, double sigma_mm, WalkDice& dice)
+  CutSearch(double pipe_radius_mm, double window_mm, double sigma_mm, EndDice& dice)
       : r_mm_(pipe_radius_mm), window_mm_(window_mm), sigma_mm_(sigma_mm), dice_(dice) {}
 
   std::optional<FoundCut> Find(const SamplesNearEnd& near) {
@@ -500,7 +504,7 @@ class CutSearch {
   }
 
   double r_mm_, window_mm_, sigma_mm_;
-  WalkDice& dice_;
+  EndDice& dice_;
 };
 
 // An end among the samples about it.
@@ -524,7 +528,7 @@ struct SeenEnd {
 class EndSearch {
  public:
   EndSearch(const hal::Tube& tube, bool at_start, double sigma_mm,
-            std::span<const PointBlock> blocks, WalkDice& dice)
+            std::span<const PointBlock> blocks, EndDice& dice)
       : tube_(tube), at_start_(at_start), sigma_mm_(sigma_mm), blocks_(blocks), dice_(dice) {}
 
   std::optional<SeenEnd> Find(EndAxis axis) {
@@ -562,7 +566,7 @@ class EndSearch {
   bool at_start_;
   double sigma_mm_;
   std::span<const PointBlock> blocks_;
-  WalkDice& dice_;
+  EndDice& dice_;
 };
 
 }  // namespace
@@ -588,7 +592,7 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
   };
   if (samples.empty()) return std::nullopt;
   const auto hidden = [](const Eigen::Vector3d&) { return EndSectors{}; };
-  WalkDice dice(3);
+  EndDice dice;
   return EndFit({samples.size(), knows_passes, every, band, hidden}, pipe_radius_mm, window_mm,
                 sigma_mm, dice)
       .Fit();
@@ -597,7 +601,7 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
 EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnds& ends) {
   EndCuts cuts;
   const hal::Tube found = ends.tube;
-  WalkDice dice(3);
+  EndDice dice;
   for (const bool at_start : {true, false}) {
     if (!(at_start ? ends.first_seen : ends.last_seen)) continue;
     const auto end =

@@ -32,20 +32,6 @@ struct EvidenceSettings {
 };
 constexpr EvidenceSettings kEvidence;
 
-// The logarithm of the normal distribution and of a part that is always there.
-EvenTable LogNormalCdf(double floor) {
-  constexpr std::size_t kSize = 481;
-  constexpr double kFrom = -6.0, kStep = 0.025;
-  EvenTable table{kFrom, 1.0 / kStep, {}};
-  for (std::size_t i = 0; i < kSize; ++i) {
-    const double z = kFrom + kStep * static_cast<double>(i);
-    table.at.push_back(
-        std::log(floor + (1.0 - floor) * 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0)));
-  }
-  table.at.push_back(table.at.back());
-  return table;
-}
-
 const EvenTable& TableOfHits() {
   static const EvenTable table = LogNormalCdf(std::exp(-kEvidence.saturated));
   return table;

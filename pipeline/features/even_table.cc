@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/features/even_table.h"
 
+#include <cmath>
 #include <cstddef>
+#include <numbers>
 
 #include "pipeline/math/simd.h"
 
@@ -86,6 +88,19 @@ double EvenTable::Sum(const PlaneLanes& lanes, const double* x, double more) con
   const PlaneTable of{at.data(), static_cast<double>(one - 2), from, per_step, x[0], x[1], x[2],
                       more};
   return SumPlane(of, lanes, lanes.at.size()) - static_cast<double>(lanes.filled) * at[one - 1];
+}
+
+EvenTable LogNormalCdf(double floor) {
+  constexpr std::size_t kSize = 481;
+  constexpr double kFrom = -6.0, kStep = 0.025;
+  EvenTable table{kFrom, 1.0 / kStep, {}};
+  for (std::size_t i = 0; i < kSize; ++i) {
+    const double z = kFrom + kStep * static_cast<double>(i);
+    table.at.push_back(
+        std::log(floor + (1.0 - floor) * 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0)));
+  }
+  table.at.push_back(table.at.back());
+  return table;
 }
 
 double EvenTable::Sum(std::span<const double> places) const {

@@ -35,4 +35,8 @@ struct EvenTable {
   double Sum(const PlaneLanes& lanes, const double* x, double more) const;
 };
 
+// The logarithm of the standard normal distribution and of a part `floor` that is always there, of
+// places from -6 to 6.
+EvenTable LogNormalCdf(double floor);
+
 }  // namespace bendloop::pipeline

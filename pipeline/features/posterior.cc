@@ -142,9 +142,16 @@ Posterior SamplePosterior(const Posterior& rough, int walk,
 
 Posterior SamplePosterior(const Posterior& rough, int walk, WalkDice& dice,
                           const std::function<double(const Eigen::VectorXd&)>& log_density) {
-  // Ends and holes have three numbers; that many the compiler takes one by one.
-  return rough.mean.size() == 3 ? Walk<3>(rough, walk, dice, log_density)
-                                : Walk<Eigen::Dynamic>(rough, walk, dice, log_density);
+  // Ends and holes have three numbers, and ends' borders a noise; that many the compiler takes one
+  // by one.
+  switch (rough.mean.size()) {
+    case 3:
+      return Walk<3>(rough, walk, dice, log_density);
+    case 4:
+      return Walk<4>(rough, walk, dice, log_density);
+    default:
+      return Walk<Eigen::Dynamic>(rough, walk, dice, log_density);
+  }
 }
 
 }  // namespace bendloop::pipeline
