@@ -71,6 +71,8 @@ struct EndCutSettings {
   // so often at most.
   double further = 1.0;
   int most_further = 4;
+  // [of r_P] Deeper samples are of no dent.
+  double deepest_dent = 0.35;
   // [of their 1 sigma, together] Planes that are nearer to each other are one.
   double apart = 3.0;
   // Of scattered samples' columns: so many look like lines by chance.
@@ -460,6 +462,7 @@ class EndFit {
 struct FoundCut {
   EndPlane plane;
   EndCutFound cut;
+  bool is_dented = false;
 };
 class CutSearch {
  public:
@@ -480,19 +483,42 @@ class CutSearch {
       }
       return found;
     }
-    const std::vector<NearEnd> out = StandingOut(near, of_wall_mm, r_mm_, sigma_mm_);
-    if (out.empty()) return found;
-    const SamplesNearEnd whole = near.With(out);
-    const auto tip = PlaneOfWall(whole);
-    if (!tip) return found;
-    const auto burr = FindBurr(whole, NumbersOf(*tip, r_mm_), r_mm_, sigma_mm_);
-    if (!burr) return found;
-    found = {*tip, Found(*tip)};
-    found.cut.burr = burr;
+    if (const auto burred = WithBurr(near, of_wall_mm)) return burred;
+    if (const auto dented = UnlessDented(near, *plane)) return dented;
     return found;
   }
 
  private:
+  std::optional<FoundCut> WithBurr(const SamplesNearEnd& near, const Eigen::Vector3d& of_wall_mm) {
+    const std::vector<NearEnd> out = StandingOut(near, of_wall_mm, r_mm_, sigma_mm_);
+    if (out.empty()) return std::nullopt;
+    const SamplesNearEnd whole = near.With(out);
+    const auto tip = PlaneOfWall(whole);
+    if (!tip) return std::nullopt;
+    const auto burr = FindBurr(whole, NumbersOf(*tip, r_mm_), r_mm_, sigma_mm_);
+    if (!burr) return std::nullopt;
+    FoundCut found{*tip, Found(*tip)};
+    found.cut.burr = burr;
+    return found;
+  }
+
+  // Where a dent presses the wall in its samples still show that it goes on: an end that is square
+  // with them and oblique, or a curve, without is dented.
+  std::optional<FoundCut> UnlessDented(const SamplesNearEnd& near, const EndPlane& plane) {
+    const auto may_be_square = [](const EndPlane& of) {
+      return of.slope_sigmas < kCut.may_be_oblique && of.border.empty() && !of.in_shadow;
+    };
+    if (may_be_square(plane)) return std::nullopt;
+    std::vector<NearEnd> pressed_in;
+    for (const NearEnd& sample : near.inside()) {
+      if (sample.RadiusMm() > (1.0 - kCut.deepest_dent) * r_mm_) pressed_in.push_back(sample);
+    }
+    if (pressed_in.empty()) return std::nullopt;
+    const auto square = PlaneOfWall(near.With(pressed_in));
+    if (!square || !may_be_square(*square)) return std::nullopt;
+    return FoundCut{*square, Found(*square), true};
+  }
+
   std::optional<EndPlane> PlaneOfWall(const SamplesNearEnd& near) {
     AllSamples all{near.size(), near.knows_passes(),
                    [&](std::size_t stride) { return near.Every(stride); },
@@ -518,7 +544,8 @@ struct SeenEnd {
     const EndPlane& plane = cut.plane;
     if (plane.slope_sigmas >= kCut.oblique || plane.of_border || is_further) return true;
     // Where the wall comes in, or its border is no plane, its outermost point is not the end.
-    if (cut.cut.bevel || cut.cut.burr || !plane.border.empty() || plane.in_shadow) return true;
+    if (cut.cut.bevel || cut.cut.burr || cut.is_dented) return true;
+    if (!plane.border.empty() || plane.in_shadow) return true;
     // Laser lines tell of an end's place at its axis whether it is square or not.
     return plane.of_lines &&
            (plane.slope_sigmas >= kCut.may_be_oblique || plane.at_sigma_mm < sigma_mm);
