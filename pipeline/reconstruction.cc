@@ -48,6 +48,7 @@
 #include "pipeline/spine/tube_choice.h"
 #include "pipeline/structure/neighbour_separation.h"
 #include "pipeline/structure/nominal_along.h"
+#include "pipeline/structure/nominal_radii.h"
 #include "pipeline/structure/structure.h"
 #include "pipeline/tube/stage_timer.h"
 
@@ -180,6 +181,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   }
   TryOneDie(blocks, final.options, solution);
   FitLast(blocks, final.options, solution);
+  if (nominal) TakeNominalRadii(*nominal, final.options.free_pipe_radius, solution.fit);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);
   if (!tube.registration.passes.empty()) {

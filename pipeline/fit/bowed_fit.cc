@@ -42,6 +42,17 @@ Look LookForBows(std::span<const PointBlock> blocks, const OwnedBlocks& few, dou
   return {many.point_count(), Insists(straight)};
 }
 
+// Whether so few of the `points` have a say that `bowed` lies beside much of the tube. `had_say`:
+// of them by lines and arcs alone, `no_bows`; `few`: that tell which of the two is better.
+bool HasLostItsWay(const BowedTube& bowed, const OwnedBlocks& points, double had_say,
+                   const BowedTubeState& no_bows, const OwnedBlocks& few, double reach_mm) {
+  const double has_say = bowed.Weight() / static_cast<double>(points.point_count());
+  if (has_say >= kBowed.kept * had_say) return false;
+  if (has_say < kBowed.kept_beside_dents * had_say) return true;
+  const double noise_mm = bowed.noise_mm();
+  return CostOf(bowed.Next(), few, reach_mm, noise_mm) > CostOf(no_bows, few, reach_mm, noise_mm);
+}
+
 // Without bows: bends that ease into the middle of a straight turn its best-fit line all the same.
 void MoveToLines(const SurfaceFit& before, BowedTubeState state, std::span<const PointBlock> few,
                  const SurfaceFitOptions& options, SurfaceFit& fit) {
@@ -74,14 +85,6 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
   if (from && !from->is_lost) bows = *from;
   std::optional<double> usual_radius_mm = straight.UsualRadius();
   const double had_say = straight.Weight() / static_cast<double>(seen);
-  const auto has_lost_its_way = [&](const BowedTube& bowed, const OwnedBlocks& points_now) {
-    const double has_say = bowed.Weight() / static_cast<double>(points_now.point_count());
-    if (has_say >= kBowed.kept * had_say) return false;
-    if (has_say < kBowed.kept_beside_dents * had_say) return true;
-    const double noise_mm = bowed.noise_mm();
-    return CostOf(bowed.Next(), few, options.reach_mm, noise_mm) >
-           CostOf(no_bows, few, options.reach_mm, noise_mm);
-  };
   bool is_last = false;
   int last_rounds = 0;
   for (int round = 1;; ++round) {
@@ -94,7 +97,8 @@ BowedFit FitBows(std::span<const PointBlock> blocks, const SurfaceFitOptions& op
     // what the samples hardly tell apart (radius, easing and bows of a slight bend) that is far.
     const bool is_there =
         is_last && (++last_rounds == kBowed.most_last_rounds || bowed.Gain() < kBowed.at_rest);
-    const bool is_lost = is_last && has_lost_its_way(bowed, points_now);
+    const bool is_lost =
+        is_last && HasLostItsWay(bowed, points_now, had_say, no_bows, few, options.reach_mm);
     if (!bowed.IsSolved() || is_lost || round - last_rounds > kBowed.most_rounds ||
         (is_there && !(bowed.IsSettled() && bowed.MoveTo(fit)))) {
       // A radius that bows beside a slight bend made wide is as unsure as it is unusual.
