@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -49,7 +50,10 @@ struct ReviseSettings {
   // that eases or is dented.
   double clamp = 1.0;
   // [of r_P] Where easing begins, and [sigma] from which on samples insist on it (easing_fit.cc).
-  double easing = 0.3, insist = 4.0;
+  double easing = 0.3, insist = 3.0;
+  // [logarithm of odds] What an easing costs, of which bends of one tube have about the same: where
+  // samples insist on neither, both are likely. And the part of the odds that is not worth a doubt.
+  double easing_price = 1.0, hardly_likely = 0.01;
   // [of r_P] Beside bows so little may be none, and bows looked like it.
   double hardly_eased = 0.1;
   // So many points tell which is better.
@@ -348,6 +352,27 @@ bool IsHardlyEased(const SurfaceFit& fit) {
                      [&](double of_bend) { return of_bend < hardly_mm * hardly_mm; });
 }
 
+// `chosen` is less sure by as much as the other, `part` of the odds, lies elsewhere.
+void DoubtBy(const BowedSolution& other, double part, bool free_pipe_radius,
+             BowedSolution& chosen) {
+  const auto is_lost = [](const BowedSolution& one) { return one.bows.is_lost; };
+  const std::size_t bends = chosen.fit.tube.program.bend_count();
+  if (part < kRevise.hardly_likely || is_lost(other) || is_lost(chosen) ||
+      other.fit.tube.program.bend_count() != bends) {
+    return;
+  }
+  const auto numbers = [&](const SurfaceFit& fit) {
+    return TubeParameters(fit.tube, free_pipe_radius, fit.flattening, {}).Initial();
+  };
+  const TubeParameters parameters(chosen.fit.tube, free_pipe_radius, chosen.fit.flattening, {});
+  Eigen::VectorXd apart = numbers(other.fit) - numbers(chosen.fit);
+  for (std::size_t i = 1; i < bends; ++i) {
+    double& turn = apart[parameters.rotation(i)];
+    turn = std::remainder(turn, 2.0 * std::numbers::pi);
+  }
+  Widen(part * apart * apart.transpose(), free_pipe_radius, chosen.fit);
+}
+
 BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> blocks,
                            const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution = Solve(start, blocks, options, std::move(straight));
@@ -368,9 +393,13 @@ BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> b
   BowedSolution& eased = is_sharp ? other : solution;
   BowedSolution& sharp = is_sharp ? solution : other;
   const double worth = std::max(1.0, std::min(eased.bows.worth, sharp.bows.worth));
-  const bool is_eased = GainOf(eased, sharp, blocks, options.reach_mm, kBowed.enough_points) >
-                        worth * kRevise.insist * kRevise.insist;
-  return is_eased ? std::move(eased) : std::move(sharp);
+  const double gain = GainOf(eased, sharp, blocks, options.reach_mm, kBowed.enough_points);
+  const bool is_eased = gain > worth * kRevise.insist * kRevise.insist;
+  const double of_eased = 1.0 / (1.0 + std::exp(kRevise.easing_price - 0.5 * gain / worth));
+  BowedSolution& chosen = is_eased ? eased : sharp;
+  DoubtBy(is_eased ? sharp : eased, is_eased ? 1.0 - of_eased : of_eased, options.free_pipe_radius,
+          chosen);
+  return std::move(chosen);
 }
 
 // [mm] The greater a bend's angle, the more its samples tell of its radius.
