@@ -31,7 +31,7 @@ struct BendChangeSettings {
   double clamp = 1.0;
 };
 constexpr BendChangeSettings kChanges;
-constexpr double kFar = std::numeric_limits<double>::infinity();
+constexpr double kNoRadius = std::numeric_limits<double>::infinity();
 
 // Where the lines from `a` to `b` and from `c` to `d` are nearest to each other.
 Eigen::Vector3d Between(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
@@ -230,9 +230,9 @@ std::vector<BendChange> BendChanges(const BowedSolution& now,
     if (!change.corners.points_mm.empty()) add(std::move(change));
   }
   const EasedSpine spine = SpineOf(now.bows.state);
-  double radius_mm = kFar;
+  double radius_mm = kNoRadius;
   for (std::size_t i = 0; i + 1 < rows.size(); ++i) {
-    radius_mm = std::min(radius_mm, rows[i].bend_radius_mm.value_or(kFar));
+    radius_mm = std::min(radius_mm, rows[i].bend_radius_mm.value_or(kNoRadius));
   }
   for (std::size_t k = 0; more && k < now.bows.state.bows.size(); ++k) {
     const Bow& bow = now.bows.state.bows[k];
