@@ -67,7 +67,7 @@ struct EasedSettings {
   double crowded = 0.5, crowded_from = 1.1;
   // [of the variance that a Gaussian would have beyond the room there is] So much of it the fit may
   // have taken for more of the arc, or the other way round. By trial.
-  double cut_off = 0.2;
+  double cut_off = 0.21;
   double widest_rad = 2.6;  // of wider bends the corner runs away
   double least_sine = 0.2;  // of slighter bends the plane is not known anyway
 };
