@@ -175,16 +175,15 @@ std::vector<std::size_t> SlightBends(const BowedSolution& now) {
 BendChange WithoutAllInDoubt(const BowedSolution& now, const ControlPolygon& polygon,
                              std::span<const std::size_t> slight) {
   std::vector<Run> all = Runs(now.fit, kChanges.clamp);
-  if (all.empty()) return {};
+  const std::size_t runs = all.size();
+  if (runs == 0) return {};
   for (const std::size_t bend : slight) {
     const bool is_in_run = std::any_of(all.begin(), all.end(), [bend](const Run& run) {
       return run.first <= bend && bend <= run.last;
     });
     if (!is_in_run) all.push_back({bend, bend});
   }
-  const auto merged =
-      std::count_if(all.begin(), all.end(), [](const Run& run) { return run.first < run.last; });
-  if (static_cast<std::size_t>(merged) == all.size()) return {};
+  if (all.size() == runs) return {};
   std::sort(all.begin(), all.end(), [](const Run& a, const Run& b) { return a.first < b.first; });
   return WithRunsMerged(now.fit, polygon, all);
 }

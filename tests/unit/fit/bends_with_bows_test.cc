@@ -119,9 +119,7 @@ TEST_F(BendsWithBows, APartThatBeginsOffItsPointsComesBack) {
 // A bend in two and a slight one beside a small noise: each hides that the other is none, and only
 // without both do bows and easings explain the samples. (Of the tube of seed 7 seven were found.)
 TEST(BendsInDoubt, BecomeNoneTogether) {
-  hal::Tube tube = ThreeBends();
-  tube.program.rows = {{57, 0, 61, 19.7},   {48, -134, 30, 19.7}, {47, -5, 86, 19.7},
-                       {66, 135, 16, 19.7}, {57, 119, 24, 19.7},  {68, 0, 0, {}}};
+  const hal::Tube tube = FiveBends();
   const tests::Form form{.bow = 1.0 / 1500, .s_bow = 1.0 / 6000, .easing_r = 0.07};
   for (const unsigned seed : {6U, 7U, 8U}) {
     SCOPED_TRACE(seed);

@@ -113,9 +113,7 @@ TEST(BowedFit, AStraightOfAPipeRadiusBowsAsOthersDo) {
 // one about as well as for the other, rows are as unsure as both are apart. (By the likelier alone
 // radii and lengths were 3.2 of their sigmas off, root mean square; now 2.3.)
 TEST(BowedFit, IsUnsureWhereBowsMayBeEasing) {
-  hal::Tube tube = ThreeBends();
-  tube.program.rows = {{57, 0, 61, 19.7},   {48, -134, 30, 19.7}, {47, -5, 86, 19.7},
-                       {66, 135, 16, 19.7}, {57, 119, 24, 19.7},  {68, 0, 0, {}}};
+  const hal::Tube tube = FiveBends();
   const tests::Form form{.bow = 1.0 / 1500, .s_bow = 1.0 / 6000, .easing_r = 0.07};
   double squares = 0, count = 0;
   for (unsigned seed = 1; seed <= 6; ++seed) {

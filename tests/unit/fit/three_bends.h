@@ -18,4 +18,12 @@ inline hal::Tube ThreeBends() {
   return tube;
 }
 
+// The same pipe with five bends of one die, one of them slight.
+inline hal::Tube FiveBends() {
+  hal::Tube tube = ThreeBends();
+  tube.program.rows = {{57, 0, 61, 19.7},   {48, -134, 30, 19.7}, {47, -5, 86, 19.7},
+                       {66, 135, 16, 19.7}, {57, 119, 24, 19.7},  {68, 0, 0, {}}};
+  return tube;
+}
+
 }  // namespace bendloop::pipeline

@@ -38,7 +38,7 @@ WallScan AWallScan(std::uint64_t seed) {
   return scan;
 }
 
-// WallErrors of one number in sigmas.
+// Errors of one number in sigmas.
 class WallErrors {
  public:
   explicit WallErrors(std::string name) : name_(std::move(name)) {}
