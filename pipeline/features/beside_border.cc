@@ -2,6 +2,7 @@
 #include "pipeline/features/beside_border.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
@@ -18,26 +19,59 @@ struct BesideSettings {
   // Sides are as many as have so many samples each, at most and at least so many.
   double of_side = 5.0;
   int most_sides = 24, least_sides = 8;
+  // Bands beside a border whose densities are compared: how wide [of its width] the nearer one is
+  // at least, and how many times as wide the further one. Each is read in so many sectors, by
+  // places so many of which fit across all of them.
+  double band = 0.12, further = 1.5;
+  int sectors = 8, places = 96;
+  // What is left of the density beside the edge of what nobody saw.
+  double left = 0.7;
+  // Places like an opening beside it: as wide as this part of it, so many at most and at least.
+  // Of them so many may have no more than this part of what the middle one of them has.
+  double like = 0.5;
+  int most_likes = 200, least_likes = 10;
+  double most_empty = 0.05, is_empty = 0.1;
 };
 constexpr BesideSettings kBeside;
+
+// Places spread evenly over a disc about the middle of a border (Vogel's spiral).
+template <class Take>
+void SpreadOver(const OpeningBorder& border, double reach_mm, double count, Take take) {
+  for (double i = 0.5; i < count; i += 1.0) {
+    const double radius = reach_mm * std::sqrt(i / count);
+    const double turn = i * std::numbers::pi * (3.0 - std::sqrt(5.0));
+    take(Eigen::Vector2d(border.middle_mm +
+                         radius * Eigen::Vector2d(std::cos(turn), std::sin(turn))));
+  }
+}
+
+// How far along a border the place of it that is nearest lies, of its whole length.
+double TurnOf(const OpeningBorder& border, const Eigen::Vector2d& place) {
+  constexpr double kPi = std::numbers::pi;
+  const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
+  const Eigen::Vector2d from = place - border.middle_mm;
+  const double along = c * from.x() + s * from.y(), across = c * from.y() - s * from.x();
+  const double round_mm = 0.5 * border.width_mm, line_mm = border.length_mm - border.width_mm;
+  const double beyond = std::abs(along) - 0.5 * line_mm;
+  // Of half a border, from the middle of one of its lines to that of the other: over the round end.
+  const double turned = beyond > 0 ? std::atan2(beyond, std::abs(across)) : 0.0;
+  double half_mm = 0.5 * line_mm + std::min(0.0, beyond) + round_mm * turned;
+  if (across < 0) half_mm = line_mm + kPi * round_mm - half_mm;
+  const double part = 0.5 * half_mm / (line_mm + kPi * round_mm);
+  return along < 0 ? 1.0 - part : part;
+}
 
 }  // namespace
 
 double GapBeside(const OpeningBorder& border, const PlaneSamples& present, double pipe_radius_mm) {
   std::vector<double> gaps;
   const double from_mm = 0.25 * border.width_mm, to_mm = from_mm + 0.5 * border.width_mm;
-  // Places spread evenly over the ring (Vogel's spiral).
   const double reach_mm = 0.5 * border.length_mm + to_mm;
-  const double n = kBeside.most_gap_probes;
-  for (double i = 0.5; i < n; i += 1.0) {
-    const double radius = reach_mm * std::sqrt(i / n);
-    const double turn = i * std::numbers::pi * (3.0 - std::sqrt(5.0));
-    const Eigen::Vector2d place =
-        border.middle_mm + radius * Eigen::Vector2d(std::cos(turn), std::sin(turn));
+  SpreadOver(border, reach_mm, kBeside.most_gap_probes, [&](const Eigen::Vector2d& place) {
     const double off_mm = border.DistanceMm(place);
-    if (std::abs(place.y()) > kLimb * pipe_radius_mm) continue;
+    if (std::abs(place.y()) > kLimb * pipe_radius_mm) return;
     if (off_mm > from_mm && off_mm < to_mm) gaps.push_back(present.NearestMm(place));
-  }
+  });
   return Quantile(std::move(gaps), 0.98);
 }
 
@@ -47,11 +81,7 @@ BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d
   for (const Eigen::Vector2d& place : wall) {
     const double off_mm = border.DistanceMm(place);
     if (off_mm < -clear_mm || off_mm > reach_mm) continue;
-    // Sides by how far around the border: that of a long slot is stretched to be round.
-    const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
-    const Eigen::Vector2d from = place - border.middle_mm;
-    const double x = (c * from.x() + s * from.y()) * border.width_mm / border.length_mm;
-    turns.push_back(std::atan2(c * from.y() - s * from.x(), x) / (2.0 * std::numbers::pi) + 0.5);
+    turns.push_back(TurnOf(border, place));
   }
   const double around_mm =
       std::numbers::pi * border.width_mm + 2.0 * (border.length_mm - border.width_mm);
@@ -64,6 +94,77 @@ BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d
     has[std::min(static_cast<std::size_t>(turn * sides), has.size() - 1)] = true;
   }
   return {static_cast<int>(std::count(has.begin(), has.end(), true)), sides};
+}
+
+double LogOddsOfShadow(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
+                       double gap_mm, double pipe_radius_mm) {
+  const double band_mm = std::max(gap_mm, kBeside.band * border.width_mm);
+  struct Band {
+    double samples = 0, mm2 = 0;
+  };
+  std::vector<std::array<Band, 2>> sectors(static_cast<std::size_t>(kBeside.sectors));
+  // The band of a place: the nearer one, the further one, or none.
+  const auto at = [&](const Eigen::Vector2d& place) -> Band* {
+    const double off_mm = border.DistanceMm(place);
+    if (off_mm <= 0 || off_mm >= (1.0 + kBeside.further) * band_mm) return nullptr;
+    if (std::abs(place.y()) > kLimb * pipe_radius_mm) return nullptr;
+    const auto sector = static_cast<std::size_t>(TurnOf(border, place) * kBeside.sectors);
+    return &sectors[std::min(sector, sectors.size() - 1)][off_mm < band_mm ? 0 : 1];
+  };
+  for (const Eigen::Vector2d& place : wall) {
+    if (Band* band = at(place)) band->samples += 1;
+  }
+  const double half_mm = 0.5 * border.length_mm + (1.0 + kBeside.further) * band_mm;
+  const double step_mm = 2.0 * half_mm / kBeside.places;
+  for (double x = 0.5 * step_mm - half_mm; x < half_mm; x += step_mm) {
+    for (double y = 0.5 * step_mm - half_mm; y < half_mm; y += step_mm) {
+      const Eigen::Vector2d place = border.middle_mm + Eigen::Vector2d(x, y);
+      // Of the wall, which is seen from the side further out.
+      const double side = place.y() / pipe_radius_mm;
+      if (Band* band = at(place)) band->mm2 += step_mm * step_mm / std::sqrt(1.0 - side * side);
+    }
+  }
+  // Of a sample in either band it is known in which it would lie, were they as dense as each other,
+  // or the nearer one as thin as beside an edge.
+  double log_odds = 0, most = 0;
+  for (const auto& [near, far] : sectors) {
+    if (!(near.mm2 > 0) || !(far.mm2 > 0)) continue;
+    const double cut = near.mm2 / (near.mm2 + far.mm2);
+    const double edge = kBeside.left * near.mm2 / (kBeside.left * near.mm2 + far.mm2);
+    const double log =
+        near.samples * std::log(edge / cut) + far.samples * std::log((1.0 - edge) / (1.0 - cut));
+    log_odds += log;
+    most = std::max(most, log);
+  }
+  return log_odds - most;
+}
+
+bool IsLikeItsSurroundings(const OpeningBorder& border, std::span<const Eigen::Vector2d> present,
+                           double reach_mm, double pipe_radius_mm) {
+  OpeningBorder like = border;
+  like.width_mm *= kBeside.like;
+  like.length_mm -= border.width_mm - like.width_mm;
+  const Eigen::Vector2d axis(std::cos(like.axis_rad), std::sin(like.axis_rad));
+  const Eigen::Vector2d line_mm = 0.5 * (like.length_mm - like.width_mm) * axis;
+  std::vector<double> counts;
+  SpreadOver(border, reach_mm, kBeside.most_likes, [&](const Eigen::Vector2d& place) {
+    like.middle_mm = place;
+    // None of it in the opening, nor where nothing was looked at.
+    for (const double end : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
+      const Eigen::Vector2d of_line = place + end * line_mm;
+      if (border.DistanceMm(of_line) < 0.5 * like.width_mm) return;
+      if (of_line.norm() + 0.5 * like.width_mm > reach_mm) return;
+      if (std::abs(of_line.y()) + 0.5 * like.width_mm > kLimb * pipe_radius_mm) return;
+    }
+    counts.push_back(static_cast<double>(
+        std::count_if(present.begin(), present.end(),
+                      [&](const Eigen::Vector2d& sample) { return like.DistanceMm(sample) < 0; })));
+  });
+  if (counts.size() < static_cast<std::size_t>(kBeside.least_likes)) return true;
+  const double most = std::max(1.0, kBeside.is_empty * Quantile(counts, 0.5));
+  const auto empty = static_cast<double>(
+      std::count_if(counts.begin(), counts.end(), [&](double count) { return count <= most; }));
+  return empty > kBeside.most_empty * static_cast<double>(counts.size());
 }
 
 }  // namespace bendloop::pipeline

@@ -24,4 +24,15 @@ struct BorderSides {
 BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
                     double clear_mm, double reach_mm, double least_side_mm);
 
+// How much likelier [log] than a cut the edge of what nobody saw is, a shadow's or where the wall
+// turns away from all who looked: there samples become fewer towards it, beside a cut they are as
+// dense as further out. The sector that says the most has no say: another pass may end there.
+double LogOddsOfShadow(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
+                       double gap_mm, double pipe_radius_mm);
+
+// Whether places of its size and direction beside an opening are empty, too, as those between laser
+// lines are, or nobody can tell. `present`: samples up to `reach_mm` from the middle of the plane.
+bool IsLikeItsSurroundings(const OpeningBorder& border, std::span<const Eigen::Vector2d> present,
+                           double reach_mm, double pipe_radius_mm);
+
 }  // namespace bendloop::pipeline

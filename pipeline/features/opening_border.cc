@@ -37,8 +37,9 @@ struct BorderSettings {
   // but for how well the wall is known.
   double of_lines = 0.2;
   double sure = 5.0;  // [sigma] From the border: certainly outside, or inside
-  // [of its width] Samples further outside tell nothing.
-  double near = 0.35;
+  // [of its width, and of its length] Samples further outside tell nothing, nor is it there. What
+  // is roughly the border of a slot may be too short.
+  double near = 0.35, near_along = 0.25;
   // Steps of the walk, of one that says whether a hole may lean at all, from so many sigma on, and
   // of one over leans, which are tied to the place.
   int walk = 2500, short_walk = 600, lean_walk = 5000;
@@ -91,9 +92,10 @@ struct ShapeFit {
 class ShapeWalk {
  public:
   ShapeWalk(const WallAbout& wall, const OpeningBorder& about, Shape shape)
-      : about_(about), shape_(shape), smear_mm_(wall.smear_mm) {
+      : about_(about), zone_(about), shape_(shape), smear_mm_(wall.smear_mm) {
+    if (shape == Shape::kSlot) zone_.length_mm *= 1.0 + 2.0 * kBorder.near_along;
     for (const Eigen::Vector2d& sample : wall.samples) {
-      if (about.DistanceMm(sample) < kBorder.near * about.width_mm) near_.push_back(sample);
+      if (IsInZone(sample)) near_.push_back(sample);
     }
     for (const Eigen::Vector2d& sample : near_) near_up_.push_back(HeightMm(sample.y()));
     density_ = wall.density;
@@ -105,7 +107,7 @@ class ShapeWalk {
     }
     for (const MissedPlace& missed : wall.missed) {
       const Eigen::Vector2d& place = missed.place_mm;
-      if (about.DistanceMm(place) > kBorder.near * about.width_mm) continue;
+      if (!IsInZone(place)) continue;
       missed_.push_back(missed);
       missed_up_.push_back(HeightMm(place.y()));
     }
@@ -129,6 +131,13 @@ class ShapeWalk {
              std::log(2.0 * std::numbers::pi * kBorder.usual_lean * kBorder.usual_lean);
     }
     const OpeningBorder border = BorderOf(x, shape_, about_.pipe_radius_mm);
+    if (shape_ == Shape::kSlot) {
+      const Eigen::Vector2d axis(std::cos(border.axis_rad), std::sin(border.axis_rad));
+      const Eigen::Vector2d half_mm = 0.5 * border.length_mm * axis;
+      if (!IsInZone(border.middle_mm + half_mm) || !IsInZone(border.middle_mm - half_mm)) {
+        return kNever;
+      }
+    }
     log += density_.Missing(border, density_about_mm_);
     return log + (shape_ == Shape::kLeaningHole ? LogLeaning(border, blur) : LogFlat(border, blur));
   }
@@ -225,6 +234,10 @@ class ShapeWalk {
         std::hypot(smear_mm_, sideways_sigma_mm * sideways_mm / std::max(off_mm, 1e-9));
     return LogCovered(half_mm - off_mm, blur * sigma_mm, kBorder.lost);
   }
+  // Whether what lies there was looked at.
+  bool IsInZone(const Eigen::Vector2d& place) const {
+    return zone_.DistanceMm(place) < kBorder.near * zone_.width_mm;
+  }
   static double LogCovered(double distance_mm, double sigma_mm, double otherwise) {
     const double z = distance_mm / sigma_mm;
     if (std::abs(z) > kBorder.sure) return z > 0 ? 0.0 : std::log(otherwise);
@@ -256,7 +269,7 @@ class ShapeWalk {
     return fit;
   }
 
-  OpeningBorder about_;
+  OpeningBorder about_, zone_;
   Shape shape_;
   double smear_mm_;
   double sideways_smear_mm_ = 0;  // beside it, of laser lines: as their missed rays

@@ -280,12 +280,14 @@ class PassViews {
  private:
   // Of the area of an opening, what this pass would have seen were it wall.
   double PartSeen(unsigned pass, const OpeningBorder& about) {
-    const double half_mm = 0.5 * about.length_mm;
-    const double step_mm = 2.0 * half_mm / kLook.places;
+    const Eigen::Vector2d axis(std::cos(about.axis_rad), std::sin(about.axis_rad));
+    const Eigen::Vector2d across(-axis.y(), axis.x());
     double inside = 0, seen = 0;
-    for (double x = 0.5 * step_mm - half_mm; x < half_mm; x += step_mm) {
-      for (double y = 0.5 * step_mm - half_mm; y < half_mm; y += step_mm) {
-        const Eigen::Vector2d place = about.middle_mm + Eigen::Vector2d(x, y);
+    for (int i = 0; i < kLook.places; ++i) {
+      for (int k = 0; k < kLook.places; ++k) {
+        const Eigen::Vector2d place = about.middle_mm +
+                                      about.length_mm * ((i + 0.5) / kLook.places - 0.5) * axis +
+                                      about.width_mm * ((k + 0.5) / kLook.places - 0.5) * across;
         if (std::abs(place.y()) > kLimb * r_mm_ || about.DistanceMm(place) > 0) continue;
         inside += 1;
         seen += IsSeen(pass, place) ? 1 : 0;

@@ -27,10 +27,10 @@ struct OpeningSettings {
   double look = 1.3, look_more = 0.5;
   // Places where the distance to the nearest sample is asked for, across the void.
   int probes = 24;
-  // How often as wide as the widest gap beside it an opening must be.
-  double least_gaps = 2.2;
-  // Samples that the wall would have there; fewer may be missing by chance (e^-16).
-  double least_missing = 16.0;
+  // How often as wide as the widest gap beside it an opening is; and samples that the wall would
+  // have there, as fewer may be missing by chance (e^-16). Of one that is narrower more must be,
+  // and places like it beside it must have samples.
+  double least_gaps = 2.2, least_missing = 16.0, least_missing_narrow = 25.0;
   // [of its width] So far outside of what is roughly its border the face of the cut may be.
   double face = 0.15;
   // Of its area, where passes are known: so much was looked through by all of them.
@@ -41,8 +41,14 @@ struct OpeningSettings {
   // [sigma] The plane that it is seen in may put it aside by so much.
   double aside = 0.15;
   int moves = 3;  // then it is seen in that of its own middle
-  // [of r_P] The widest, and how much longer than wide.
-  double widest = 1.7, longest = 12.0;
+  // [of r_P] The widest; a slot is no wider than this where nobody knows who looked, as what no
+  // view showed is wide and long. And how much longer than wide it is.
+  double widest = 1.7, widest_slot = 0.9, longest = 12.0;
+  // [log] How much likelier a cut is than the edge of a shadow, at least, of one that is no wider
+  // than gaps beside it; and by how much a shadow may be likelier of others.
+  double narrow_odds = 1.0, shadow_odds = 1.5;
+  // Of what is roughly the border of such a one, so much must be empty.
+  double core = 0.6;
   // Samples whose distance to the nearest says how evenly they are scattered.
   std::size_t asked = 150;
 };
@@ -107,10 +113,42 @@ double Clumping(const OpeningBorder& border, std::span<const Eigen::Vector2d> wa
   return std::max(1.0, 0.5 / std::sqrt(density.per_mm2) / (sum_mm / count));
 }
 
+// How an opening is looked at: so far around it, where samples beside it lie so far apart.
+struct Look {
+  double reach_mm, gap_mm;
+};
+
+bool IsNarrow(const OpeningBorder& border, const Look& look) {
+  return border.width_mm < 2.0 * kOpening.least_gaps * look.gap_mm;
+}
+double LeastMissing(const OpeningBorder& border, const Look& look) {
+  return IsNarrow(border, look) ? kOpening.least_missing_narrow : kOpening.least_missing;
+}
+
+// Whether what is roughly one, no wider than gaps beside it, may be one: nothing is in it, and
+// places like it beside it are not empty.
+bool MayBeNarrow(const OpeningBorder& rough, const Surroundings& around, const Look& look,
+                 double r_mm) {
+  const double core_mm = 0.5 * (1.0 - kOpening.core) * rough.width_mm;
+  const auto inside = std::count_if(
+      around.present.begin(), around.present.end(),
+      [&](const Eigen::Vector2d& place) { return rough.DistanceMm(place) < -core_mm; });
+  return inside <= 1 && !IsLikeItsSurroundings(rough, around.present, look.reach_mm, r_mm);
+}
+
+// Where nobody knows who looked: whether samples beside it end as they do at a cut, and not as at
+// the edge of what no view showed.
+bool IsCutInCloud(const OpeningBorder& border, const Surroundings& around, const Look& look,
+                  double r_mm) {
+  if (!border.is_hole() && border.width_mm > kOpening.widest_slot * r_mm) return false;
+  const double odds = LogOddsOfShadow(border, around.wall, look.gap_mm, r_mm);
+  return odds < (IsNarrow(border, look) ? -kOpening.narrow_odds : kOpening.shadow_odds);
+}
+
 // Whether an opening with this border leaves these samples: none in it, and some on all its sides
 // but one, no further from it than they are from each other.
 bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSurroundings& passes,
-           double gap_mm) {
+           const Look& look, double r_mm) {
   const bool are_scattered = passes.are_known && !passes.has_lines;
   const double missing =
       DensityBeside(border, are_scattered ? passes.scattered : around.wall).per_mm2 *
@@ -128,9 +166,10 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSu
   }
   if (passes.are_known && through_mm2 < kOpening.least_through * border.AreaMm2()) return false;
   // Where rays are known to have passed, sides need be no shorter than lines lie apart.
-  const BorderSides sides = SidesOf(border, around.all, clear_mm, 2.0 * gap_mm + clear_mm,
-                                    passes.are_known ? 2.0 * gap_mm : 0.0);
-  return missing >= kOpening.least_missing &&
+  const BorderSides sides = SidesOf(border, around.all, clear_mm, 2.0 * look.gap_mm + clear_mm,
+                                    passes.are_known ? 2.0 * look.gap_mm : 0.0);
+  if (!passes.are_known && !IsCutInCloud(border, around, look, r_mm)) return false;
+  return missing >= LeastMissing(border, look) &&
          inside <= std::max(1.0, kOpening.most_inside * missing) &&
          below <= std::max(1.0, kOpening.most_below * missing) &&
          sides.with_samples + 1 >= sides.all;
@@ -163,24 +202,20 @@ class Candidate {
         continue;
       }
       if (rough->length_mm > kOpening.longest * rough->width_mm) return std::nullopt;
-      const double gap_mm = GapBeside(*rough, present, r_mm_);
-      if (rough->width_mm < 2.0 * kOpening.least_gaps * gap_mm) return std::nullopt;
+      const Look look{reach_mm, GapBeside(*rough, present, r_mm_)};
       const SampleDensity density = DensityBeside(*rough, around.wall);
-      if (density.per_mm2 * rough->AreaMm2() < kOpening.least_missing) return std::nullopt;
+      if (density.per_mm2 * rough->AreaMm2() < LeastMissing(*rough, look)) return std::nullopt;
+      if (IsNarrow(*rough, look) && !MayBeNarrow(*rough, around, look, r_mm_)) return std::nullopt;
       OpeningBorder about = *rough;
       // What a lean leaves of a wall is known of a round one: in a bend drills are taken for
       // radial.
       about.pipe_radius_mm = IsInBend(frame, *rough) ? 0.0 : r_mm_;
-      const Look look{reach_mm, gap_mm};
       return Fit(frame, about, WithoutFace(around, about, look), look, kOpening.moves);
     }
     return std::nullopt;
   }
 
  private:
-  struct Look {
-    double reach_mm, gap_mm;  // as far as samples are looked at; of samples beside the opening
-  };
   // `moves`: so often at most the place is moved to the middle that is found.
   std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& about,
                                   const Surroundings& around, const Look& look, int moves) const {
@@ -189,7 +224,7 @@ class Candidate {
         FitOpening(passes.has_lines ? passes.fair : around.wall, about,
                    kSampling.SmearMm(sigma_mm_, r_mm_), passes.missed, passes.scattered);
     const OpeningBorder& border = fitted.border;
-    if (!IsCut(border, around, passes, look.gap_mm)) return std::nullopt;
+    if (!IsCut(border, around, passes, look, r_mm_)) return std::nullopt;
     // Its drill goes across the wall at its own middle: from beside, its border lies further aside
     // where the wall is lower.
     const double low_mm = border.length_mm * border.length_mm / (8.0 * r_mm_);

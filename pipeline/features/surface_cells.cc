@@ -19,6 +19,9 @@ struct CellSettings {
   // Of the cells around it: so many have points.
   double least_around_it = 0.85;
   std::size_t most_places = 40;
+  // The same of a place that is not two cells wide; where more are as narrow lines leave them.
+  double least_missing_narrow = 18.0;
+  std::size_t most_narrow = 12;
 };
 constexpr CellSettings kCells;
 
@@ -46,10 +49,19 @@ void AreEmpty(const unsigned char* before, const unsigned char* here, const unsi
 
 class VoidSearch {
  public:
-  explicit VoidSearch(const WallCells& grid)
+  enum class Width { kWide, kAny };
+
+  VoidSearch(const WallCells& grid, Width width)
       : grid_(grid),
         is_empty_(grid.count.size()),
-        columns_(static_cast<std::size_t>(grid.columns)) {
+        columns_(static_cast<std::size_t>(grid.columns)),
+        least_cells_(width == Width::kWide ? 2 : 1),
+        least_missing_(width == Width::kWide ? kCells.least_missing : kCells.least_missing_narrow) {
+    if (width == Width::kAny) {
+      std::transform(grid.count.begin(), grid.count.end(), is_empty_.begin(),
+                     [](std::uint32_t count) { return count > 0 ? kFull : kEmpty; });
+      return;
+    }
     // A cell between two that are not is no void: laser lines leave single cells out. Each row with
     // the column before its first and that after its last.
     std::vector<unsigned char> before(columns_ + 2), here(columns_ + 2), after(columns_ + 2);
@@ -148,9 +160,10 @@ class VoidSearch {
       }
     }
     const int rows = last_row - all.row + 1, columns = all.last - all.first + 1;
-    // At an end, all around, or nowhere as wide as two cells: nobody looked there.
+    // At an end or all around: nobody looked there.
     if (all.row == 0 || last_row + 1 == grid_.rows || 2 * columns > grid_.columns) return {};
-    if (rows < 2 || columns < 2 || cells < 4 || !IsAmongOthers(cells)) return {};
+    if (rows < least_cells_ || columns < least_cells_ || cells < 4) return {};
+    if (!IsAmongOthers(cells)) return {};
     return Void{0.5 * (all.row + last_row + 1), 0.5 * (all.first + all.last + 1),
                 static_cast<double>(rows), static_cast<double>(columns)};
   }
@@ -180,12 +193,14 @@ class VoidSearch {
     }
     const auto n = static_cast<double>(around.size());
     return with_points >= kCells.least_around_it * n &&
-           static_cast<double>(cells) * points / n >= kCells.least_missing;
+           static_cast<double>(cells) * points / n >= least_missing_;
   }
 
   const WallCells& grid_;
   std::vector<unsigned char> is_empty_;
   std::size_t columns_;
+  int least_cells_;  // each way
+  double least_missing_;
   std::vector<Run> runs_;
 };
 
@@ -198,7 +213,12 @@ std::vector<EmptyPlace> FindEmptyPlaces(const hal::Tube& tube, WallCells cells) 
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   for (int level = 0; level < kWallGrids && cells.columns >= kLeastColumns; ++level) {
     const double column_mm = turn_mm / cells.columns;
-    for (const Void& found : VoidSearch(cells).Find()) {
+    std::vector<Void> voids = VoidSearch(cells, VoidSearch::Width::kWide).Find();
+    if (level == 0) {
+      const std::vector<Void> any = VoidSearch(cells, VoidSearch::Width::kAny).Find();
+      if (any.size() <= kCells.most_narrow) voids.insert(voids.end(), any.begin(), any.end());
+    }
+    for (const Void& found : voids) {
       EmptyPlace place;
       place.along_mm = found.row * cells.row_mm;
       place.size_mm = std::hypot((found.rows + 1) * cells.row_mm, (found.columns + 1) * column_mm);
