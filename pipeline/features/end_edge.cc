@@ -329,7 +329,8 @@ std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const Eigen::Vecto
     burr.around_deg = std::remainder(
         360.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(kEndSectors), 360.0);
   }
-  if (sectors == 0) return std::nullopt;
+  // What stands out further at the end is a flare, of which only the flatter samples were asked.
+  if (sectors == 0 || burr.height_mm > kEdge.most_out * r_mm) return std::nullopt;
   burr.part = sectors / static_cast<double>(kEndSectors);
   return burr;
 }

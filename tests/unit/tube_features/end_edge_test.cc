@@ -185,6 +185,20 @@ TEST(EndEdge, ABurrIsToldWhereItStandsOut) {
   }
 }
 
+// A wall that is widened by a fifth of its radius and more, all round.
+TEST(EndEdge, AFlareIsNoBurr) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.first_edge.burr_mm = 1.7 + 0.15 * static_cast<double>(seed);
+    features.first_edge.burr_length_mm = 2.5;
+    const EdgeScan scan = ScanEdges(seed, features);
+    for (const auto* end : {&scan.measured.features.first_end, &scan.measured.features.last_end}) {
+      EXPECT_FALSE(*end && (*end)->burr);
+    }
+  }
+}
+
 TEST(EndEdge, ABorderThatNoPlaneIsIsACurve) {
   EdgeErrors border("border"), length("length");
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
