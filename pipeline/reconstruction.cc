@@ -278,11 +278,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   ReportForm(form, fit.priors.radii_alike > 0, measurement);
   measurement.bows_explain_mm2 =
       ExplainedByBowsMm2(final.bowed, measurement.tube, tube->blocks, final.options.reach_mm);
-  MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, final.noise_mm,
-               tube->blocks, measurement.dents);
-  KeepThoseOf(measurement.tube, measurement.dents, measurement.wrinkles);
   SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
-  SayDoubtfulEndBends(fit, NominalBends(), measurement);
   LookBeyondEnds(ends, final, measurement);
   SayOtherPart(measurement);
   timer.Done("ends");
@@ -292,8 +288,12 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   measurement.features = {true, cuts.first, cuts.last,
                           FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
                                        tube->blocks, std::move(cells))};
-  KeepPressedIn(measurement.tube, {measurement.tube, measurement.features}, final.noise_mm,
-                tube->blocks, measurement.dents);
+  const CutFaces faces(measurement.tube, measurement.features);
+  MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, faces,
+               final.noise_mm, tube->blocks, measurement.dents);
+  KeepPressedIn(measurement.tube, faces, final.noise_mm, tube->blocks, measurement.dents);
+  KeepThoseOf(measurement.tube, measurement.dents, measurement.wrinkles);
+  SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
   DropPlanesOfFittings(measurement);
   AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);

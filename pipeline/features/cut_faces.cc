@@ -63,6 +63,10 @@ CutFaces::CutFaces(const hal::Tube& tube, const TubeFeaturesFound& features) {
   }
 }
 
+double CutFaces::ReachMm(double noise_mm, double pipe_radius_mm) {
+  return kSampling.on_surface * noise_mm + kFaces.beside * pipe_radius_mm;
+}
+
 bool CutFaces::AreAt(const Eigen::Vector3d& point_mm, double reach_mm) const {
   for (const End& end : ends_) {
     // Of this end, and not of a leg that passes it.
@@ -87,7 +91,7 @@ void KeepPressedIn(const hal::Tube& tube, const CutFaces& faces, double noise_mm
   const double r_mm = tube.pipe_radius_mm;
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const std::vector<SegmentFrame> frames = SegmentFrames(segments, 0.0);
-  const double face_mm = kSampling.on_surface * noise_mm + kFaces.beside * r_mm;
+  const double face_mm = CutFaces::ReachMm(noise_mm, r_mm);
   std::vector<std::int32_t> candidates;
   std::erase_if(dents, [&](const DentFound& dent) {
     if (dent.depth_mm < kSampling.on_surface * noise_mm) return false;

@@ -20,6 +20,8 @@ class CutFaces {
 
   // Whether a point lies no further than `reach_mm` from what was cut away, or in it.
   bool AreAt(const Eigen::Vector3d& point_mm, double reach_mm) const;
+  // So far from what was cut away samples of its faces are. `noise_mm`: 1 sigma of a point.
+  static double ReachMm(double noise_mm, double pipe_radius_mm);
 
  private:
   struct End {

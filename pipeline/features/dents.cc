@@ -8,9 +8,12 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "hal/angles.h"
 #include "hal/tube_features.h"
@@ -32,24 +35,38 @@ struct DentSettings {
   double most_around = 2.2;
   // [of its depth] and [sigma] Points further off are none of the wall's.
   double most_off = 2.5, off_sigmas = 6.0;
+  // [of r_P] Deeper ones are still asked whether the wall is whole there: through one that was
+  // pressed in nothing is seen. Beyond lies the wall across.
+  double most_in = 0.6;
   // [sigma] Points that the first fit leaves so far off are left out of the second.
   double flier = 5.0;
-  // Points: fewer tell no area; more tell hardly more and cost time.
-  std::size_t least_points = 60, enough_points = 4000;
+  // Points: fewer tell no area, or not even a depth; more tell hardly more and cost time.
+  std::size_t least_points = 60, least_held = 20, enough_points = 4000;
   // 1 sigma before the scan: of the logarithm of the power s (balls and edges press gaussians,
-  // flats have up to 3), of the logarithm of either half axis about the cells', and [of r_P] of the
-  // wall's own form at the edge of what is looked at. They decide only where points leave it open.
-  double power = 0.5, half_axis = 0.7, wall = 0.05;
+  // flats have up to 3), of the logarithm of either half axis about the cells', [of r_P] of the
+  // wall's own form at the edge of what is looked at, and [of the cells'] of the depth; its place
+  // is in what is looked at. They decide only where points leave it open: where no point lies on a
+  // flank, none of them tells place and area.
+  double power = 0.5, half_axis = 0.7, wall = 0.05, depth = 3.0;
   int most_steps = 40;
   // Of chi square: a step that makes it less by no more, a thirtieth of a sigma long, is the last.
   double hardly = 1e-3;
-  // [of depth] 1 sigma of a dent that is known no better was not fitted.
-  double vague = 0.33;
-  // [of depth] and [sigma] One that its points say, where and as large as the cells have it, is
-  // certainly no deeper than this is none.
+  // [of depth] and [of area] 1 sigma of a dent that is known no better was not fitted.
+  double vague = 0.33, vague_area = 0.5;
+  // Of what is looked at the fit explains no less, or it is none of this wall.
+  double least_kept = 0.6;
+  // Where it is half as deep and more a wall that was pressed in is all that there is: so much of
+  // what is seen there lies no further from it than fliers do, or [of depth], or [of the cells'
+  // depth] where its form is not known. Behind an opening and on its flanks samples lie at all
+  // depths, and beside them on the wall.
+  double least_whole = 0.75, whole = 0.3, whole_of_cells = 1.25;
+  // [of the cells' depth] and [sigma] One that its points say is certainly no deeper than this is
+  // none, nor is one that is not certainly pressed in.
   double denied = 0.5, denied_sigmas = 3.0;
-  // Nor is one of which fewer points lie as deep as that.
-  std::ptrdiff_t least_deep = 8;
+  // Nor is one of which fewer points lie as deep as that, or [of depth] as flanks are: a hole right
+  // there may leave no more of it.
+  int least_deep = 8;
+  double flank = 0.25;
   // [of its size] Of a dent that is known: what is fitted no further from its middle is that dent
   // once more; what lies further than `apart` is looked at without the points where the known one
   // is deeper than so many [sigma].
@@ -59,6 +76,11 @@ struct DentSettings {
   double echo = 0.3;
 };
 constexpr DentSettings kDents;
+
+// So far off the round wall points may be of a dent and of the wall about it.
+double MostOffMm(double depth_mm, double noise_mm) {
+  return kDents.most_off * depth_mm + kDents.off_sigmas * noise_mm;
+}
 
 // The numbers of the fit. L = (e^kAxisU 0; kLean e^kAxisV): q = |L^T (place - middle)|^2.
 enum Unknown : Eigen::Index {
@@ -93,19 +115,35 @@ class DentFit {
  public:
   DentFit(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
           double pipe_radius_mm, double noise_mm)
-      : reach_mm_(reach_mm), noise_mm_(noise_mm) {
-    points_.reserve(points.size());
+      : noise_mm_(noise_mm) {
+    all_.reserve(points.size());
     for (const WallPoint& point : points) {
       const double around = point.around_mm / pipe_radius_mm;
-      points_.push_back({point.along_mm, point.around_mm, point.off_mm, std::cos(around),
-                         std::sin(around), point.along_mm / reach_mm});
+      all_.push_back({point.along_mm, point.around_mm, point.off_mm, std::cos(around),
+                      std::sin(around), point.along_mm / reach_mm});
     }
+    const double off_mm = MostOffMm(depth_mm, noise_mm);
+    std::copy_if(all_.begin(), all_.end(), std::back_inserter(points_),
+                 [off_mm](const DentPoint& point) { return std::abs(point.off_mm) <= off_mm; });
     at_[kDepth] = depth_mm;
     at_[kAxisU] = at_[kAxisV] = -std::log(0.5 * size_mm);
     about_ = at_;
+    certainty_[kDepth] = 1.0 / (kDents.depth * depth_mm);
+    certainty_[kU] = certainty_[kV] = 1.0 / reach_mm;
     certainty_[kAxisU] = certainty_[kAxisV] = 1.0 / kDents.half_axis;
+    certainty_[kLean] = 0.5 * size_mm / kDents.half_axis;
     certainty_[kPower] = 1.0 / kDents.power;
     certainty_.tail<5>().setConstant(1.0 / (kDents.wall * pipe_radius_mm));
+  }
+
+  // How many points lie so deep below what is usual.
+  int CountDeep(double deep_mm) const {
+    std::vector<double> off_mm;
+    for (const DentPoint& point : points_) off_mm.push_back(point.off_mm);
+    if (off_mm.empty()) return 0;
+    const double usual_mm = Median(off_mm);
+    return static_cast<int>(std::count_if(off_mm.begin(), off_mm.end(),
+                                          [&](double off) { return usual_mm - off > deep_mm; }));
   }
 
   // The same place, size and form, whatever the points say.
@@ -114,33 +152,61 @@ class DentFit {
     for (const Unknown k : {kU, kV, kAxisU, kLean, kAxisV, kPower}) certainty_[k] = kHeld;
   }
 
-  FittedDent Fit() {
+  // False: fewer points than `least` tell of it, or the fit explains too few of them.
+  bool Fit(std::size_t least) {
+    const auto all = static_cast<double>(points_.size());
+    if (points_.size() < least) return false;
     Solve();
     const Shape shape(at_);
     std::erase_if(points_, [&](const DentPoint& point) {
-      std::array<double, kUnknowns + 1> row;
-      FindRow(point, at_, shape, [&row](int k) -> double& { return row[k]; });
-      return std::abs(row[kOff]) > kDents.flier * noise_mm_;
+      return std::abs(OffOf(point, shape)) > kDents.flier * noise_mm_;
     });
-    FittedDent dent;
-    if (points_.size() < kDents.least_points) return dent;
-    const Normal normal = Solve();
+    if (points_.size() < least) return false;
+    normal_ = Solve();
+    return static_cast<double>(points_.size()) > kDents.least_kept * all;
+  }
+
+  // After Fit(); whether it is one is for others to say.
+  FittedDent Dent() const {
     // Where the form is not the dent's, the residuals say so.
     const double scale =
-        std::max(1.0, normal.cost / static_cast<double>(points_.size() - std::size_t{kUnknowns}));
-    const Square covariance = scale * Inverse(normal.matrix);
-    const auto sigma = [&](Unknown k) { return std::sqrt(std::max(0.0, covariance(k, k))); };
+        std::max(1.0, normal_.cost / static_cast<double>(points_.size() - std::size_t{kUnknowns}));
+    const Square covariance = scale * Inverse(normal_.matrix);
+    const auto sigma = [&](Unknown k) { return std::sqrt(covariance(k, k)); };
+    FittedDent dent;
     dent.along_mm = at_[kU], dent.along_sigma_mm = sigma(kU);
     dent.around_mm = at_[kV], dent.around_sigma_mm = sigma(kV);
     dent.depth_mm = at_[kDepth], dent.depth_sigma_mm = sigma(kDepth);
     dent.area_mm2 = std::numbers::pi * std::exp(-at_[kAxisU] - at_[kAxisV]);
     const double variance =
         covariance(kAxisU, kAxisU) + covariance(kAxisV, kAxisV) + 2.0 * covariance(kAxisU, kAxisV);
-    dent.area_sigma_mm2 = dent.area_mm2 * std::sqrt(std::max(0.0, variance));
-    dent.is_fitted = dent.depth_mm > 0 && dent.depth_sigma_mm < kDents.vague * dent.depth_mm &&
-                     std::hypot(at_[kU], at_[kV]) < 0.7 * reach_mm_ &&
-                     dent.area_mm2 < std::numbers::pi * reach_mm_ * reach_mm_;
+    dent.area_sigma_mm2 = dent.area_mm2 * std::sqrt(variance);
     return dent;
+  }
+
+  // What is seen where it is half as deep and more: on it, no further off than `whole_mm`, above it
+  // and below it. `deep`: what lies on it anywhere, pressed in by no less than a flank.
+  struct Inside {
+    int on = 0, above = 0, below = 0, deep = 0;
+    bool MostAreNot(int other) const {
+      return other <= (1.0 - kDents.least_whole) * (on + above + below);
+    }
+  };
+  Inside CountInside(double whole_mm) const {
+    const Shape shape(at_);
+    whole_mm = std::max(whole_mm, kDents.flier * noise_mm_);
+    Inside inside;
+    for (const DentPoint& point : all_) {
+      const double v = point.around_mm - at_[kV];
+      const double z_u = shape.of_u * (point.along_mm - at_[kU]) + at_[kLean] * v;
+      const double q = std::pow(z_u, 2) + std::pow(shape.of_v * v, 2);
+      const double off_mm = OffOf(point, shape);
+      const double in_mm = at_[kDepth] * std::exp2(-std::pow(q, shape.power)) - off_mm;
+      if (std::abs(off_mm) <= whole_mm && in_mm > kDents.flank * at_[kDepth]) ++inside.deep;
+      if (q > 1.0) continue;
+      ++(off_mm > whole_mm ? inside.above : off_mm < -whole_mm ? inside.below : inside.on);
+    }
+    return inside;
   }
 
  private:
@@ -164,7 +230,8 @@ class DentFit {
     const double z_u = shape.of_u * u + x[kLean] * v, z_v = shape.of_v * v;
     const double q = std::max(1e-12, z_u * z_u + z_v * z_v);
     const double log_q = std::log(q);
-    const double g = std::exp(shape.power * log_q);
+    // Beyond, where f is nothing, g f would be infinity times 0.
+    const double g = std::exp(std::min(6.0, shape.power * log_q));
     const double f = std::exp(-std::numbers::ln2 * g);
     const double by_q = x[kDepth] * std::numbers::ln2 * shape.power * g / q * f;
     row(kDepth) = -f;
@@ -182,6 +249,12 @@ class DentFit {
     const double wall = x[kWall] + (x[kWall + 1] + x[kWall + 3] * point.reach) * point.cosine +
                         (x[kWall + 2] + x[kWall + 4] * point.reach) * point.sine;
     row(kOff) = point.off_mm - (wall - x[kDepth] * f);
+  }
+
+  double OffOf(const DentPoint& point, const Shape& shape) const {
+    std::array<double, kUnknowns + 1> row;
+    FindRow(point, at_, shape, [&row](int k) -> double& { return row[k]; });
+    return row[kOff];
   }
 
   Normal NormalAt(const Unknowns& x) const {
@@ -235,8 +308,9 @@ class DentFit {
     return here;
   }
 
-  std::vector<DentPoint> points_;
-  double reach_mm_, noise_mm_;
+  std::vector<DentPoint> all_, points_;
+  double noise_mm_;
+  Normal normal_;
   Unknowns at_ = Unknowns::Zero(), about_ = Unknowns::Zero(), certainty_ = Unknowns::Zero();
 };
 
@@ -249,8 +323,11 @@ struct DentCircle {
 // The wall about a place, unrolled.
 class Wall {
  public:
-  Wall(const hal::Tube& tube, const WallForm& form, std::span<const PointBlock> blocks)
+  Wall(const hal::Tube& tube, const WallForm& form, const CutFaces& faces, double noise_mm,
+       std::span<const PointBlock> blocks)
       : r_mm_(tube.pipe_radius_mm),
+        faces_(faces),
+        face_mm_(CutFaces::ReachMm(noise_mm, r_mm_)),
         spine_(SpineOf(tube.program, tube.X_WT, form.easing)),
         frames_(SegmentFrames(spine_, 0.0, form.flattening)),
         blocks_(blocks) {
@@ -261,12 +338,27 @@ class Wall {
     }
   }
 
+  // The nearest to a point, outwards to it, and where along the spine.
+  std::pair<hal::SurfaceFrame, double> FrameTo(const Eigen::Vector3d& point) const {
+    const SpineFoot foot = FootOf(point);
+    const double along_mm =
+        foot.segment < 0
+            ? 0.0
+            : spine_.segments[static_cast<std::size_t>(foot.segment)].from_start_mm + foot.along_mm;
+    hal::SurfaceFrame frame = FrameAt(along_mm, 0.0);
+    const Eigen::Vector3d out = point - frame.spine_mm;
+    frame.outward = (out - out.dot(frame.tangent) * frame.tangent).normalized();
+    return {frame, along_mm};
+  }
+
   // At most `enough_points`, as far apart as all of them; off the wall that is flattened; without
   // those in `others`, as far as these are no nearer than `own_mm`.
   std::vector<WallPoint> About(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
                                double off_mm, std::span<const DentCircle> others,
                                double own_mm) const {
-    std::vector<SeenPoint> seen = SeenAbout(frame, along_mm, reach_mm, off_mm + flat_mm_);
+    const double in_mm = std::max(off_mm, kDents.most_in * r_mm_);
+    std::vector<SeenPoint> seen =
+        SeenAbout(frame, along_mm, reach_mm, {-in_mm - flat_mm_, off_mm + flat_mm_});
     const UnrolledWall unrolled(spine_.segments, frame, r_mm_);
     for (const DentCircle& other : others) {
       const auto middle = PlaceOf(other.middle_mm, unrolled, along_mm);
@@ -284,7 +376,7 @@ class Wall {
     for (std::size_t i = 0; i < seen.size(); i += stride) {
       WallPoint point = seen[i].place;
       point.off_mm += InsideMm(*seen[i].point, seen[i].segment);
-      if (std::abs(point.off_mm) <= off_mm) points.push_back(point);
+      if (point.off_mm <= off_mm && point.off_mm >= -in_mm) points.push_back(point);
     }
     return points;
   }
@@ -295,11 +387,14 @@ class Wall {
   double length_mm() const { return spine_.length_mm(); }
 
  private:
-  std::optional<WallPoint> PlaceOf(const Eigen::Vector3d& point, const UnrolledWall& unrolled,
-                                   double along_mm) const {
+  SpineFoot FootOf(const Eigen::Vector3d& point) const {
     std::vector<std::int32_t> all(spine_.segments.size());
     std::iota(all.begin(), all.end(), 0);
-    const SpineFoot foot = NearestFoot(point, spine_.segments, frames_, all);
+    return NearestFoot(point, spine_.segments, frames_, all);
+  }
+  std::optional<WallPoint> PlaceOf(const Eigen::Vector3d& point, const UnrolledWall& unrolled,
+                                   double along_mm) const {
+    const SpineFoot foot = FootOf(point);
     if (foot.segment < 0) return std::nullopt;
     const auto at = static_cast<std::size_t>(foot.segment);
     return WallPoint{spine_.segments[at].from_start_mm + foot.along_mm - along_mm,
@@ -311,7 +406,7 @@ class Wall {
     std::size_t segment;
   };
   std::vector<SeenPoint> SeenAbout(const hal::SurfaceFrame& frame, double along_mm, double reach_mm,
-                                   double off_mm) const {
+                                   const std::array<double, 2>& off_mm) const {
     const Eigen::Vector3d middle = frame.spine_mm + r_mm_ * frame.outward;
     const auto& segments = spine_.segments;
     const UnrolledWall unrolled(segments, frame, r_mm_);
@@ -325,14 +420,15 @@ class Wall {
       if (candidates.empty()) continue;
       for (const Eigen::Vector3d& point : block.points) {
         const SpineFoot foot = NearestFoot(point, segments, frames_, candidates);
-        if (foot.segment < 0 || std::abs(foot.distance_mm - r_mm_) > off_mm) continue;
+        const double off = foot.distance_mm - r_mm_;
+        if (foot.segment < 0 || off < off_mm[0] || off > off_mm[1]) continue;
         const auto at = static_cast<std::size_t>(foot.segment);
         const double u = segments[at].from_start_mm + foot.along_mm - along_mm;
         if (std::abs(u) > reach_mm || foot.along_mm < 0 || foot.along_mm > segments[at].length_mm)
           continue;
         const double v = -unrolled.PlaceOf(point, foot).y();
-        if (std::abs(v) > around_mm) continue;
-        seen.push_back({{u, v, foot.distance_mm - r_mm_}, &point, at});
+        if (std::abs(v) > around_mm || faces_.AreAt(point, face_mm_)) continue;
+        seen.push_back({{u, v, off}, &point, at});
       }
     }
     return seen;
@@ -351,6 +447,8 @@ class Wall {
   }
 
   double r_mm_;
+  const CutFaces& faces_;
+  double face_mm_;
   double flat_mm_ = 0;  // the furthest that a bend's wall lies off the round one
   EasedSpine spine_;
   std::vector<SegmentFrame> frames_;
@@ -436,17 +534,16 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
       others.push_back({other.position_mm, ReachOf(other, kDents.rim_sigmas * noise_mm)});
     }
   }
-  const hal::SurfaceFrame frame = wall.FrameAt(dent.along_mm, dent.around_deg);
+  const auto [frame, middle_mm] = wall.FrameTo(dent.position_mm);
   const double reach_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
-  const double off_mm = kDents.most_off * dent.depth_mm + kDents.off_sigmas * noise_mm;
-  const std::vector<WallPoint> points =
-      wall.About(frame, dent.along_mm, reach_mm, off_mm, others, 0.5 * dent.size_mm);
+  const std::vector<WallPoint> points = wall.About(
+      frame, middle_mm, reach_mm, MostOffMm(dent.depth_mm, noise_mm), others, 0.5 * dent.size_mm);
   const FittedDent fitted = FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
   if (!fitted.is_fitted) {
-    return !IsDenied(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm) &&
+    return IsShown(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm) &&
            !IsKnown(dent, known) && !IsEcho(dent, frame.tangent, r_mm, noise_mm, known);
   }
-  const double along_mm = std::clamp(dent.along_mm + fitted.along_mm, 0.0, wall.length_mm());
+  const double along_mm = std::clamp(middle_mm + fitted.along_mm, 0.0, wall.length_mm());
   const hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
   const Eigen::Vector3d outward = UnrolledWall::Carried(
       Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
@@ -464,33 +561,41 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
 
 FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,
                    double size_mm, double pipe_radius_mm, double noise_mm) {
-  if (points.size() < kDents.least_points || !(noise_mm > 0)) return {};
-  return DentFit(points, reach_mm, depth_mm, size_mm, pipe_radius_mm, noise_mm).Fit();
+  if (!(noise_mm > 0)) return {};
+  DentFit fit(points, reach_mm, depth_mm, size_mm, pipe_radius_mm, noise_mm);
+  if (!fit.Fit(kDents.least_points)) return {};
+  FittedDent dent = fit.Dent();
+  const DentFit::Inside inside = fit.CountInside(kDents.whole * dent.depth_mm);
+  dent.is_fitted =
+      dent.depth_sigma_mm < kDents.vague * dent.depth_mm &&
+      dent.area_sigma_mm2 < kDents.vague_area * dent.area_mm2 &&
+      dent.depth_mm + kDents.denied_sigmas * dent.depth_sigma_mm > kDents.denied * depth_mm &&
+      std::hypot(dent.along_mm, dent.around_mm) < 0.7 * reach_mm &&
+      dent.area_mm2 < std::numbers::pi * reach_mm * reach_mm && inside.deep >= kDents.least_deep &&
+      inside.MostAreNot(inside.above + inside.below);
+  return dent;
 }
 
-bool IsDenied(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
-              double pipe_radius_mm, double noise_mm) {
-  if (points.size() < kDents.least_points || !(noise_mm > 0)) return false;
-  std::vector<double> off_mm;
-  for (const WallPoint& point : points) off_mm.push_back(point.off_mm);
-  const double usual_mm = Median(off_mm);
-  const auto deep = std::count_if(off_mm.begin(), off_mm.end(), [&](double off) {
-    return usual_mm - off > kDents.denied * depth_mm;
-  });
-  if (deep < kDents.least_deep) return true;
+bool IsShown(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
+             double pipe_radius_mm, double noise_mm) {
+  if (!(noise_mm > 0)) return true;
   DentFit held(points, reach_mm, depth_mm, size_mm, pipe_radius_mm, noise_mm);
+  if (held.CountDeep(kDents.denied * depth_mm) < kDents.least_deep) return false;
   held.Hold();
-  const FittedDent dent = held.Fit();
-  return dent.depth_sigma_mm > 0 &&
-         dent.depth_mm + kDents.denied_sigmas * dent.depth_sigma_mm < kDents.denied * depth_mm;
+  if (!held.Fit(kDents.least_held)) return false;
+  const FittedDent dent = held.Dent();
+  const double unsure_mm = kDents.denied_sigmas * dent.depth_sigma_mm;
+  const DentFit::Inside inside = held.CountInside(kDents.whole_of_cells * depth_mm);
+  return dent.depth_mm > unsure_mm && dent.depth_mm + unsure_mm > kDents.denied * depth_mm &&
+         inside.MostAreNot(inside.below);
 }
 
 void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& ends,
-                  double noise_mm, std::span<const PointBlock> blocks,
+                  const CutFaces& faces, double noise_mm, std::span<const PointBlock> blocks,
                   std::vector<DentFound>& dents) {
   if (dents.empty()) return;
   const double length_mm = hal::SpineLength(tube.program);
-  const Wall wall(tube, form, blocks);
+  const Wall wall(tube, form, faces, noise_mm, blocks);
   const PlacesOfTube places(tube);
   // The deepest first: cells may have parted it, and taken the wall opposite it for pressed in.
   const auto is_deeper = [](const DentFound& a, const DentFound& b) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "hal/tube.h"
+#include "pipeline/features/cut_faces.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
 #include "pipeline/tube/easing.h"
@@ -23,14 +24,15 @@ struct WallForm {
 // the points themselves: least squares of D 2^-(q^s) on a smooth wall, q a quadratic form of the
 // place on the unrolled surface, 1 where the dent is half as deep as in its middle. The power s
 // tells round dents (1: a gaussian) from flats. What cannot be fitted stays as the cells have it,
-// its depth known to about itself, or goes where its points deny it.
+// its depth known to about itself, where its points show one; else it goes.
 // The deepest first, each once: cells may have parted one, or taken what is beside it or opposite
 // it for pressed in.
+// `faces`: where the wall was cut; what is seen of them is no wall.
 // `noise_mm`: 1 sigma of a point along the normal.
 // `wall`: how its bends ease and are flattened; places are those of `tube`, whose bends are sharp
 // and round.
 void MeasureDents(const hal::Tube& tube, const WallForm& wall, const TubeEnds& ends,
-                  double noise_mm, std::span<const PointBlock> blocks,
+                  const CutFaces& faces, double noise_mm, std::span<const PointBlock> blocks,
                   std::vector<DentFound>& dents);
 
 // A point of the wall about a dent: along the tube and around it on the unrolled surface, and out
@@ -46,9 +48,9 @@ struct FittedDent {
 // `points`: within `reach_mm` of a place where it is about `depth_mm` deep and `size_mm` wide.
 FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,
                    double size_mm, double pipe_radius_mm, double noise_mm);
-// Whether they certainly say that there is none: a few samples at the edge of what a scan sees make
-// cells look pressed in, and those all around do not.
-bool IsDenied(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
-              double pipe_radius_mm, double noise_mm);
+// Whether they certainly show one there, whatever its form: a few samples at the edge of what a
+// scan sees, or behind the wall, make cells look pressed in, and those all around do not.
+bool IsShown(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
+             double pipe_radius_mm, double noise_mm);
 
 }  // namespace bendloop::pipeline
