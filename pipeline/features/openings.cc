@@ -36,8 +36,11 @@ struct OpeningSettings {
   // Of its area, where passes are known: so much was looked through by all of them.
   double least_through = 0.6;
   // Of these, so many may lie in it: fliers and mixed pixels. And below the wall: what is seen of
-  // the face of the cut and of the bore; what fills an opening is seen all over it.
-  double most_inside = 0.04, most_below = 0.3;
+  // the face of the cut and of the bore; what fills an opening is seen all over it, and of a wall
+  // that was pressed in what is not too deep.
+  double most_inside = 0.04, most_below = 0.2;
+  // How much larger it may be than where it was looked for: the void that the wall leaves.
+  double most_larger = 1.8;
   // [sigma] The plane that it is seen in may put it aside by so much.
   double aside = 0.15;
   int moves = 3;  // then it is seen in that of its own middle
@@ -224,6 +227,7 @@ class Candidate {
         FitOpening(passes.has_lines ? passes.fair : around.wall, about,
                    kSampling.SmearMm(sigma_mm_, r_mm_), passes.missed, passes.scattered);
     const OpeningBorder& border = fitted.border;
+    if (border.AreaMm2() > kOpening.most_larger * about.AreaMm2()) return std::nullopt;
     if (!IsCut(border, around, passes, look, r_mm_)) return std::nullopt;
     // Its drill goes across the wall at its own middle: from beside, its border lies further aside
     // where the wall is lower.
