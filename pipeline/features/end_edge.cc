@@ -246,18 +246,19 @@ std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vecto
     if (face.Squares(sample, noise_mm) > kEdge.of_face * kEdge.of_face) off_face.push_back(sample);
   }
   constexpr double kMost = kEdge.off * kEdge.off;  // [sigma2] counts of a sample
-  double of_face = 0, least = 0;
-  for (const InsideSample& sample : inside)
-    of_face += std::min(kMost, face.Squares(sample, noise_mm));
+  double least = 0;
   std::optional<EndBevel> bevel;
   for (const bool has_face : {false, true}) {
     auto cone = FitCone(near, has_face ? off_face : inside, r_mm, noise_mm);
     if (!cone) continue;
-    double left = 0;
+    double left = 0, of_face = 0;
     std::size_t below = 0;  // the cone, at the face
     for (const InsideSample& sample : inside) {
       const double off = cone->SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
       const double at_face = face.Squares(sample, noise_mm);
+      // What is off both is a flier, as mixed pixels at the edge are, and says nothing.
+      if (off * off > kMost && at_face > kMost) continue;
+      of_face += std::min(kMost, at_face);
       left += std::min({kMost, off * off, has_face ? at_face : kMost});
       below += off > kEdge.off && at_face < kEdge.of_face * kEdge.of_face ? 1 : 0;
     }

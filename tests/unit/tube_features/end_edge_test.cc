@@ -5,13 +5,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/simulated_scanner/virtual_scan.h"
 #include "hal/angles.h"
 #include "hal/clock.h"
+#include "pipeline/features/end_cut.h"
+#include "pipeline/fit/tube_ends.h"
 #include "pipeline/reconstruction.h"
+#include "tests/support/cut_walls.h"
 #include "tests/support/reversed_features.h"
 
 namespace bendloop::pipeline {
@@ -162,6 +168,57 @@ TEST(EndEdge, ABevelIsFoundBesideTheFace) {
       depth.Add(end->bevel->depth_mm - truth.bevel_depth_mm, end->bevel->depth_sigma_mm);
     }
   }
+}
+
+// A cloud of a straight along x: its wall up to 60 mm, a bevel of this length and depth, the face
+// beyond it down to where the wall is 1.6 mm thick, and mixed pixels below the bevel.
+std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, double bevel_mm, double depth_mm,
+                                           std::mt19937_64& random) {
+  constexpr double kWallToMm = 60, kThickMm = 1.6, kNoiseMm = 0.02, kPerMm2 = 10;
+  std::normal_distribution<double> noise(0, kNoiseMm);
+  std::vector<Eigen::Vector3d> points;
+  const auto add = [&](double per_mm, double length_mm, auto place) {
+    const double count = per_mm * length_mm;
+    for (int i = 0; i < static_cast<int>(count); ++i) {
+      const auto [x_mm, off_mm] = place(tests::Uniform(random, 0, 1));
+      const double around = tests::Uniform(random, -std::numbers::pi, std::numbers::pi);
+      const double out_mm = r_mm + off_mm + noise(random);
+      points.emplace_back(x_mm, out_mm * std::cos(around), out_mm * std::sin(around));
+    }
+  };
+  using Place = std::pair<double, double>;
+  const double per_mm = kPerMm2 * 2 * std::numbers::pi * r_mm;
+  add(per_mm, kWallToMm, [](double part) { return Place(kWallToMm * part, 0.0); });
+  add(0.3 * per_mm, std::hypot(bevel_mm, depth_mm),
+      [&](double part) { return Place(kWallToMm + bevel_mm * part, -depth_mm * part); });
+  add(0.3 * per_mm, kThickMm - depth_mm, [&](double part) {
+    return Place(kWallToMm + bevel_mm, -depth_mm - (kThickMm - depth_mm) * part);
+  });
+  add(0.3 * per_mm, 1.0, [&](double part) {
+    return Place(kWallToMm + bevel_mm * part, -depth_mm * part - tests::Uniform(random, 0, 0.4));
+  });
+  return points;
+}
+
+TEST(EndEdge, ABevelIsFoundBesideMixedPixels) {
+  std::mt19937_64 random(1);
+  constexpr double kRadiusOfTubeMm = 6;
+  int found = 0;
+  for (int i = 0; i < 12; ++i) {
+    SCOPED_TRACE(i);
+    const double bevel_mm = tests::Uniform(random, 0.7, 1.0);
+    const double depth_mm = tests::Uniform(random, 0.9, 1.1);
+    const auto points = BevelledCloud(kRadiusOfTubeMm, bevel_mm, depth_mm, random);
+    const hal::Tube tube{kRadiusOfTubeMm, {{{62, 0, 0, std::nullopt}}}, {}};
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
+    TubeEnds ends = FindTubeEnds(tube, 0.02, blocks);
+    const EndCuts cuts = FindEndCuts(0.02, blocks, ends);
+    ASSERT_TRUE(cuts.last);
+    if (!cuts.last->bevel) continue;
+    found += 1;
+    EXPECT_NEAR(cuts.last->bevel->depth_mm, depth_mm, 0.15);
+  }
+  EXPECT_GE(found, 11);
 }
 
 TEST(EndEdge, ABurrIsToldWhereItStandsOut) {
