@@ -17,18 +17,19 @@ namespace {
 struct BorderSettings {
   // [sigma] A slot is longer than wide by so much, and by this part of its width.
   double slot_sigmas = 5.0, slot_part = 0.08;
-  // [sigma] From radial; drills that are closer are taken for it.
-  double lean_sigmas = 5.0;
-  // 1 sigma of a lean before the scan, and its most: drills are radial, or lean by tens of degrees.
-  double usual_lean = 0.35, most_lean = 1.2;
+  // [sigma] From radial; drills that are closer are told as radial, and so are those that are
+  // likely by less than this to lean, and to lean so and not the other way.
+  double lean_sigmas = 5.0, sure_lean = 0.98;
+  // Part of the drills that lean before the scan, and by how much: all of them about as likely,
+  // from what a drill is hardly radial by to 1 sigma of the usual; and the most.
+  double leaning = 0.5, little_lean = 0.05, usual_lean = 0.35, most_lean = 1.2;
+  double slots = 0.5;  // for each hole
   // [of its width] Slots are up to so much longer than wide, and none of it is likelier before the
   // scan.
   double usually_longer = 3.0;
   // [sigma] An oval that is so much longer than wide leans one way or the other along its length;
   // a rounder one may lean anywhere.
   double oval_sigmas = 1.5;
-  // [1 sigma of the place] So far a lean of 1 moves the border at least, or nothing tells of it.
-  double least_sag = 6.0;
   double flier = 1e-3;  // part of the samples that may lie anywhere
   // Part of the rays that meet the wall and return nothing: beside a border a tenth does, whose
   // spot lies on both sides of it.
@@ -69,11 +70,12 @@ bool WentOn(const Posterior& walk, const Posterior& before) {
 
 enum class Shape { kHole, kLeaningHole, kSlot };
 
-// Numbers of a border in the walk: place, half width; of a slot half of what it is longer and the
-// axis, of a leaning hole its lean.
-OpeningBorder BorderOf(const Eigen::VectorXd& x, Shape shape, double pipe_radius_mm) {
+// Numbers of a border: place, half width; of a slot half of what it is longer and the axis, of a
+// leaning hole its lean.
+OpeningBorder BorderOf(const Eigen::VectorXd& x, Shape shape, const OpeningBorder& about) {
   OpeningBorder border;
-  border.pipe_radius_mm = pipe_radius_mm;
+  border.pipe_radius_mm = about.pipe_radius_mm;
+  border.is_bent = about.is_bent;
   border.middle_mm = x.head<2>();
   border.width_mm = 2.0 * x[2];
   border.length_mm = border.width_mm + (shape == Shape::kSlot ? 2.0 * x[3] : 0.0);
@@ -82,12 +84,102 @@ OpeningBorder BorderOf(const Eigen::VectorXd& x, Shape shape, double pipe_radius
   return border;
 }
 
+// Place, width and lean of a hole.
+using HoleNumbers = Eigen::Matrix<double, 5, 1>;
+HoleNumbers NumbersOf(const OpeningBorder& hole) {
+  HoleNumbers numbers;
+  numbers << hole.middle_mm, hole.width_mm, hole.lean;
+  return numbers;
+}
+
 // A border of one shape.
 struct ShapeFit {
   FittedOpening fitted;
   double log_evidence = 0;  // of the shape, wherever and however large it is
-  double leans_sigmas = 0;  // how many sigma the drill is from radial
+  // Of the numbers of a hole; one that is radial has no variance of its lean.
+  Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
+
+  // How many sigma the drill is from radial.
+  double LeansSigmas() const {
+    const Eigen::Vector2d lean = fitted.border.lean;
+    if (lean.isZero()) return 0;
+    const Eigen::Vector2d solved = SolveSymmetric(covariance.bottomRightCorner<2, 2>(), lean);
+    return std::sqrt(std::max(0.0, lean.dot(solved)));
+  }
+  // Of a hole: with what is known of it.
+  void Take(const HoleNumbers& numbers) {
+    OpeningBorder &border = fitted.border, &sigma = fitted.sigma;
+    border.middle_mm = numbers.head<2>();
+    border.length_mm = border.width_mm = numbers[2];
+    border.lean = numbers.tail<2>();
+    const HoleNumbers sigmas = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+    sigma.middle_mm = sigmas.head<2>();
+    sigma.length_mm = sigma.width_mm = sigmas[2];
+    sigma.lean = sigmas.tail<2>();
+  }
 };
+
+// A lean moves what a drill leaves of a round wall, by how far the wall sags over it, and makes it
+// larger: round the tube by three times what its form tells of the lean. So a leaning hole is
+// walked over by where and how large a round one would be that leaves as much, which hardly depends
+// on how much it leans.
+class LeanMoves {
+ public:
+  explicit LeanMoves(const OpeningBorder& about) {
+    const double sag_mm = about.width_mm * about.width_mm / (16.0 * about.pipe_radius_mm);
+    by_mm_ = {0.5 * sag_mm, 1.5 * sag_mm};
+  }
+  // The numbers of a walk from those of a border, and back.
+  Eigen::VectorXd Walked(const Eigen::VectorXd& x) const {
+    Eigen::VectorXd walked = x;
+    walked.head<2>() -= by_mm_.cwiseProduct(x.tail<2>());
+    walked[2] /= Narrower(x.tail<2>().squaredNorm());
+    return walked;
+  }
+  Eigen::VectorXd Border(const Eigen::VectorXd& walked) const {
+    Eigen::VectorXd x = walked;
+    x.head<2>() += by_mm_.cwiseProduct(walked.tail<2>());
+    x[2] *= Narrower(walked.tail<2>().squaredNorm());
+    return x;
+  }
+  static double Narrower(double lean2) { return std::pow(1.0 + lean2, -0.25); }
+  // What is known of the border's numbers; of the square of the lean it needs the mean and the
+  // variance, as of numbers that are normal.
+  Posterior Border(const Posterior& walked) const {
+    const Eigen::Vector2d lean = walked.mean.tail<2>();
+    const Eigen::Matrix2d known = walked.covariance.bottomRightCorner<2, 2>();
+    const double lean2 = lean.squaredNorm() + known.trace();
+    const double narrower = Narrower(lean2), half_mm = walked.mean[2];
+    const double grows_mm = -0.25 * half_mm * narrower / (1.0 + lean2);  // the half width with it
+    Eigen::MatrixXd moves = Eigen::MatrixXd::Identity(5, 5);
+    moves(0, 3) = by_mm_.x();
+    moves(1, 4) = by_mm_.y();
+    moves(2, 2) = narrower;
+    moves.block<1, 2>(2, 3) = 2.0 * grows_mm * lean.transpose();
+    Posterior border = walked;
+    border.mean.head<2>() += by_mm_.cwiseProduct(lean);
+    border.mean[2] *= narrower;
+    border.covariance = moves * walked.covariance * moves.transpose();
+    border.covariance(2, 2) += 2.0 * grows_mm * grows_mm * known.squaredNorm();
+    return border;
+  }
+
+ private:
+  Eigen::Vector2d by_mm_;
+};
+
+// Of those that lean, before the scan: any amount of up to the usual is about as likely, and any
+// direction. Were the two coordinates normal, little leans would hardly be thought of, and these
+// are the ones that no scan tells.
+double LogLean(double lean2) {
+  constexpr double kUsual2 = kBorder.usual_lean * kBorder.usual_lean;
+  constexpr double kLittle2 = kBorder.little_lean * kBorder.little_lean;
+  static const double kLogAll =
+      std::log(kBorder.usual_lean * std::pow(2.0 * std::numbers::pi, 1.5) * 0.5 *
+               std::erfc(std::sqrt(0.5 * kLittle2 / kUsual2))) +
+      0.5 * kLittle2 / kUsual2;
+  return -0.5 * (lean2 / kUsual2 + std::log(lean2 + kLittle2)) - kLogAll;
+}
 
 class ShapeWalk {
  public:
@@ -114,7 +206,8 @@ class ShapeWalk {
   }
 
   // `blur`: how many times more samples and rays are displaced than they are.
-  double LogDensity(const Eigen::VectorXd& x, double blur) const {
+  double LogDensity(const Eigen::VectorXd& walked, double blur) const {
+    const Eigen::VectorXd x = leans() ? LeanMoves(about_).Border(walked) : walked;
     constexpr double kNever = -1e300;
     if (x[2] < 0.25 * about_.width_mm || x[2] > about_.width_mm) return kNever;
     // Where no sample was looked at, anything may be.
@@ -122,15 +215,19 @@ class ShapeWalk {
     double log = 0;
     if (shape_ == Shape::kSlot) {
       if (x[3] < 0 || std::abs(x[4] - about_.axis_rad) > 0.5 * std::numbers::pi) return kNever;
-      log -= std::log(0.5 * kBorder.usually_longer * about_.width_mm * std::numbers::pi);
+      log -= std::log(0.5 * kBorder.usually_longer * about_.width_mm * std::numbers::pi /
+                      kBorder.slots);
     }
-    if (shape_ == Shape::kLeaningHole) {
+    if (leans()) {
       const double lean = std::hypot(x[3], x[4]);
-      if (lean > kBorder.most_lean) return kNever;
-      log -= 0.5 * std::pow(lean / kBorder.usual_lean, 2) +
-             std::log(2.0 * std::numbers::pi * kBorder.usual_lean * kBorder.usual_lean);
+      // The opposite leans are walked over apart.
+      if (lean > kBorder.most_lean || x.tail<2>().dot(about_.lean) < 0) return kNever;
+      log += LogLean(lean * lean);
+      log += std::log(kBorder.leaning * LeanMoves::Narrower(lean * lean));
+    } else if (shape_ == Shape::kHole) {
+      log += std::log(1.0 - kBorder.leaning);
     }
-    const OpeningBorder border = BorderOf(x, shape_, about_.pipe_radius_mm);
+    const OpeningBorder border = BorderOf(x, shape_, about_);
     if (shape_ == Shape::kSlot) {
       const Eigen::Vector2d axis(std::cos(border.axis_rad), std::sin(border.axis_rad));
       const Eigen::Vector2d half_mm = 0.5 * border.length_mm * axis;
@@ -139,7 +236,7 @@ class ShapeWalk {
       }
     }
     log += density_.Missing(border, density_about_mm_);
-    return log + (shape_ == Shape::kLeaningHole ? LogLeaning(border, blur) : LogFlat(border, blur));
+    return log + (leans() ? LogLeaning(border, blur) : LogFlat(border, blur));
   }
 
   ShapeFit Fit(int walk) const {
@@ -151,9 +248,10 @@ class ShapeWalk {
     if (shape_ == Shape::kSlot) {
       start.tail<2>() << 0.5 * (about_.length_mm - about_.width_mm), about_.axis_rad;
       scale.tail<2>() << scale_mm, scale_mm / about_.length_mm;
-    } else if (shape_ == Shape::kLeaningHole) {
+    } else if (leans()) {
       start.tail<2>() = about_.lean;
       scale.tail<2>().setConstant(0.1);
+      start = LeanMoves(about_).Walked(start);
     }
     const auto sample = [&](const Posterior& from, int steps, double blur) {
       return SamplePosterior(from, steps,
@@ -170,6 +268,7 @@ class ShapeWalk {
   }
 
  private:
+  bool leans() const { return shape_ == Shape::kLeaningHole; }
   // What the samples and the missed rays say; most of them lie nowhere near the border.
   double LogFlat(const OpeningBorder& border, double blur) const {
     const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
@@ -248,24 +347,27 @@ class ShapeWalk {
     return std::sqrt(std::max(0.0, about_.pipe_radius_mm * about_.pipe_radius_mm - y_mm * y_mm));
   }
 
-  ShapeFit Taken(const Posterior& posterior) const {
+  ShapeFit Taken(const Posterior& walked) const {
+    const Posterior posterior = leans() ? LeanMoves(about_).Border(walked) : walked;
+    const Eigen::MatrixXd& c = posterior.covariance;
     ShapeFit fit;
     FittedOpening& fitted = fit.fitted;
-    fitted.border = BorderOf(posterior.mean, shape_, about_.pipe_radius_mm);
+    fitted.border = BorderOf(posterior.mean, shape_, about_);
     fitted.sigma.middle_mm = {posterior.Sigma(0), posterior.Sigma(1)};
     fitted.sigma.width_mm = 2.0 * posterior.Sigma(2);
     fitted.sigma.length_mm = fitted.sigma.width_mm;
-    const Eigen::MatrixXd& c = posterior.covariance;
     if (shape_ == Shape::kSlot) {
       fitted.sigma.length_mm = 2.0 * std::sqrt(std::max(0.0, c(2, 2) + c(3, 3) + 2.0 * c(2, 3)));
       fitted.sigma.axis_rad = posterior.Sigma(4);
-    } else if (shape_ == Shape::kLeaningHole) {
-      fitted.sigma.lean = {posterior.Sigma(3), posterior.Sigma(4)};
-      const Eigen::Vector2d lean = posterior.mean.tail<2>();
-      const Eigen::Vector2d solved = SolveSymmetric(c.bottomRightCorner<2, 2>(), lean);
-      fit.leans_sigmas = std::sqrt(std::max(0.0, lean.dot(solved)));
+    } else {
+      HoleNumbers of_half;
+      of_half << 1.0, 1.0, 2.0, 1.0, 1.0;
+      const Eigen::Index n = c.rows();
+      fit.covariance.topLeftCorner(n, n) =
+          of_half.head(n).asDiagonal() * c * of_half.head(n).asDiagonal();
+      fit.Take(NumbersOf(fitted.border));
     }
-    fit.log_evidence = posterior.LogEvidence();
+    fit.log_evidence = walked.LogEvidence();
     return fit;
   }
 
@@ -298,41 +400,61 @@ std::vector<OpeningBorder> LeansOf(const OpeningBorder& oval) {
   return leans;
 }
 
-// `fit` with what is known where `other` may be true instead.
-void Doubt(const ShapeFit& other, ShapeFit& fit) {
-  const double odds = std::exp(other.log_evidence - fit.log_evidence);
-  const double part = odds / (1.0 + odds);
-  const auto doubt = [part](double is, double sigma, double other_is, double other_sigma) {
-    const double off = other_is - is;
-    return std::sqrt((1.0 - part) * sigma * sigma + part * (other_sigma * other_sigma + off * off));
-  };
-  const OpeningBorder &border = fit.fitted.border, &another = other.fitted.border;
-  OpeningBorder& sigma = fit.fitted.sigma;
-  const OpeningBorder& its = other.fitted.sigma;
-  for (int k = 0; k < 2; ++k) {
-    sigma.middle_mm[k] =
-        doubt(border.middle_mm[k], sigma.middle_mm[k], another.middle_mm[k], its.middle_mm[k]);
-    sigma.lean[k] = doubt(border.lean[k], sigma.lean[k], another.lean[k], its.lean[k]);
-  }
-  sigma.width_mm = doubt(border.width_mm, sigma.width_mm, another.width_mm, its.width_mm);
-  sigma.length_mm = sigma.width_mm;
+const ShapeFit& Likeliest(std::span<const ShapeFit> fits) {
+  return *std::max_element(fits.begin(), fits.end(), [](const ShapeFit& a, const ShapeFit& b) {
+    return a.log_evidence < b.log_evidence;
+  });
 }
 
-// The leaning hole that is likeliest, if it certainly leans. `abouts`: where it may be.
-std::optional<ShapeFit> FitLean(const WallAbout& wall, std::span<const OpeningBorder> abouts) {
+// What of a hole is known where any of `fits` may be true, by their odds. `told`: that it is told
+// as; else it is their mean.
+ShapeFit Doubted(std::span<const ShapeFit> fits, const std::optional<ShapeFit>& told) {
+  const ShapeFit& likeliest = Likeliest(fits);
+  std::vector<double> odds;
+  double all_odds = 0;
+  HoleNumbers mean = HoleNumbers::Zero();
+  for (const ShapeFit& fit : fits) {
+    odds.push_back(std::exp(fit.log_evidence - likeliest.log_evidence));
+    all_odds += odds.back();
+    mean += odds.back() * NumbersOf(fit.fitted.border);
+  }
+  mean /= all_odds;
+  if (told) mean = NumbersOf(told->fitted.border);
+  ShapeFit doubted = likeliest;
+  doubted.log_evidence += std::log(all_odds);
+  doubted.covariance.setZero();
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    const HoleNumbers off = NumbersOf(fits[i].fitted.border) - mean;
+    doubted.covariance += odds[i] / all_odds * (fits[i].covariance + off * off.transpose());
+  }
+  doubted.Take(mean);
+  return doubted;
+}
+
+// What leaning holes there may be. `abouts`: where.
+std::vector<ShapeFit> FitLeans(const WallAbout& wall, std::span<const OpeningBorder> abouts) {
   std::vector<ShapeFit> fits;
   for (const OpeningBorder& about : abouts) {
     const ShapeWalk leaning(wall, about, Shape::kLeaningHole);
-    if (leaning.Fit(kBorder.short_walk).leans_sigmas < kBorder.may_lean) continue;
-    fits.push_back(leaning.Fit(kBorder.lean_walk));
+    fits.push_back(leaning.Fit(kBorder.short_walk));
+    if (fits.back().LeansSigmas() < kBorder.may_lean) continue;
+    fits.back() = leaning.Fit(kBorder.lean_walk);
   }
-  if (fits.empty()) return std::nullopt;
-  std::sort(fits.begin(), fits.end(),
-            [](const ShapeFit& a, const ShapeFit& b) { return a.log_evidence > b.log_evidence; });
-  ShapeFit& best = fits.front();
-  if (best.leans_sigmas < kBorder.lean_sigmas) return std::nullopt;
-  if (fits.size() > 1) Doubt(fits.back(), best);
-  return best;
+  return fits;
+}
+
+// A hole of which any of `fits` may be true: as its drill leans, where that is certain, or as if it
+// were radial, with the doubt of how it leans. `may_tell`: the lean.
+ShapeFit HoleOf(std::span<const ShapeFit> fits, bool may_tell) {
+  const ShapeFit& likeliest = Likeliest(fits);
+  ShapeFit round = Doubted(fits, std::nullopt);
+  const double part = std::exp(likeliest.log_evidence - round.log_evidence);
+  if (may_tell && part > kBorder.sure_lean && likeliest.LeansSigmas() > kBorder.lean_sigmas) {
+    return Doubted(fits, likeliest);
+  }
+  round.fitted.border.lean.setZero();
+  round.fitted.sigma.lean.setZero();
+  return round;
 }
 
 // What a drill that leans leaves of a round wall, as seen along the normal: of a flat one it would
@@ -365,13 +487,6 @@ double LeaningAreaMm2(const OpeningBorder& border) {
   // A polygon of so many corners lacks this part of a round place's area.
   constexpr double kStep = 2.0 * std::numbers::pi / kPlaces;
   return 0.5 * twice_mm2 * kStep / std::sin(kStep);
-}
-
-// How far a lean of 1 moves the border of a round hole, at most.
-double SagMm(const OpeningBorder& border) {
-  return border.pipe_radius_mm > 0
-             ? border.width_mm * border.width_mm / (8.0 * border.pipe_radius_mm)
-             : 0.0;
 }
 
 }  // namespace
@@ -443,19 +558,19 @@ FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const Opening
     const bool may_lean =
         long_one.length_mm < std::hypot(1.0, kBorder.most_lean) * long_one.width_mm;
     if (!may_lean || !(about.pipe_radius_mm > 0)) return slot.fitted;
-    const auto leaning = FitLean(wall, LeansOf(long_one));
-    return leaning && leaning->log_evidence > slot.log_evidence ? leaning->fitted : slot.fitted;
+    const std::vector<ShapeFit> leans = FitLeans(wall, LeansOf(long_one));
+    const ShapeFit hole = HoleOf(leans, !about.is_bent);
+    return hole.log_evidence > slot.log_evidence ? hole.fitted : slot.fitted;
   }
   OpeningBorder round = long_one;
   round.width_mm = round.length_mm = std::sqrt(long_one.AreaMm2() * 4.0 / std::numbers::pi);
   const ShapeFit hole = ShapeWalk(wall, round, Shape::kHole).Fit(kBorder.walk);
-  if (SagMm(hole.fitted.border) > kBorder.least_sag * hole.fitted.sigma.middle_mm.norm()) {
-    const bool is_oval = longer_mm > kBorder.oval_sigmas * sigma_mm;
-    const auto leaning =
-        FitLean(wall, is_oval ? LeansOf(long_one) : std::vector{hole.fitted.border});
-    if (leaning && leaning->log_evidence > hole.log_evidence) return leaning->fitted;
-  }
-  return hole.fitted;
+  if (!(about.pipe_radius_mm > 0)) return hole.fitted;
+  const bool is_oval = longer_mm > kBorder.oval_sigmas * sigma_mm;
+  std::vector<ShapeFit> fits =
+      FitLeans(wall, is_oval ? LeansOf(long_one) : std::vector{hole.fitted.border});
+  fits.push_back(hole);
+  return HoleOf(fits, !about.is_bent).fitted;
 }
 
 }  // namespace bendloop::pipeline

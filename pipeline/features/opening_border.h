@@ -16,6 +16,7 @@ struct OpeningBorder {
   // depends on the wall's radius (0: flat).
   Eigen::Vector2d lean = Eigen::Vector2d::Zero();
   double pipe_radius_mm = 0;
+  bool is_bent = false;  // the wall along, too: what a lean leaves of it is known roughly
   bool is_hole() const { return length_mm == width_mm; }
 
   // Positive outside.

@@ -210,9 +210,9 @@ class Candidate {
       if (density.per_mm2 * rough->AreaMm2() < LeastMissing(*rough, look)) return std::nullopt;
       if (IsNarrow(*rough, look) && !MayBeNarrow(*rough, around, look, r_mm_)) return std::nullopt;
       OpeningBorder about = *rough;
-      // What a lean leaves of a wall is known of a round one: in a bend drills are taken for
-      // radial.
-      about.pipe_radius_mm = IsInBend(frame, *rough) ? 0.0 : r_mm_;
+      // What a lean leaves of a wall is known of a round one: in a bend none is told.
+      about.pipe_radius_mm = r_mm_;
+      about.is_bent = IsInBend(frame, *rough);
       return Fit(frame, about, WithoutFace(around, about, look), look, kOpening.moves);
     }
     return std::nullopt;
