@@ -189,7 +189,19 @@ class ShapeWalk {
     for (const Eigen::Vector2d& sample : wall.samples) {
       if (IsInZone(sample)) near_.push_back(sample);
     }
-    for (const Eigen::Vector2d& sample : near_) near_up_.push_back(HeightMm(sample.y()));
+    // The nearest first: most others lie nowhere near any border that is walked over.
+    const auto far2 = [&](const Eigen::Vector2d& place) {
+      return (place - about.middle_mm).squaredNorm();
+    };
+    std::sort(near_.begin(), near_.end(), [&](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+      return far2(a) < far2(b);
+    });
+    for (const Eigen::Vector2d& sample : near_) {
+      near_far_mm_.push_back(std::sqrt(far2(sample)));
+      near_up_.push_back(HeightMm(sample.y()));
+    }
+    const auto [low, high] = std::minmax_element(near_up_.begin(), near_up_.end());
+    if (!near_up_.empty()) lowest_up_ = *low, highest_up_ = *high;
     density_ = wall.density;
     density_about_mm_ = wall.about_mm;
     if (!wall.missed.empty()) {
@@ -269,6 +281,15 @@ class ShapeWalk {
 
  private:
   bool leans() const { return shape_ == Shape::kLeaningHole; }
+  // As many samples as lie no further than this from the border's middle, and a few more.
+  std::size_t Reached(const OpeningBorder& border, double reach_mm) const {
+    const double to_mm = reach_mm + (border.middle_mm - about_.middle_mm).norm();
+    const auto end = std::upper_bound(near_far_mm_.begin(), near_far_mm_.end(), to_mm);
+    return static_cast<std::size_t>(end - near_far_mm_.begin());
+  }
+  double FreeMm(double width_mm, double blur) const {
+    return 0.5 * width_mm + blur * kBorder.sure * (smear_mm_ + sideways_smear_mm_);
+  }
   // What the samples and the missed rays say; most of them lie nowhere near the border.
   double LogFlat(const OpeningBorder& border, double blur) const {
     const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
@@ -282,8 +303,9 @@ class ShapeWalk {
       return Eigen::Vector2d(c * beyond - s * across, s * beyond + c * across);
     };
     double log = 0;
-    for (const Eigen::Vector2d& sample : near_) {
-      const Eigen::Vector2d from = off(sample);
+    const std::size_t reached = Reached(border, half_line_mm + FreeMm(border.width_mm, blur));
+    for (std::size_t i = 0; i < reached; ++i) {
+      const Eigen::Vector2d from = off(near_[i]);
       log += LogHit(from.squaredNorm(), border.width_mm, from.y(), blur);
     }
     for (const MissedPlace& missed : missed_) {
@@ -301,8 +323,13 @@ class ShapeWalk {
       const double out = from.dot(border.lean) + up;
       return std::max(0.0, from.squaredNorm() + up * up - out * out * per_square);
     };
+    // A place that so much of the wall's height moves aside, on an oval that is so much longer.
+    const double moved_mm =
+        border.lean.norm() * std::max(highest_up_ - middle_up, middle_up - lowest_up_);
+    const double longer = std::sqrt(1.0 + border.lean.squaredNorm());
+    const std::size_t reached = Reached(border, moved_mm + longer * FreeMm(border.width_mm, blur));
     double log = 0;
-    for (std::size_t i = 0; i < near_.size(); ++i) {
+    for (std::size_t i = 0; i < reached; ++i) {
       const Eigen::Vector2d from = near_[i] - border.middle_mm;
       log += LogHit(square(from, near_up_[i]), border.width_mm, from.y(), blur);
     }
@@ -316,7 +343,7 @@ class ShapeWalk {
   // Of a place by its squared distance from the opening's middle line.
   double LogHit(double square_mm2, double width_mm, double sideways_mm, double blur) const {
     const double half_mm = 0.5 * width_mm;
-    const double free_mm = half_mm + blur * kBorder.sure * (smear_mm_ + sideways_smear_mm_);
+    const double free_mm = FreeMm(width_mm, blur);
     if (square_mm2 > free_mm * free_mm) return 0;
     const double off_mm = std::sqrt(square_mm2);
     const double sigma_mm =
@@ -379,7 +406,9 @@ class ShapeWalk {
   Eigen::Vector2d density_about_mm_ = Eigen::Vector2d::Zero();
   std::vector<Eigen::Vector2d> near_;
   std::vector<MissedPlace> missed_;
+  std::vector<double> near_far_mm_;          // of each from `about_`, the nearest first
   std::vector<double> near_up_, missed_up_;  // how high the wall is at each
+  double lowest_up_ = 0, highest_up_ = 0;    // of the samples
 };
 
 // Leaning holes that leave about this oval: the shift of its middle is what the wall sags by under
@@ -461,6 +490,15 @@ ShapeFit HoleOf(std::span<const ShapeFit> fits, bool may_tell) {
 // be an ellipse, each place of which lies as far aside as the wall there is lower.
 double LeaningAreaMm2(const OpeningBorder& border) {
   constexpr int kPlaces = 32, kRounds = 6;
+  constexpr double kExact = 1e-4;  // of the pipe's radius
+  static const auto kTurns = [] {
+    std::array<Eigen::Vector2d, kPlaces> turns;
+    for (int i = 0; i < kPlaces; ++i) {
+      const double turn = 2.0 * std::numbers::pi * i / kPlaces;
+      turns[static_cast<std::size_t>(i)] = {std::cos(turn), std::sin(turn)};
+    }
+    return turns;
+  }();
   const double r_mm = border.pipe_radius_mm, half_mm = 0.5 * border.width_mm;
   const auto height = [&](double y_mm) {
     return std::sqrt(std::max(0.0, r_mm * r_mm - y_mm * y_mm));
@@ -471,12 +509,13 @@ double LeaningAreaMm2(const OpeningBorder& border) {
   Eigen::Vector2d first = Eigen::Vector2d::Zero(), last = first;
   double twice_mm2 = 0;
   for (int i = 0; i < kPlaces; ++i) {
-    const double turn = 2.0 * std::numbers::pi * i / kPlaces;
-    const Eigen::Vector2d flat =
-        stretched_mm * std::cos(turn) * along + half_mm * std::sin(turn) * across;
+    const Eigen::Vector2d& turn = kTurns[static_cast<std::size_t>(i)];
+    const Eigen::Vector2d flat = stretched_mm * turn.x() * along + half_mm * turn.y() * across;
     double up = 0;
     for (int round = 0; round < kRounds; ++round) {
+      const double before = up;
       up = height(border.middle_mm.y() + flat.y() + border.lean.y() * up) - middle_up;
+      if (std::abs(up - before) < kExact * r_mm) break;
     }
     const Eigen::Vector2d place = flat + up * border.lean;
     if (i > 0) twice_mm2 += last.x() * place.y() - last.y() * place.x();
