@@ -30,6 +30,10 @@ struct BorderSettings {
   // [sigma] An oval that is so much longer than wide leans one way or the other along its length;
   // a rounder one may lean anywhere.
   double oval_sigmas = 1.5;
+  // The oval that a lean leaves is no longer than that by so many sigma, and this many times.
+  double oval_most = 3.0, longer_oval = 1.1;
+  // Of the most lean: a walk that ends so near to it would go on.
+  double no_more = 0.9;
   double flier = 1e-3;  // part of the samples that may lie anywhere
   // Part of the rays that meet the wall and return nothing: beside a border a tenth does, whose
   // spot lies on both sides of it.
@@ -183,8 +187,14 @@ double LogLean(double lean2) {
 
 class ShapeWalk {
  public:
-  ShapeWalk(const WallAbout& wall, const OpeningBorder& about, Shape shape)
-      : about_(about), zone_(about), shape_(shape), smear_mm_(wall.smear_mm) {
+  // `most_lean`: of a hole that leans.
+  ShapeWalk(const WallAbout& wall, const OpeningBorder& about, Shape shape,
+            double most_lean = kBorder.most_lean)
+      : about_(about),
+        zone_(about),
+        shape_(shape),
+        most_lean_(most_lean),
+        smear_mm_(wall.smear_mm) {
     if (shape == Shape::kSlot) zone_.length_mm *= 1.0 + 2.0 * kBorder.near_along;
     for (const Eigen::Vector2d& sample : wall.samples) {
       if (IsInZone(sample)) near_.push_back(sample);
@@ -233,7 +243,7 @@ class ShapeWalk {
     if (leans()) {
       const double lean = std::hypot(x[3], x[4]);
       // The opposite leans are walked over apart.
-      if (lean > kBorder.most_lean || x.tail<2>().dot(about_.lean) < 0) return kNever;
+      if (lean > most_lean_ || x.tail<2>().dot(about_.lean) < 0) return kNever;
       log += LogLean(lean * lean);
       log += std::log(kBorder.leaning * LeanMoves::Narrower(lean * lean));
     } else if (shape_ == Shape::kHole) {
@@ -400,6 +410,7 @@ class ShapeWalk {
 
   OpeningBorder about_, zone_;
   Shape shape_;
+  double most_lean_;
   double smear_mm_;
   double sideways_smear_mm_ = 0;  // beside it, of laser lines: as their missed rays
   SampleDensity density_;
@@ -460,14 +471,25 @@ ShapeFit Doubted(std::span<const ShapeFit> fits, const std::optional<ShapeFit>& 
   return doubted;
 }
 
+// The most that a drill may lean which leaves an oval no longer than what samples leave free: a
+// dent beside a hole takes samples away as a lean by far more would.
+double MostLeanOf(const FittedOpening& oval) {
+  const double longest = kBorder.longer_oval *
+                         (oval.border.length_mm + kBorder.oval_most * oval.sigma.length_mm) /
+                         oval.border.width_mm;
+  return std::min(kBorder.most_lean, std::sqrt(std::max(0.0, longest * longest - 1.0)));
+}
+
 // What leaning holes there may be. `abouts`: where.
-std::vector<ShapeFit> FitLeans(const WallAbout& wall, std::span<const OpeningBorder> abouts) {
+std::vector<ShapeFit> FitLeans(const WallAbout& wall, std::span<const OpeningBorder> abouts,
+                               double most_lean) {
   std::vector<ShapeFit> fits;
   for (const OpeningBorder& about : abouts) {
-    const ShapeWalk leaning(wall, about, Shape::kLeaningHole);
-    fits.push_back(leaning.Fit(kBorder.short_walk));
-    if (fits.back().LeansSigmas() < kBorder.may_lean) continue;
-    fits.back() = leaning.Fit(kBorder.lean_walk);
+    const ShapeWalk leaning(wall, about, Shape::kLeaningHole, most_lean);
+    ShapeFit fit = leaning.Fit(kBorder.short_walk);
+    if (fit.LeansSigmas() > kBorder.may_lean) fit = leaning.Fit(kBorder.lean_walk);
+    // One that would lean by more than samples allow was led there by something else.
+    if (fit.fitted.border.lean.norm() < kBorder.no_more * most_lean) fits.push_back(fit);
   }
   return fits;
 }
@@ -597,7 +619,8 @@ FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const Opening
     const bool may_lean =
         long_one.length_mm < std::hypot(1.0, kBorder.most_lean) * long_one.width_mm;
     if (!may_lean || !(about.pipe_radius_mm > 0)) return slot.fitted;
-    const std::vector<ShapeFit> leans = FitLeans(wall, LeansOf(long_one));
+    const std::vector<ShapeFit> leans = FitLeans(wall, LeansOf(long_one), MostLeanOf(slot.fitted));
+    if (leans.empty()) return slot.fitted;
     const ShapeFit hole = HoleOf(leans, !about.is_bent);
     return hole.log_evidence > slot.log_evidence ? hole.fitted : slot.fitted;
   }
@@ -606,8 +629,8 @@ FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const Opening
   const ShapeFit hole = ShapeWalk(wall, round, Shape::kHole).Fit(kBorder.walk);
   if (!(about.pipe_radius_mm > 0)) return hole.fitted;
   const bool is_oval = longer_mm > kBorder.oval_sigmas * sigma_mm;
-  std::vector<ShapeFit> fits =
-      FitLeans(wall, is_oval ? LeansOf(long_one) : std::vector{hole.fitted.border});
+  std::vector<ShapeFit> fits = FitLeans(
+      wall, is_oval ? LeansOf(long_one) : std::vector{hole.fitted.border}, MostLeanOf(slot.fitted));
   fits.push_back(hole);
   return HoleOf(fits, !about.is_bent).fitted;
 }

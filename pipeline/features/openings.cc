@@ -239,7 +239,10 @@ class Candidate {
       OpeningBorder moved = border;
       moved.middle_mm.setZero();
       const Surroundings there = tube_.LookAt(own, look.reach_mm, wall_mm_);
-      return Fit(own, moved, WithoutFace(there, moved, look), look, moves - 1);
+      // From there it may be lost beside a dent: then it stays as it is seen from here.
+      if (auto found = Fit(own, moved, WithoutFace(there, moved, look), look, moves - 1)) {
+        return found;
+      }
     }
     return Found(frame, fitted,
                  passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered));
