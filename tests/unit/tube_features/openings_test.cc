@@ -109,6 +109,35 @@ std::vector<WallSample> LinesOn(const OpeningBorder& hole, double gap_mm, std::m
   return samples;
 }
 
+// Where the wall is pressed in right beside a hole rays meet no round wall, as where a drill left
+// an opening by far more of a lean. The hole stays round, and where it is.
+TEST(OpeningBorder, OfAHoleBesideADentDoesNotLean) {
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> noise(0.0, 0.005);
+  for (int i = 0; i < 3; ++i) {
+    SCOPED_TRACE(i);
+    OpeningBorder hole;
+    hole.length_mm = hole.width_mm = 8;
+    hole.pipe_radius_mm = 6.75;
+    const Eigen::Vector2d dent(5.0 + 0.2 * i, 0.3);
+    std::vector<Eigen::Vector2d> samples;
+    std::vector<MissedPlace> missed;
+    for (double x = -9 + Uniform(random, 0, 0.5); x < 9; x += 0.5) {
+      for (double y = -6 + Uniform(random, 0, 0.3); y < 6; y += 0.3) {
+        const Eigen::Vector2d place(x, y + noise(random));
+        if (hole.DistanceMm(place) < 0 || (place - dent).norm() < 2.5) {
+          missed.push_back({place, 0.005});
+        } else {
+          samples.push_back(place);
+        }
+      }
+    }
+    const FittedOpening fitted = FitOpening(samples, hole, 0.01, missed, samples);
+    EXPECT_LT(fitted.border.lean.norm(), 0.3);
+    EXPECT_LT(fitted.border.middle_mm.norm(), 0.3);
+  }
+}
+
 // What a drill that leans leaves of a round wall is neither a circle nor an ellipse.
 TEST(OpeningBorder, OfALeaningHoleIsAsLargeAsItsPlacesAre) {
   OpeningBorder hole;
