@@ -21,9 +21,9 @@ struct BesideSettings {
   int most_sides = 24, least_sides = 8;
   // Bands beside a border whose densities are compared: how wide [of its width] the nearer one is
   // at least, and how many times as wide the further one. Each is read in so many sectors, by
-  // places so many of which fit across all of them.
-  double band = 0.12, further = 1.5;
-  int sectors = 8, places = 96;
+  // so many places all around and one behind the other over the nearer band.
+  double band = 0.12, further = 1.5, around = 128, of_band = 4;
+  int sectors = 8;
   // What is left of the density beside the edge of what nobody saw.
   double left = 0.7;
   // Places like an opening beside it: as wide as this part of it, so many at most and at least.
@@ -48,9 +48,8 @@ void SpreadOver(const OpeningBorder& border, double reach_mm, double count, Take
 // How far along a border the place of it that is nearest lies, of its whole length.
 double TurnOf(const OpeningBorder& border, const Eigen::Vector2d& place) {
   constexpr double kPi = std::numbers::pi;
-  const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
   const Eigen::Vector2d from = place - border.middle_mm;
-  const double along = c * from.x() + s * from.y(), across = c * from.y() - s * from.x();
+  const double along = from.dot(border.Axis()), across = from.dot(border.Across());
   const double round_mm = 0.5 * border.width_mm, line_mm = border.length_mm - border.width_mm;
   const double beyond = std::abs(along) - 0.5 * line_mm;
   // Of half a border, from the middle of one of its lines to that of the other: over the round end.
@@ -59,6 +58,45 @@ double TurnOf(const OpeningBorder& border, const Eigen::Vector2d& place) {
   if (across < 0) half_mm = line_mm + kPi * round_mm - half_mm;
   const double part = 0.5 * half_mm / (line_mm + kPi * round_mm);
   return along < 0 ? 1.0 - part : part;
+}
+
+// A place of the line about which a border is cut and the way from it to the border: across the
+// line, or all ways from its ends.
+struct WayOut {
+  Eigen::Vector2d from_mm, way;
+  bool is_round = false;
+};
+WayOut WayOutAt(const OpeningBorder& border, double turn) {
+  constexpr double kPi = std::numbers::pi;
+  const double round_mm = 0.5 * border.width_mm, line_mm = border.length_mm - border.width_mm;
+  const double side = turn > 0.5 ? -1.0 : 1.0;
+  const double half_mm = 2.0 * (turn > 0.5 ? 1.0 - turn : turn) * (line_mm + kPi * round_mm);
+  const double on_round_mm = half_mm - 0.5 * line_mm;
+  const double turned = std::clamp(on_round_mm / round_mm, 0.0, kPi);
+  const double along_mm =
+      0.5 * line_mm + std::min(0.0, on_round_mm) - std::max(0.0, on_round_mm - kPi * round_mm);
+  return {border.middle_mm + side * along_mm * border.Axis(),
+          side * std::sin(turned) * border.Axis() + std::cos(turned) * border.Across(),
+          turned > 0.0 && turned < kPi};
+}
+
+// Places spread over what lies in a border and up to `reach_mm` beside it, each with the area it
+// stands for: as many all around, one behind the other each `step_mm` from the border on.
+template <class Take>
+void SpreadBeside(const OpeningBorder& border, double reach_mm, double step_mm, Take take) {
+  const double round_mm = 0.5 * border.width_mm;
+  const double around_mm =
+      2.0 * (std::numbers::pi * round_mm + border.length_mm - border.width_mm) / kBeside.around;
+  // A lean makes an oval of it.
+  const double to_mm = (round_mm + reach_mm) * std::sqrt(1.0 + border.lean.squaredNorm());
+  const double from_mm = round_mm - step_mm * std::floor(round_mm / step_mm);
+  for (double i = 0.5; i < kBeside.around; i += 1.0) {
+    const WayOut out = WayOutAt(border, i / kBeside.around);
+    for (double off_mm = from_mm + 0.5 * step_mm; off_mm < to_mm; off_mm += step_mm) {
+      const double wide_mm = out.is_round ? around_mm * off_mm / round_mm : around_mm;
+      take(Eigen::Vector2d(out.from_mm + off_mm * out.way), wide_mm * step_mm);
+    }
+  }
 }
 
 }  // namespace
@@ -114,16 +152,13 @@ double LogOddsOfShadow(const OpeningBorder& border, std::span<const Eigen::Vecto
   for (const Eigen::Vector2d& place : wall) {
     if (Band* band = at(place)) band->samples += 1;
   }
-  const double half_mm = 0.5 * border.length_mm + (1.0 + kBeside.further) * band_mm;
-  const double step_mm = 2.0 * half_mm / kBeside.places;
-  for (double x = 0.5 * step_mm - half_mm; x < half_mm; x += step_mm) {
-    for (double y = 0.5 * step_mm - half_mm; y < half_mm; y += step_mm) {
-      const Eigen::Vector2d place = border.middle_mm + Eigen::Vector2d(x, y);
-      // Of the wall, which is seen from the side further out.
-      const double side = place.y() / pipe_radius_mm;
-      if (Band* band = at(place)) band->mm2 += step_mm * step_mm / std::sqrt(1.0 - side * side);
-    }
-  }
+  const double reach_mm = (1.0 + kBeside.further) * band_mm;
+  SpreadBeside(border, reach_mm, band_mm / kBeside.of_band,
+               [&](const Eigen::Vector2d& place, double mm2) {
+                 // Of the wall, which is seen from the side further out.
+                 const double side = place.y() / pipe_radius_mm;
+                 if (Band* band = at(place)) band->mm2 += mm2 / std::sqrt(1.0 - side * side);
+               });
   // Of a sample in either band it is known in which it would lie, were they as dense as each other,
   // or the nearer one as thin as beside an edge.
   double log_odds = 0, most = 0;
@@ -144,8 +179,7 @@ bool IsLikeItsSurroundings(const OpeningBorder& border, std::span<const Eigen::V
   OpeningBorder like = border;
   like.width_mm *= kBeside.like;
   like.length_mm -= border.width_mm - like.width_mm;
-  const Eigen::Vector2d axis(std::cos(like.axis_rad), std::sin(like.axis_rad));
-  const Eigen::Vector2d line_mm = 0.5 * (like.length_mm - like.width_mm) * axis;
+  const Eigen::Vector2d line_mm = 0.5 * (like.length_mm - like.width_mm) * like.Axis();
   std::vector<double> counts;
   SpreadOver(border, reach_mm, kBeside.most_likes, [&](const Eigen::Vector2d& place) {
     like.middle_mm = place;

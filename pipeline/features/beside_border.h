@@ -20,7 +20,7 @@ struct BorderSides {
   int with_samples = 0, all = 0;
 };
 // By the samples up to `reach_mm` outside of it and `clear_mm` inside; the more there are, the more
-// sides, of `least_side_mm` at least.
+// sides, each of `least_side_mm` or more, but eight at least.
 BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
                     double clear_mm, double reach_mm, double least_side_mm);
 

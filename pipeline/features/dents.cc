@@ -159,7 +159,7 @@ class DentFit {
     Solve();
     const Shape shape(at_);
     std::erase_if(points_, [&](const DentPoint& point) {
-      return std::abs(OffOf(point, shape)) > kDents.flier * noise_mm_;
+      return std::abs(OffOf(point, shape).off_mm) > kDents.flier * noise_mm_;
     });
     if (points_.size() < least) return false;
     normal_ = Solve();
@@ -197,13 +197,10 @@ class DentFit {
     whole_mm = std::max(whole_mm, kDents.flier * noise_mm_);
     Inside inside;
     for (const DentPoint& point : all_) {
-      const double v = point.around_mm - at_[kV];
-      const double z_u = shape.of_u * (point.along_mm - at_[kU]) + at_[kLean] * v;
-      const double q = std::pow(z_u, 2) + std::pow(shape.of_v * v, 2);
-      const double off_mm = OffOf(point, shape);
-      const double in_mm = at_[kDepth] * std::exp2(-std::pow(q, shape.power)) - off_mm;
+      const auto [off_mm, part] = OffOf(point, shape);
+      const double in_mm = at_[kDepth] * part - off_mm;
       if (std::abs(off_mm) <= whole_mm && in_mm > kDents.flank * at_[kDepth]) ++inside.deep;
-      if (q > 1.0) continue;
+      if (part < 0.5) continue;  // beyond where it is half as deep
       ++(off_mm > whole_mm ? inside.above : off_mm < -whole_mm ? inside.below : inside.on);
     }
     return inside;
@@ -251,10 +248,13 @@ class DentFit {
     row(kOff) = point.off_mm - (wall - x[kDepth] * f);
   }
 
-  double OffOf(const DentPoint& point, const Shape& shape) const {
+  struct Off {
+    double off_mm, part;  // of the depth, that the dent has there
+  };
+  Off OffOf(const DentPoint& point, const Shape& shape) const {
     std::array<double, kUnknowns + 1> row;
     FindRow(point, at_, shape, [&row](int k) -> double& { return row[k]; });
-    return row[kOff];
+    return {row[kOff], -row[kDepth]};
   }
 
   Normal NormalAt(const Unknowns& x) const {

@@ -10,9 +10,10 @@
 #include <vector>
 
 #include "hal/angles.h"
+#include "pipeline/features/end_bevel.h"
 #include "pipeline/features/end_border.h"
+#include "pipeline/features/end_burr.h"
 #include "pipeline/features/end_curve.h"
-#include "pipeline/features/end_edge.h"
 #include "pipeline/features/end_evidence.h"
 #include "pipeline/features/end_samples.h"
 #include "pipeline/features/end_shadow.h"
@@ -495,7 +496,8 @@ class CutSearch {
     const SamplesNearEnd whole = near.With(out);
     const auto tip = PlaneOfWall(whole);
     if (!tip) return std::nullopt;
-    const auto burr = FindBurr(whole, NumbersOf(*tip, r_mm_), r_mm_, sigma_mm_);
+    const BurrTip ends{NumbersOf(*tip, r_mm_), tip->at_sigma_mm, tip->slope_sigma};
+    const auto burr = FindBurr(whole, ends, r_mm_, sigma_mm_);
     if (!burr) return std::nullopt;
     FoundCut found{*tip, Found(*tip)};
     found.cut.burr = burr;

@@ -18,11 +18,11 @@ struct EndCuts {
 };
 
 // The planes that the ends are cut by, with what they have beside them: a bevel, a burr, and a
-// border that no plane is (end_edge.h, end_curve.h). Where there is a bevel the tube ends at its
-// tip. Where one is certainly oblique (5 sigma), or laser lines tell its place better than the
-// borders' outermost point does, `ends` is set to where it meets the spine. Other square ends stay
-// as they were found: of an oblique one that point lies up to a pipe radius times the slope further
-// out.
+// border that no plane is (end_bevel.h, end_burr.h, end_curve.h). Where there is a bevel the tube
+// ends at its tip. Where one is certainly oblique (5 sigma), or laser lines tell its place better
+// than the borders' outermost point does, `ends` is set to where it meets the spine. Other square
+// ends stay as they were found: of an oblique one that point lies up to a pipe radius times the
+// slope further out.
 //
 // Of laser lines whose pass is known each narrow strip along the tube says that the plane lies
 // beyond its last line and before the next. Lines that an oblique cut ends halfway say so to the

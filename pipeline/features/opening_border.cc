@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <vector>
 
+#include "pipeline/features/border_likelihood.h"
 #include "pipeline/features/posterior.h"
 #include "pipeline/math/dense_solve.h"
 
@@ -34,17 +36,6 @@ struct BorderSettings {
   double oval_most = 3.0, longer_oval = 1.1;
   // Of the most lean: a walk that ends so near to it would go on.
   double no_more = 0.9;
-  double flier = 1e-3;  // part of the samples that may lie anywhere
-  // Part of the rays that meet the wall and return nothing: beside a border a tenth does, whose
-  // spot lies on both sides of it.
-  double lost = 0.12;
-  // Of the smear: samples of laser lines lie where their rays met the wall (opening_surroundings.h)
-  // but for how well the wall is known.
-  double of_lines = 0.2;
-  double sure = 5.0;  // [sigma] From the border: certainly outside, or inside
-  // [of its width, and of its length] Samples further outside tell nothing, nor is it there. What
-  // is roughly the border of a slot may be too short.
-  double near = 0.35, near_along = 0.25;
   // Steps of the walk, of one that says whether a hole may lean at all, from so many sigma on, and
   // of one over leans, which are tied to the place.
   int walk = 2500, short_walk = 600, lean_walk = 5000;
@@ -53,17 +44,6 @@ struct BorderSettings {
   std::array<double, 4> blurs = {20.0, 5.0, 2.0, 1.0};
 };
 constexpr BorderSettings kBorder;
-
-// What is known of the wall about an opening.
-struct WallAbout {
-  std::span<const Eigen::Vector2d> samples;
-  std::span<const MissedPlace> missed;
-  double smear_mm = 0;
-  // Of scattered ones, about a place: the same for all shapes, or their likelihoods would not
-  // compare.
-  SampleDensity density;
-  Eigen::Vector2d about_mm = Eigen::Vector2d::Zero();
-};
 
 // Whether a walk went anywhere, in each number, beside what was known before it: one that found no
 // way says less.
@@ -99,7 +79,8 @@ HoleNumbers NumbersOf(const OpeningBorder& hole) {
 // A border of one shape.
 struct ShapeFit {
   FittedOpening fitted;
-  double log_evidence = 0;  // of the shape, wherever and however large it is
+  // Of the shape, wherever and however large it is; nothing where a walk found no way.
+  double log_evidence = -std::numeric_limits<double>::infinity();
   // Of the numbers of a hole; one that is radial has no variance of its lean.
   Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
 
@@ -188,46 +169,10 @@ double LogLean(double lean2) {
 class ShapeWalk {
  public:
   // `most_lean`: of a hole that leans.
-  ShapeWalk(const WallAbout& wall, const OpeningBorder& about, Shape shape,
+  ShapeWalk(const BorderLikelihood& wall, const OpeningBorder& about, Shape shape,
             double most_lean = kBorder.most_lean)
-      : about_(about),
-        zone_(about),
-        shape_(shape),
-        most_lean_(most_lean),
-        smear_mm_(wall.smear_mm) {
-    if (shape == Shape::kSlot) zone_.length_mm *= 1.0 + 2.0 * kBorder.near_along;
-    for (const Eigen::Vector2d& sample : wall.samples) {
-      if (IsInZone(sample)) near_.push_back(sample);
-    }
-    // The nearest first: most others lie nowhere near any border that is walked over.
-    const auto far2 = [&](const Eigen::Vector2d& place) {
-      return (place - about.middle_mm).squaredNorm();
-    };
-    std::sort(near_.begin(), near_.end(), [&](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-      return far2(a) < far2(b);
-    });
-    for (const Eigen::Vector2d& sample : near_) {
-      near_far_mm_.push_back(std::sqrt(far2(sample)));
-      near_up_.push_back(HeightMm(sample.y()));
-    }
-    const auto [low, high] = std::minmax_element(near_up_.begin(), near_up_.end());
-    if (!near_up_.empty()) lowest_up_ = *low, highest_up_ = *high;
-    density_ = wall.density;
-    density_about_mm_ = wall.about_mm;
-    if (!wall.missed.empty()) {
-      smear_mm_ *= kBorder.of_lines;
-      for (const MissedPlace& missed : wall.missed) sideways_smear_mm_ += missed.sideways_sigma_mm;
-      sideways_smear_mm_ /= static_cast<double>(wall.missed.size());
-    }
-    for (const MissedPlace& missed : wall.missed) {
-      const Eigen::Vector2d& place = missed.place_mm;
-      if (!IsInZone(place)) continue;
-      missed_.push_back(missed);
-      missed_up_.push_back(HeightMm(place.y()));
-    }
-  }
+      : wall_(wall), about_(about), shape_(shape), most_lean_(most_lean) {}
 
-  // `blur`: how many times more samples and rays are displaced than they are.
   double LogDensity(const Eigen::VectorXd& walked, double blur) const {
     const Eigen::VectorXd x = leans() ? LeanMoves(about_).Border(walked) : walked;
     constexpr double kNever = -1e300;
@@ -251,14 +196,13 @@ class ShapeWalk {
     }
     const OpeningBorder border = BorderOf(x, shape_, about_);
     if (shape_ == Shape::kSlot) {
-      const Eigen::Vector2d axis(std::cos(border.axis_rad), std::sin(border.axis_rad));
-      const Eigen::Vector2d half_mm = 0.5 * border.length_mm * axis;
-      if (!IsInZone(border.middle_mm + half_mm) || !IsInZone(border.middle_mm - half_mm)) {
+      const Eigen::Vector2d half_mm = 0.5 * border.length_mm * border.Axis();
+      if (!wall_.IsInZone(border.middle_mm + half_mm) ||
+          !wall_.IsInZone(border.middle_mm - half_mm)) {
         return kNever;
       }
     }
-    log += density_.Missing(border, density_about_mm_);
-    return log + (leans() ? LogLeaning(border, blur) : LogFlat(border, blur));
+    return log + wall_.Log(border, blur);
   }
 
   ShapeFit Fit(int walk) const {
@@ -280,111 +224,21 @@ class ShapeWalk {
                              [&](const Eigen::VectorXd& x) { return LogDensity(x, blur); });
     };
     Posterior posterior{start, scale.array().square().matrix().asDiagonal(), 0.0};
-    if (missed_.empty()) return Taken(sample(posterior, walk, 1.0));
+    if (!wall_.has_missed()) return Taken(sample(posterior, walk, 1.0), true);
     // Of lines, whose rays are known to a hundredth of a millimetre, no step from afar would hit.
+    bool is_sharp = false;
     for (const double blur : kBorder.blurs) {
       const Posterior sharper = sample(posterior, walk, blur);
-      if (WentOn(sharper, posterior)) posterior = sharper;
+      is_sharp = WentOn(sharper, posterior);
+      if (is_sharp) posterior = sharper;
     }
-    return Taken(posterior);
+    return Taken(posterior, is_sharp);
   }
 
  private:
   bool leans() const { return shape_ == Shape::kLeaningHole; }
-  // As many samples as lie no further than this from the border's middle, and a few more.
-  std::size_t Reached(const OpeningBorder& border, double reach_mm) const {
-    const double to_mm = reach_mm + (border.middle_mm - about_.middle_mm).norm();
-    const auto end = std::upper_bound(near_far_mm_.begin(), near_far_mm_.end(), to_mm);
-    return static_cast<std::size_t>(end - near_far_mm_.begin());
-  }
-  double FreeMm(double width_mm, double blur) const {
-    return 0.5 * width_mm + blur * kBorder.sure * (smear_mm_ + sideways_smear_mm_);
-  }
-  // What the samples and the missed rays say; most of them lie nowhere near the border.
-  double LogFlat(const OpeningBorder& border, double blur) const {
-    const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
-    const double half_line_mm = 0.5 * (border.length_mm - border.width_mm);
-    // From the line about which it is cut.
-    const auto off = [&](const Eigen::Vector2d& place) {
-      const Eigen::Vector2d from = place - border.middle_mm;
-      const double along = c * from.x() + s * from.y();
-      const double beyond = std::copysign(std::max(0.0, std::abs(along) - half_line_mm), along);
-      const double across = c * from.y() - s * from.x();
-      return Eigen::Vector2d(c * beyond - s * across, s * beyond + c * across);
-    };
-    double log = 0;
-    const std::size_t reached = Reached(border, half_line_mm + FreeMm(border.width_mm, blur));
-    for (std::size_t i = 0; i < reached; ++i) {
-      const Eigen::Vector2d from = off(near_[i]);
-      log += LogHit(from.squaredNorm(), border.width_mm, from.y(), blur);
-    }
-    for (const MissedPlace& missed : missed_) {
-      const Eigen::Vector2d from = off(missed.place_mm);
-      log +=
-          LogMissed(from.squaredNorm(), border.width_mm, from.y(), missed.sideways_sigma_mm, blur);
-    }
-    return log;
-  }
-  double LogLeaning(const OpeningBorder& border, double blur) const {
-    const double middle_up = HeightMm(border.middle_mm.y());
-    const double per_square = 1.0 / (1.0 + border.lean.squaredNorm());
-    const auto square = [&](const Eigen::Vector2d& from, double place_up) {
-      const double up = place_up - middle_up;
-      const double out = from.dot(border.lean) + up;
-      return std::max(0.0, from.squaredNorm() + up * up - out * out * per_square);
-    };
-    // A place that so much of the wall's height moves aside, on an oval that is so much longer.
-    const double moved_mm =
-        border.lean.norm() * std::max(highest_up_ - middle_up, middle_up - lowest_up_);
-    const double longer = std::sqrt(1.0 + border.lean.squaredNorm());
-    const std::size_t reached = Reached(border, moved_mm + longer * FreeMm(border.width_mm, blur));
-    double log = 0;
-    for (std::size_t i = 0; i < reached; ++i) {
-      const Eigen::Vector2d from = near_[i] - border.middle_mm;
-      log += LogHit(square(from, near_up_[i]), border.width_mm, from.y(), blur);
-    }
-    for (std::size_t i = 0; i < missed_.size(); ++i) {
-      const Eigen::Vector2d from = missed_[i].place_mm - border.middle_mm;
-      log += LogMissed(square(from, missed_up_[i]), border.width_mm, from.y(),
-                       missed_[i].sideways_sigma_mm, blur);
-    }
-    return log;
-  }
-  // Of a place by its squared distance from the opening's middle line.
-  double LogHit(double square_mm2, double width_mm, double sideways_mm, double blur) const {
-    const double half_mm = 0.5 * width_mm;
-    const double free_mm = FreeMm(width_mm, blur);
-    if (square_mm2 > free_mm * free_mm) return 0;
-    const double off_mm = std::sqrt(square_mm2);
-    const double sigma_mm =
-        std::hypot(smear_mm_, sideways_smear_mm_ * sideways_mm / std::max(off_mm, 1e-9));
-    return LogCovered(off_mm - half_mm, blur * sigma_mm, kBorder.flier);
-  }
-  double LogMissed(double square_mm2, double width_mm, double sideways_mm, double sideways_sigma_mm,
-                   double blur) const {
-    const double half_mm = 0.5 * width_mm;
-    const double sure_mm = half_mm - blur * kBorder.sure * (smear_mm_ + sideways_sigma_mm);
-    if (sure_mm > 0 && square_mm2 < sure_mm * sure_mm) return 0;
-    const double off_mm = std::sqrt(square_mm2);
-    const double sigma_mm =
-        std::hypot(smear_mm_, sideways_sigma_mm * sideways_mm / std::max(off_mm, 1e-9));
-    return LogCovered(half_mm - off_mm, blur * sigma_mm, kBorder.lost);
-  }
-  // Whether what lies there was looked at.
-  bool IsInZone(const Eigen::Vector2d& place) const {
-    return zone_.DistanceMm(place) < kBorder.near * zone_.width_mm;
-  }
-  static double LogCovered(double distance_mm, double sigma_mm, double otherwise) {
-    const double z = distance_mm / sigma_mm;
-    if (std::abs(z) > kBorder.sure) return z > 0 ? 0.0 : std::log(otherwise);
-    const double covered = 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
-    return std::log(otherwise + (1.0 - otherwise) * covered);
-  }
-  double HeightMm(double y_mm) const {
-    return std::sqrt(std::max(0.0, about_.pipe_radius_mm * about_.pipe_radius_mm - y_mm * y_mm));
-  }
-
-  ShapeFit Taken(const Posterior& walked) const {
+  // `is_sharp`: it is walked over without a blur, as other shapes are that it is compared with.
+  ShapeFit Taken(const Posterior& walked, bool is_sharp) const {
     const Posterior posterior = leans() ? LeanMoves(about_).Border(walked) : walked;
     const Eigen::MatrixXd& c = posterior.covariance;
     ShapeFit fit;
@@ -404,22 +258,15 @@ class ShapeWalk {
           of_half.head(n).asDiagonal() * c * of_half.head(n).asDiagonal();
       fit.Take(NumbersOf(fitted.border));
     }
-    fit.log_evidence = walked.LogEvidence();
+    const double log_evidence = walked.LogEvidence();
+    if (is_sharp && std::isfinite(log_evidence)) fit.log_evidence = log_evidence;
     return fit;
   }
 
-  OpeningBorder about_, zone_;
+  const BorderLikelihood& wall_;
+  OpeningBorder about_;
   Shape shape_;
   double most_lean_;
-  double smear_mm_;
-  double sideways_smear_mm_ = 0;  // beside it, of laser lines: as their missed rays
-  SampleDensity density_;
-  Eigen::Vector2d density_about_mm_ = Eigen::Vector2d::Zero();
-  std::vector<Eigen::Vector2d> near_;
-  std::vector<MissedPlace> missed_;
-  std::vector<double> near_far_mm_;          // of each from `about_`, the nearest first
-  std::vector<double> near_up_, missed_up_;  // how high the wall is at each
-  double lowest_up_ = 0, highest_up_ = 0;    // of the samples
 };
 
 // Leaning holes that leave about this oval: the shift of its middle is what the wall sags by under
@@ -433,7 +280,7 @@ std::vector<OpeningBorder> LeansOf(const OpeningBorder& oval) {
   for (const double side : {-1.0, 1.0}) {
     OpeningBorder round = oval;
     round.length_mm = round.width_mm;
-    round.lean = side * lean * Eigen::Vector2d(std::cos(oval.axis_rad), std::sin(oval.axis_rad));
+    round.lean = side * lean * oval.Axis();
     round.middle_mm += sag_mm * round.lean;
     leans.push_back(round);
   }
@@ -481,7 +328,7 @@ double MostLeanOf(const FittedOpening& oval) {
 }
 
 // What leaning holes there may be. `abouts`: where.
-std::vector<ShapeFit> FitLeans(const WallAbout& wall, std::span<const OpeningBorder> abouts,
+std::vector<ShapeFit> FitLeans(const BorderLikelihood& wall, std::span<const OpeningBorder> abouts,
                                double most_lean) {
   std::vector<ShapeFit> fits;
   for (const OpeningBorder& about : abouts) {
@@ -489,7 +336,8 @@ std::vector<ShapeFit> FitLeans(const WallAbout& wall, std::span<const OpeningBor
     ShapeFit fit = leaning.Fit(kBorder.short_walk);
     if (fit.LeansSigmas() > kBorder.may_lean) fit = leaning.Fit(kBorder.lean_walk);
     // One that would lean by more than samples allow was led there by something else.
-    if (fit.fitted.border.lean.norm() < kBorder.no_more * most_lean) fits.push_back(fit);
+    const bool may_be = fit.fitted.border.lean.norm() < kBorder.no_more * most_lean;
+    if (may_be && std::isfinite(fit.log_evidence)) fits.push_back(fit);
   }
   return fits;
 }
@@ -565,9 +413,9 @@ double OpeningBorder::DistanceMm(const Eigen::Vector2d& place_mm) const {
     return std::sqrt(std::max(0.0, square - out * out)) - 0.5 * width_mm;
   }
   if (is_hole()) return from.norm() - 0.5 * width_mm;
-  const double c = std::cos(axis_rad), s = std::sin(axis_rad);
-  const double along = std::abs(c * from.x() + s * from.y()) - 0.5 * (length_mm - width_mm);
-  const double across = c * from.y() - s * from.x();
+  const Eigen::Vector2d axis = Axis();
+  const double along = std::abs(from.dot(axis)) - 0.5 * (length_mm - width_mm);
+  const double across = axis.x() * from.y() - axis.y() * from.x();
   return std::hypot(std::max(0.0, along), across) - 0.5 * width_mm;
 }
 
@@ -607,7 +455,7 @@ SampleDensity DensityBeside(const OpeningBorder& border, std::span<const Eigen::
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
                          double smear_mm, std::span<const MissedPlace> missed,
                          std::span<const Eigen::Vector2d> scattered) {
-  const WallAbout wall{samples, missed, smear_mm, DensityBeside(about, scattered), about.middle_mm};
+  const BorderLikelihood wall(samples, missed, scattered, about, smear_mm);
   const ShapeFit slot = ShapeWalk(wall, about, Shape::kSlot).Fit(kBorder.walk);
   const OpeningBorder& long_one = slot.fitted.border;
   const double longer_mm = long_one.length_mm - long_one.width_mm;
@@ -627,7 +475,7 @@ FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const Opening
   OpeningBorder round = long_one;
   round.width_mm = round.length_mm = std::sqrt(long_one.AreaMm2() * 4.0 / std::numbers::pi);
   const ShapeFit hole = ShapeWalk(wall, round, Shape::kHole).Fit(kBorder.walk);
-  if (!(about.pipe_radius_mm > 0)) return hole.fitted;
+  if (!(about.pipe_radius_mm > 0) || !std::isfinite(hole.log_evidence)) return hole.fitted;
   const bool is_oval = longer_mm > kBorder.oval_sigmas * sigma_mm;
   std::vector<ShapeFit> fits = FitLeans(
       wall, is_oval ? LeansOf(long_one) : std::vector{hole.fitted.border}, MostLeanOf(slot.fitted));

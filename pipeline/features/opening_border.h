@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <span>
 
 namespace bendloop::pipeline {
@@ -19,6 +20,9 @@ struct OpeningBorder {
   bool is_bent = false;  // the wall along, too: what a lean leaves of it is known roughly
   bool is_hole() const { return length_mm == width_mm; }
 
+  // Directions of the length and of the width.
+  Eigen::Vector2d Axis() const { return {std::cos(axis_rad), std::sin(axis_rad)}; }
+  Eigen::Vector2d Across() const { return {-std::sin(axis_rad), std::cos(axis_rad)}; }
   // Positive outside.
   double DistanceMm(const Eigen::Vector2d& place_mm) const;
   double AreaMm2() const;  // as seen along the surface normal

@@ -280,8 +280,7 @@ class PassViews {
  private:
   // Of the area of an opening, what this pass would have seen were it wall.
   double PartSeen(unsigned pass, const OpeningBorder& about) {
-    const Eigen::Vector2d axis(std::cos(about.axis_rad), std::sin(about.axis_rad));
-    const Eigen::Vector2d across(-axis.y(), axis.x());
+    const Eigen::Vector2d axis = about.Axis(), across = about.Across();
     double inside = 0, seen = 0;
     for (int i = 0; i < kLook.places; ++i) {
       for (int k = 0; k < kLook.places; ++k) {

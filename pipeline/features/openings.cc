@@ -39,7 +39,7 @@ struct OpeningSettings {
   // the face of the cut and of the bore; what fills an opening is seen all over it, and of a wall
   // that was pressed in what is not too deep.
   double most_inside = 0.04, most_below = 0.2;
-  // How much larger it may be than where it was looked for: the void that the wall leaves.
+  // How much larger it may be than the void that the wall leaves.
   double most_larger = 1.8;
   // [sigma] The plane that it is seen in may put it aside by so much.
   double aside = 0.15;
@@ -49,7 +49,7 @@ struct OpeningSettings {
   double widest = 1.7, widest_slot = 0.9, longest = 12.0;
   // [log] How much likelier a cut is than the edge of a shadow, at least, of one that is no wider
   // than gaps beside it; and by how much a shadow may be likelier of others.
-  double narrow_odds = 1.0, shadow_odds = 1.5;
+  double narrow_odds = 1.3, shadow_odds = 1.5;
   // Of what is roughly the border of such a one, so much must be empty.
   double core = 0.6;
   // Samples whose distance to the nearest says how evenly they are scattered.
@@ -116,9 +116,10 @@ double Clumping(const OpeningBorder& border, std::span<const Eigen::Vector2d> wa
   return std::max(1.0, 0.5 / std::sqrt(density.per_mm2) / (sum_mm / count));
 }
 
-// How an opening is looked at: so far around it, where samples beside it lie so far apart.
+// How an opening is looked at: so far around it, where samples beside it lie so far apart; and how
+// much the void takes that the wall leaves there.
 struct Look {
-  double reach_mm, gap_mm;
+  double reach_mm, gap_mm, void_mm2;
 };
 
 bool IsNarrow(const OpeningBorder& border, const Look& look) {
@@ -128,15 +129,21 @@ double LeastMissing(const OpeningBorder& border, const Look& look) {
   return IsNarrow(border, look) ? kOpening.least_missing_narrow : kOpening.least_missing;
 }
 
+// How many of these lie in a border, and further in than this.
+double CountInside(const OpeningBorder& border, std::span<const Eigen::Vector2d> places,
+                   double deeper_mm) {
+  return static_cast<double>(std::count_if(
+      places.begin(), places.end(),
+      [&](const Eigen::Vector2d& place) { return border.DistanceMm(place) < -deeper_mm; }));
+}
+
 // Whether what is roughly one, no wider than gaps beside it, may be one: nothing is in it, and
 // places like it beside it are not empty.
 bool MayBeNarrow(const OpeningBorder& rough, const Surroundings& around, const Look& look,
                  double r_mm) {
   const double core_mm = 0.5 * (1.0 - kOpening.core) * rough.width_mm;
-  const auto inside = std::count_if(
-      around.present.begin(), around.present.end(),
-      [&](const Eigen::Vector2d& place) { return rough.DistanceMm(place) < -core_mm; });
-  return inside <= 1 && !IsLikeItsSurroundings(rough, around.present, look.reach_mm, r_mm);
+  return CountInside(rough, around.present, core_mm) <= 1 &&
+         !IsLikeItsSurroundings(rough, around.present, look.reach_mm, r_mm);
 }
 
 // Where nobody knows who looked: whether samples beside it end as they do at a cut, and not as at
@@ -148,34 +155,36 @@ bool IsCutInCloud(const OpeningBorder& border, const Surroundings& around, const
   return odds < (IsNarrow(border, look) ? -kOpening.narrow_odds : kOpening.shadow_odds);
 }
 
+// Whether passes that are known looked through enough of it.
+bool IsLookedThrough(const OpeningBorder& border, const PassSurroundings& passes) {
+  double through_mm2 = passes.scattered_part * border.AreaMm2();
+  for (std::size_t i = 0; i < passes.missed.size(); ++i) {
+    through_mm2 += border.DistanceMm(passes.missed[i].place_mm) < 0 ? passes.cell_mm2[i] : 0;
+  }
+  return through_mm2 >= kOpening.least_through * border.AreaMm2();
+}
+
 // Whether an opening with this border leaves these samples: none in it, and some on all its sides
 // but one, no further from it than they are from each other.
 bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSurroundings& passes,
            const Look& look, double r_mm) {
+  if (passes.are_known && !IsLookedThrough(border, passes)) return false;
   const bool are_scattered = passes.are_known && !passes.has_lines;
   const double missing =
       DensityBeside(border, are_scattered ? passes.scattered : around.wall).per_mm2 *
       border.AreaMm2();
   const double clear_mm = 0.1 * border.width_mm;
-  double inside = 0, below = 0, through_mm2 = passes.scattered_part * border.AreaMm2();
-  for (const Eigen::Vector2d& place : around.present) {
-    inside += border.DistanceMm(place) < -clear_mm ? 1 : 0;
+  if (!(missing >= LeastMissing(border, look))) return false;
+  if (CountInside(border, around.present, clear_mm) >
+          std::max(1.0, kOpening.most_inside * missing) ||
+      CountInside(border, around.below, clear_mm) > std::max(1.0, kOpening.most_below * missing)) {
+    return false;
   }
-  for (const Eigen::Vector2d& place : around.below) {
-    below += border.DistanceMm(place) < -clear_mm ? 1 : 0;
-  }
-  for (std::size_t i = 0; i < passes.missed.size(); ++i) {
-    through_mm2 += border.DistanceMm(passes.missed[i].place_mm) < 0 ? passes.cell_mm2[i] : 0;
-  }
-  if (passes.are_known && through_mm2 < kOpening.least_through * border.AreaMm2()) return false;
   // Where rays are known to have passed, sides need be no shorter than lines lie apart.
   const BorderSides sides = SidesOf(border, around.all, clear_mm, 2.0 * look.gap_mm + clear_mm,
                                     passes.are_known ? 2.0 * look.gap_mm : 0.0);
-  if (!passes.are_known && !IsCutInCloud(border, around, look, r_mm)) return false;
-  return missing >= LeastMissing(border, look) &&
-         inside <= std::max(1.0, kOpening.most_inside * missing) &&
-         below <= std::max(1.0, kOpening.most_below * missing) &&
-         sides.with_samples + 1 >= sides.all;
+  if (sides.with_samples + 1 < sides.all) return false;
+  return passes.are_known || IsCutInCloud(border, around, look, r_mm);
 }
 
 // One place where cells of the surface are empty, looked at closely.
@@ -205,7 +214,7 @@ class Candidate {
         continue;
       }
       if (rough->length_mm > kOpening.longest * rough->width_mm) return std::nullopt;
-      const Look look{reach_mm, GapBeside(*rough, present, r_mm_)};
+      const Look look{reach_mm, GapBeside(*rough, present, r_mm_), rough->AreaMm2()};
       const SampleDensity density = DensityBeside(*rough, around.wall);
       if (density.per_mm2 * rough->AreaMm2() < LeastMissing(*rough, look)) return std::nullopt;
       if (IsNarrow(*rough, look) && !MayBeNarrow(*rough, around, look, r_mm_)) return std::nullopt;
@@ -227,7 +236,7 @@ class Candidate {
         FitOpening(passes.has_lines ? passes.fair : around.wall, about,
                    kSampling.SmearMm(sigma_mm_, r_mm_), passes.missed, passes.scattered);
     const OpeningBorder& border = fitted.border;
-    if (border.AreaMm2() > kOpening.most_larger * about.AreaMm2()) return std::nullopt;
+    if (border.AreaMm2() > kOpening.most_larger * look.void_mm2) return std::nullopt;
     if (!IsCut(border, around, passes, look, r_mm_)) return std::nullopt;
     // Its drill goes across the wall at its own middle: from beside, its border lies further aside
     // where the wall is lower.

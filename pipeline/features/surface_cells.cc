@@ -16,12 +16,13 @@ namespace {
 struct CellSettings {
   // Points that an empty place would have if it were like the cells around it.
   double least_missing = 12.0;
+  // The same of a place that is no wide one, where cells between two others count as empty, too;
+  // where there are more of these, lines leave them.
+  double least_missing_narrow = 18.0;
+  std::size_t most_narrow = 12;
   // Of the cells around it: so many have points.
   double least_around_it = 0.85;
   std::size_t most_places = 40;
-  // The same of a place that is not two cells wide; where more are as narrow lines leave them.
-  double least_missing_narrow = 18.0;
-  std::size_t most_narrow = 12;
 };
 constexpr CellSettings kCells;
 
@@ -204,6 +205,29 @@ class VoidSearch {
   std::vector<Run> runs_;
 };
 
+// Whether two are the same one, but for the cells at its border.
+bool AreSame(const Void& a, const Void& b) {
+  return std::abs(a.row - b.row) <= 1.0 && std::abs(a.column - b.column) <= 1.0 &&
+         std::abs(a.rows - b.rows) <= 2.0 && std::abs(a.columns - b.columns) <= 2.0;
+}
+
+// The wide ones of the finest cells, and those that only single cells join, unless they are many.
+std::vector<Void> FindVoids(const WallCells& cells) {
+  std::vector<Void> voids = VoidSearch(cells, VoidSearch::Width::kWide).Find();
+  std::vector<Void> narrow;
+  for (const Void& any : VoidSearch(cells, VoidSearch::Width::kAny).Find()) {
+    const auto same = std::find_if(voids.begin(), voids.end(),
+                                   [&](const Void& wide) { return AreSame(any, wide); });
+    if (same == voids.end()) {
+      narrow.push_back(any);
+    } else {
+      *same = any;  // with its single cells
+    }
+  }
+  if (narrow.size() <= kCells.most_narrow) voids.insert(voids.end(), narrow.begin(), narrow.end());
+  return voids;
+}
+
 }  // namespace
 
 std::vector<EmptyPlace> FindEmptyPlaces(const hal::Tube& tube, WallCells cells) {
@@ -213,11 +237,8 @@ std::vector<EmptyPlace> FindEmptyPlaces(const hal::Tube& tube, WallCells cells) 
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   for (int level = 0; level < kWallGrids && cells.columns >= kLeastColumns; ++level) {
     const double column_mm = turn_mm / cells.columns;
-    std::vector<Void> voids = VoidSearch(cells, VoidSearch::Width::kWide).Find();
-    if (level == 0) {
-      const std::vector<Void> any = VoidSearch(cells, VoidSearch::Width::kAny).Find();
-      if (any.size() <= kCells.most_narrow) voids.insert(voids.end(), any.begin(), any.end());
-    }
+    const std::vector<Void> voids =
+        level == 0 ? FindVoids(cells) : VoidSearch(cells, VoidSearch::Width::kWide).Find();
     for (const Void& found : voids) {
       EmptyPlace place;
       place.along_mm = found.row * cells.row_mm;

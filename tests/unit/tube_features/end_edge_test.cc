@@ -243,6 +243,20 @@ TEST(EndEdge, ABurrIsToldWhereItStandsOut) {
 }
 
 // A wall that is widened by a fifth of its radius and more, all round.
+TEST(EndEdge, ABurrIsAsHighAsItIsWhateverItsLength) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.first_edge.burr_mm = 0.5;
+    features.first_edge.burr_length_mm = 0.8 + 0.13 * static_cast<double>(seed);
+    const EdgeScan scan = ScanEdges(seed, features);
+    const bool is_first = scan.truth.first_edge.burr_mm > 0;
+    const auto& end = is_first ? scan.measured.features.first_end : scan.measured.features.last_end;
+    ASSERT_TRUE(end && end->burr);
+    EXPECT_NEAR(end->burr->height_mm, 0.5, 3 * end->burr->sigma_mm);
+  }
+}
+
 TEST(EndEdge, AFlareIsNoBurr) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     SCOPED_TRACE(seed);
@@ -250,9 +264,14 @@ TEST(EndEdge, AFlareIsNoBurr) {
     features.first_edge.burr_mm = 1.7 + 0.15 * static_cast<double>(seed);
     features.first_edge.burr_length_mm = 2.5;
     const EdgeScan scan = ScanEdges(seed, features);
-    for (const auto* end : {&scan.measured.features.first_end, &scan.measured.features.last_end}) {
-      EXPECT_FALSE(*end && (*end)->burr);
-    }
+    const bool is_first = scan.truth.first_edge.burr_mm > 0;
+    const auto& found = scan.measured.features;
+    const auto& flared = is_first ? found.first_end : found.last_end;
+    const auto& plain = is_first ? found.last_end : found.first_end;
+    EXPECT_FALSE(flared && flared->burr);
+    EXPECT_GT((is_first ? scan.measured.first_end : scan.measured.last_end).length_mm, 1.5);
+    ASSERT_TRUE(plain);
+    EXPECT_FALSE(plain->burr);
   }
 }
 

@@ -30,13 +30,4 @@ struct EndBevel {
 std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
                                   double pipe_radius_mm, double noise_mm);
 
-// Samples that stand out of the wall right before the plane and beyond it, and no farther in.
-// Empty: too few, or more than a burr is.
-std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
-                                 double pipe_radius_mm, double noise_mm);
-
-// A burr, of the plane that its samples say the end has. None: they go on beyond it.
-std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
-                                  double pipe_radius_mm, double noise_mm);
-
 }  // namespace bendloop::pipeline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/features/end_edge.h"
+#include "pipeline/features/end_bevel.h"
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -15,7 +15,7 @@
 namespace bendloop::pipeline {
 namespace {
 
-struct EdgeSettings {
+struct BevelSettings {
   // Samples beyond the wall's border, and sectors that have some, of a bevel.
   std::size_t least_inside = 24, least_sectors = 8;
   // [of r_P] A bevel reaches no further beyond the wall's border, nor further in.
@@ -34,19 +34,8 @@ struct EdgeSettings {
   // Of how far [sigma2] samples lie from the face: a cone that leaves more is none. And [sigma2]
   // how much more the face must leave: by so much a cone explains by chance.
   double least_better = 0.5, by_chance = 100.0;
-
-  // [sigma] and [of r_P] How far a burr stands out at least; and at most.
-  double out_sigmas = 5.0, out = 0.01, most_out = 0.2;
-  // [of r_P] How long one may be along the tube; lengths are tried from a part of it on.
-  double longest_burr = 0.3, lengths = 8;
-  // Samples that stand out, and how many times as many as in the next as long piece of the wall.
-  double least_out = 12.0, times = 4.0;
-  // [of r_P] and [of those that stand out] What goes on so far beyond the end is none of it.
-  double beyond = 0.06, least_beyond = 0.2;
-  // Samples of a sector that tell how far it stands out there, and by how many sigma.
-  double least_of_sector = 6.0, certain = 5.0;
 };
-constexpr EdgeSettings kEdge;
+constexpr BevelSettings kBevel;
 
 // Sums of a straight line through samples: how far in they are, by how far beyond.
 struct LineSums {
@@ -73,7 +62,7 @@ bool AreEnough(const SamplesNearEnd& near, std::span<const InsideSample> inside)
     seen[EndSectorOf(near.inside()[sample.index].AroundRad())] = true;
   }
   const auto sectors = static_cast<std::size_t>(std::count(seen.begin(), seen.end(), true));
-  return inside.size() >= kEdge.least_inside && sectors >= kEdge.least_sectors;
+  return inside.size() >= kBevel.least_inside && sectors >= kBevel.least_sectors;
 }
 
 // Samples inside, beyond the plane, that may be a bevel's or the cut's own face.
@@ -83,7 +72,8 @@ std::vector<InsideSample> InsideOf(const SamplesNearEnd& near, const Eigen::Vect
   for (std::size_t i = 0; i < near.inside().size(); ++i) {
     const NearEnd& sample = near.inside()[i];
     const double beyond_mm = sample.BeyondMm(plane_mm), in_mm = r_mm - sample.RadiusMm();
-    if (beyond_mm < 0 || beyond_mm > kEdge.longest * r_mm || in_mm > kEdge.deepest * r_mm) continue;
+    if (beyond_mm < 0 || beyond_mm > kBevel.longest * r_mm || in_mm > kBevel.deepest * r_mm)
+      continue;
     inside.push_back({i, beyond_mm, in_mm, OfCutMm(sample, plane_mm, r_mm)});
   }
   return inside;
@@ -104,7 +94,7 @@ CutFace FaceOf(std::span<const InsideSample> inside, const Eigen::Vector3d& plan
   std::vector<double> off_mm;
   for (const InsideSample& sample : inside) off_mm.push_back(sample.of_cut_mm);
   std::sort(off_mm.begin(), off_mm.end());
-  const double wide_mm = 2.0 * kEdge.of_face * noise_mm / face.cosine;
+  const double wide_mm = 2.0 * kBevel.of_face * noise_mm / face.cosine;
   std::size_t most = 0;
   for (std::size_t first = 0, end = 0; first < off_mm.size(); ++first) {
     while (end < off_mm.size() && off_mm[end] - off_mm[first] <= wide_mm) ++end;
@@ -114,42 +104,16 @@ CutFace FaceOf(std::span<const InsideSample> inside, const Eigen::Vector3d& plan
   }
   return face;
 }
-// How far [mm] a sample stands out at least that may be a burr's.
-double LeastOutMm(double r_mm, double noise_mm) {
-  return std::max(kEdge.out_sigmas * noise_mm, kEdge.out * r_mm);
-}
-
-struct BurrSample {
-  std::size_t sector;
-  double before_mm, off_mm;
-};
-
-// How far each sector stands out at the border, if the burr is `length_mm` long: least squares.
-struct BurrSums {
-  std::array<double, kEndSectors> n{}, square{}, product{};
-  double explained = 0;  // of the sum of squares
-
-  void Add(std::size_t sector, double part, double off_mm) {
-    n[sector] += part > 0 ? 1 : 0;
-    square[sector] += part * part;
-    product[sector] += part * off_mm;
-  }
-  void Sum() {
-    for (std::size_t i = 0; i < kEndSectors; ++i) {
-      if (product[i] > 0) explained += product[i] * product[i] / square[i];
-    }
-  }
-};
 
 // The cone that most of these samples lie on. None: they lie on none that begins at the border.
 std::optional<EndBevel> FitCone(const SamplesNearEnd& near, std::span<const InsideSample> inside,
                                 double r_mm, double noise_mm) {
   if (!AreEnough(near, inside)) return std::nullopt;
   EndBevel bevel;
-  double reach_mm = kEdge.deepest * r_mm, scatter_mm = noise_mm;
-  const double fair_mm = (kSampling.on_surface + kEdge.fair) * noise_mm;
+  double reach_mm = kBevel.deepest * r_mm, scatter_mm = noise_mm;
+  const double fair_mm = (kSampling.on_surface + kBevel.fair) * noise_mm;
   LineSums sums;
-  for (int round = 0; round < kEdge.rounds; ++round) {
+  for (int round = 0; round < kBevel.rounds; ++round) {
     sums = {};
     std::vector<double> off;
     for (const InsideSample& sample : inside) {
@@ -161,16 +125,16 @@ std::optional<EndBevel> FitCone(const SamplesNearEnd& near, std::span<const Insi
           round == 0 || bevel.fall * (sample.beyond_mm - bevel.begins_mm) > fair_mm;
       if (is_fair && off.back() < reach_mm) sums.Add(sample.beyond_mm, sample.in_mm);
     }
-    if (sums.n < static_cast<double>(kEdge.least_inside) || !(sums.Spread() > 0)) {
+    if (sums.n < static_cast<double>(kBevel.least_inside) || !(sums.Spread() > 0)) {
       return std::nullopt;
     }
     if (round > 0) {
       constexpr double kPerMedian = 1.4826;
       scatter_mm = std::max(noise_mm, kPerMedian * Median(std::move(off)));
-      reach_mm = kEdge.off * scatter_mm;
+      reach_mm = kBevel.off * scatter_mm;
     }
     bevel.fall = sums.Slope();
-    if (!(bevel.fall > kEdge.least_fall) || bevel.fall > kEdge.most_fall) return std::nullopt;
+    if (!(bevel.fall > kBevel.least_fall) || bevel.fall > kBevel.most_fall) return std::nullopt;
     bevel.begins_mm = (sums.x - sums.y / bevel.fall) / sums.n;
   }
   // At their mean the line is surest; the wall's radius, which it begins at, is known better.
@@ -181,7 +145,7 @@ std::optional<EndBevel> FitCone(const SamplesNearEnd& near, std::span<const Insi
   bevel.covariance << (of_mean + at_mm * at_mm * of_fall) / fall2, at_mm * of_fall / bevel.fall,
       at_mm * of_fall / bevel.fall, of_fall;
   if (std::abs(bevel.begins_mm) >
-      kEdge.begins * r_mm + kEdge.off * std::sqrt(bevel.covariance(0, 0))) {
+      kBevel.begins * r_mm + kBevel.off * std::sqrt(bevel.covariance(0, 0))) {
     return std::nullopt;
   }
   for (const InsideSample& sample : inside) {
@@ -189,7 +153,7 @@ std::optional<EndBevel> FitCone(const SamplesNearEnd& near, std::span<const Insi
     if (std::abs(residual) < reach_mm) bevel.samples.push_back(near.inside()[sample.index]);
   }
   if (static_cast<double>(bevel.samples.size()) <
-      kEdge.least_part * static_cast<double>(inside.size())) {
+      kBevel.least_part * static_cast<double>(inside.size())) {
     return std::nullopt;
   }
   return bevel;
@@ -226,8 +190,8 @@ void TakeSamples(const SamplesNearEnd& near, std::span<const InsideSample> insid
   bevel.samples.clear();
   for (const InsideSample& sample : inside) {
     const double low = bevel.SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
-    const bool is_at_face = face.Squares(sample, noise_mm) < kEdge.of_face * kEdge.of_face;
-    if (low > -kEdge.off && low < (is_at_face ? kSampling.low : kEdge.off)) {
+    const bool is_at_face = face.Squares(sample, noise_mm) < kBevel.of_face * kBevel.of_face;
+    if (low > -kBevel.off && low < (is_at_face ? kSampling.low : kBevel.off)) {
       bevel.samples.push_back(near.inside()[sample.index]);
     }
   }
@@ -243,97 +207,36 @@ std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vecto
   // A bevel may leave some of the face.
   std::vector<InsideSample> off_face;
   for (const InsideSample& sample : inside) {
-    if (face.Squares(sample, noise_mm) > kEdge.of_face * kEdge.of_face) off_face.push_back(sample);
+    if (face.Squares(sample, noise_mm) > kBevel.of_face * kBevel.of_face)
+      off_face.push_back(sample);
   }
-  constexpr double kMost = kEdge.off * kEdge.off;  // [sigma2] counts of a sample
+  constexpr double kMost = kBevel.off * kBevel.off;  // [sigma2] counts of a sample
   double least = 0;
   std::optional<EndBevel> bevel;
   for (const bool has_face : {false, true}) {
     auto cone = FitCone(near, has_face ? off_face : inside, r_mm, noise_mm);
     if (!cone) continue;
-    double left = 0, of_face = 0;
+    // Of all samples; of some of them what is off the cone and the face both: fliers, as mixed
+    // pixels at the edge are, say nothing of which of these it is, but do of which cone.
+    double left = 0, of_face = 0, off_both = 0;
     std::size_t below = 0;  // the cone, at the face
     for (const InsideSample& sample : inside) {
       const double off = cone->SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
       const double at_face = face.Squares(sample, noise_mm);
-      // What is off both is a flier, as mixed pixels at the edge are, and says nothing.
-      if (off * off > kMost && at_face > kMost) continue;
+      if (off * off > kMost && at_face > kMost) off_both += kMost;
       of_face += std::min(kMost, at_face);
       left += std::min({kMost, off * off, has_face ? at_face : kMost});
-      below += off > kEdge.off && at_face < kEdge.of_face * kEdge.of_face ? 1 : 0;
+      below += off > kBevel.off && at_face < kBevel.of_face * kBevel.of_face ? 1 : 0;
     }
-    if (has_face && below < kEdge.least_inside) continue;
-    if (left > kEdge.least_better * of_face - kEdge.by_chance) continue;
-    if (bevel && left > least - kEdge.by_chance) continue;
+    if (has_face && below < kBevel.least_inside) continue;
+    const double least_left = kBevel.least_better * (of_face - off_both) - kBevel.by_chance;
+    if (left - off_both > least_left) continue;
+    if (bevel && left > least - kBevel.by_chance) continue;
     least = left;
     bevel = std::move(cone);
     if (has_face) TakeSamples(near, inside, face, noise_mm, *bevel);
   }
   return bevel;
-}
-
-std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
-                                 double r_mm, double noise_mm) {
-  const double least_mm = LeastOutMm(r_mm, noise_mm);
-  const double longest_mm = kEdge.longest_burr * r_mm;
-  std::vector<NearEnd> out;
-  double before = 0;
-  for (const NearEnd& sample : near.outside()) {
-    const double before_mm = -sample.BeyondMm(plane_mm), off_mm = sample.RadiusMm() - r_mm;
-    if (before_mm < -longest_mm || before_mm > 2.0 * longest_mm) continue;
-    if (off_mm > kEdge.most_out * r_mm) continue;
-    if (before_mm < longest_mm) {
-      out.push_back(sample);
-    } else if (off_mm > least_mm) {
-      before += 1;
-    }
-  }
-  const auto count = static_cast<double>(out.size());
-  if (count < kEdge.least_out || count < kEdge.times * before) out.clear();
-  return out;
-}
-
-std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
-                                  double r_mm, double noise_mm) {
-  const double least_mm = LeastOutMm(r_mm, noise_mm);
-  const double longest_mm = kEdge.longest_burr * r_mm;
-  std::vector<BurrSample> samples;
-  double out = 0, beyond = 0;
-  for (const NearEnd& sample : near.wall()) {
-    const double before_mm = -sample.BeyondMm(plane_mm), off_mm = sample.RadiusMm() - r_mm;
-    if (std::abs(before_mm) > longest_mm || off_mm > kEdge.most_out * r_mm) continue;
-    if (off_mm > least_mm) (before_mm < -kEdge.beyond * r_mm ? beyond : out) += 1;
-    if (before_mm < 0) continue;
-    samples.push_back({EndSectorOf(sample.AroundRad()), before_mm, off_mm});
-  }
-  if (out < kEdge.least_out || beyond > kEdge.least_beyond * out) return std::nullopt;
-  BurrSums best;
-  for (double i = 1; i <= kEdge.lengths; ++i) {
-    BurrSums sums;
-    const double length_mm = longest_mm * i / kEdge.lengths;
-    for (const BurrSample& sample : samples) {
-      sums.Add(sample.sector, std::max(0.0, 1.0 - sample.before_mm / length_mm), sample.off_mm);
-    }
-    sums.Sum();
-    if (sums.explained > best.explained) best = sums;
-  }
-  BurrFound burr;
-  double sectors = 0;
-  for (std::size_t i = 0; i < kEndSectors; ++i) {
-    if (best.n[i] < kEdge.least_of_sector) continue;
-    const double height_mm = best.product[i] / best.square[i];
-    const double sigma_mm = noise_mm / std::sqrt(best.square[i]);
-    if (height_mm < kEdge.certain * sigma_mm || height_mm < kEdge.out * r_mm) continue;
-    sectors += 1;
-    if (height_mm < burr.height_mm) continue;
-    burr.height_mm = height_mm, burr.sigma_mm = sigma_mm;
-    burr.around_deg = std::remainder(
-        360.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(kEndSectors), 360.0);
-  }
-  // What stands out further at the end is a flare, of which only the flatter samples were asked.
-  if (sectors == 0 || burr.height_mm > kEdge.most_out * r_mm) return std::nullopt;
-  burr.part = sectors / static_cast<double>(kEndSectors);
-  return burr;
 }
 
 }  // namespace bendloop::pipeline

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/features/end_burr.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+
+#include "pipeline/features/end_sectors.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct BurrSettings {
+  // [sigma] and [of r_P] How far a burr stands out at least; and at most.
+  double out_sigmas = 5.0, out = 0.01, most_out = 0.2;
+  // [of r_P] How long one may be along the tube; lengths are tried from a part of it on.
+  double longest_burr = 0.3, lengths = 32;
+  // Samples that stand out, and how many times as many as in the next as long piece of the wall.
+  double least_out = 12.0, times = 4.0;
+  // [of r_P] and [of those that stand out] What goes on so far beyond the end is none of it.
+  double beyond = 0.06, least_beyond = 0.2;
+  // Samples of a sector that tell how far it stands out there, and by how many sigma.
+  double least_of_sector = 6.0, certain = 5.0;
+};
+constexpr BurrSettings kBurr;
+
+// How far [mm] a sample stands out at least that may be a burr's.
+double LeastOutMm(double r_mm, double noise_mm) {
+  return std::max(kBurr.out_sigmas * noise_mm, kBurr.out * r_mm);
+}
+
+struct BurrSample {
+  std::size_t sector;
+  double before_mm, off_mm;
+};
+
+// How far each sector stands out at the border, if the burr is `length_mm` long: least squares.
+struct BurrSums {
+  std::array<double, kEndSectors> n{}, square{}, product{};
+  double explained = 0;  // of the sum of squares
+  double length_mm = 0;
+
+  void Add(std::size_t sector, double part, double off_mm) {
+    n[sector] += part > 0 ? 1 : 0;
+    square[sector] += part * part;
+    product[sector] += part * off_mm;
+  }
+  void Sum() {
+    for (std::size_t i = 0; i < kEndSectors; ++i) {
+      if (product[i] > 0) explained += product[i] * product[i] / square[i];
+    }
+  }
+};
+
+// How high a burr stands out at the border of a sector, and how much higher it would be for each mm
+// that the border lay further out.
+struct BurrHeight {
+  std::size_t sector = 0;
+  double mm = 0, sigma_mm = 0, per_mm = 0;
+};
+// Over all lengths that it may have, as likely as they explain the samples. Nothing: too few tell.
+BurrHeight HeightOf(std::span<const BurrSums> fits, std::size_t sector, double noise_mm) {
+  double most = 0;
+  for (const BurrSums& fit : fits) most = std::max(most, fit.explained);
+  double all = 0, mean = 0, square = 0, per_mm = 0;
+  for (const BurrSums& fit : fits) {
+    if (fit.n[sector] < kBurr.least_of_sector) continue;
+    const double odds = std::exp(0.5 * (fit.explained - most) / (noise_mm * noise_mm));
+    const double height_mm = fit.product[sector] / fit.square[sector];
+    all += odds;
+    mean += odds * height_mm;
+    square += odds * (height_mm * height_mm + noise_mm * noise_mm / fit.square[sector]);
+    per_mm += odds * height_mm / fit.length_mm;
+  }
+  if (!(all > 0)) return {};
+  mean /= all;
+  return {sector, mean, std::sqrt(std::max(0.0, square / all - mean * mean)), per_mm / all};
+}
+
+// The highest of some. By chance one of many is told too high: as far from their mean as they
+// differ by more than their sigmas say (Efron and Morris 1973).
+BurrHeight HighestOf(std::span<const BurrHeight> heights) {
+  const auto n = static_cast<double>(heights.size());
+  double mean = 0, spread2 = 0, known2 = 0;
+  for (const BurrHeight& height : heights) mean += height.mm / n;
+  for (const BurrHeight& height : heights) {
+    spread2 += std::pow(height.mm - mean, 2) / std::max(1.0, n - 1.0);
+    known2 += height.sigma_mm * height.sigma_mm / n;
+  }
+  const double differ2 = std::max(0.0, spread2 - known2);
+  BurrHeight highest;
+  for (BurrHeight height : heights) {
+    const double sigma2 = height.sigma_mm * height.sigma_mm;
+    const double own = n > 1 ? differ2 / (differ2 + sigma2) : 1.0;
+    height.mm = mean + own * (height.mm - mean);
+    height.sigma_mm = std::sqrt(own * sigma2 + (1.0 - own) * (1.0 - own) * known2 / n);
+    if (height.mm > highest.mm) highest = height;
+  }
+  return highest;
+}
+
+}  // namespace
+
+std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                                 double r_mm, double noise_mm) {
+  const double least_mm = LeastOutMm(r_mm, noise_mm);
+  const double longest_mm = kBurr.longest_burr * r_mm;
+  std::vector<NearEnd> out;
+  double before = 0;
+  for (const NearEnd& sample : near.outside()) {
+    const double before_mm = -sample.BeyondMm(plane_mm), off_mm = sample.RadiusMm() - r_mm;
+    if (before_mm < -longest_mm || before_mm > 2.0 * longest_mm) continue;
+    if (off_mm > kBurr.most_out * r_mm) continue;
+    if (before_mm < longest_mm) {
+      out.push_back(sample);
+    } else if (off_mm > least_mm) {
+      before += 1;
+    }
+  }
+  const auto count = static_cast<double>(out.size());
+  if (count < kBurr.least_out || count < kBurr.times * before) out.clear();
+  return out;
+}
+
+std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const BurrTip& tip, double r_mm,
+                                  double noise_mm) {
+  const double least_mm = LeastOutMm(r_mm, noise_mm);
+  const double longest_mm = kBurr.longest_burr * r_mm;
+  std::vector<BurrSample> samples;
+  double out = 0, beyond = 0;
+  for (const NearEnd& sample : near.wall()) {
+    const double before_mm = -sample.BeyondMm(tip.plane_mm), off_mm = sample.RadiusMm() - r_mm;
+    if (std::abs(before_mm) > longest_mm || off_mm > kBurr.most_out * r_mm) continue;
+    if (off_mm > least_mm) (before_mm < -kBurr.beyond * r_mm ? beyond : out) += 1;
+    if (before_mm < 0) continue;
+    samples.push_back({EndSectorOf(sample.AroundRad()), before_mm, off_mm});
+  }
+  if (out < kBurr.least_out || beyond > kBurr.least_beyond * out) return std::nullopt;
+  std::vector<BurrSums> fits;
+  for (double i = 1; i <= kBurr.lengths; ++i) {
+    BurrSums& sums = fits.emplace_back();
+    sums.length_mm = longest_mm * i / kBurr.lengths;
+    for (const BurrSample& sample : samples) {
+      sums.Add(sample.sector, std::max(0.0, 1.0 - sample.before_mm / sums.length_mm),
+               sample.off_mm);
+    }
+    sums.Sum();
+  }
+  std::vector<BurrHeight> heights;
+  for (std::size_t i = 0; i < kEndSectors; ++i) {
+    BurrHeight height = HeightOf(fits, i, noise_mm);
+    if (height.mm < std::max(kBurr.certain * height.sigma_mm, kBurr.out * r_mm)) continue;
+    height.sigma_mm = std::hypot(height.sigma_mm, height.per_mm * r_mm * tip.slope_sigma);
+    heights.push_back(height);
+  }
+  const BurrHeight highest = HighestOf(heights);
+  // What stands out further at the end is a flare, of which only the flatter samples were asked.
+  if (heights.empty() || highest.mm > kBurr.most_out * r_mm) return std::nullopt;
+  constexpr auto kAll = static_cast<double>(kEndSectors);
+  BurrFound burr;
+  burr.height_mm = highest.mm;
+  burr.sigma_mm = std::hypot(highest.sigma_mm, highest.per_mm * tip.at_sigma_mm);
+  burr.around_deg = std::remainder(360.0 * (static_cast<double>(highest.sector) + 0.5) / kAll, 360);
+  burr.part = static_cast<double>(heights.size()) / kAll;
+  return burr;
+}
+
+}  // namespace bendloop::pipeline
