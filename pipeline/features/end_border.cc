@@ -42,7 +42,7 @@ struct EndBorderSettings {
   double enough_about = 50.0;
   int walk = 1200;
   // Of a cloud: steps of a walk, so that all steps together look at about so many samples.
-  int least_cloud_walk = 600, most_cloud_walk = 3000;
+  int least_cloud_walk = 600, most_cloud_walk = 1500;
   double cloud_walked = 1.5e6;
   int places = 10;  // where such a walk may begin, on either side
   // The noise is thought to be what is said but for this part of it; anything else is rarer, but
@@ -100,7 +100,11 @@ class BorderLikelihood {
     std::sort(samples_.begin(), samples_.end(),
               [&](const BorderSample& a, const BorderSample& b) { return deep(a) < deep(b); });
     deep_mm_.clear();
-    for (const BorderSample& sample : samples_) deep_mm_.push_back(deep(sample));
+    lanes_ = PlaneLanes(samples_.size());
+    for (const BorderSample& sample : samples_) {
+      deep_mm_.push_back(deep(sample));
+      lanes_.Add(sample.row[1], sample.row[2], sample.at_mm, 1.0, 0);
+    }
   }
 
   double samples() const { return static_cast<double>(samples_.size()); }
@@ -114,12 +118,7 @@ class BorderLikelihood {
   double Log(const Numbers& x) const {
     if (!KnowsSamplesAt(x)) return -1e300;
     static const EvenTable table = LogNormalCdf(kEndBorder.flier);
-    const double per_sigma = 1.0 / SmearMm(x);
-    near_.resize(CountNear(x));
-    for (std::size_t i = 0; i < near_.size(); ++i) {
-      near_[i] = (samples_[i].row.dot(x.head<3>()) - samples_[i].at_mm) * per_sigma;
-    }
-    return LogOfNumbers(x) + table.Sum(near_);
+    return LogOfNumbers(x) + table.SumFirst(lanes_, CountNear(x), x.data(), 1.0 / SmearMm(x));
   }
 
   // The same, its slope and, negative, its curvature.
@@ -177,7 +176,7 @@ class BorderLikelihood {
   std::vector<double> deep_mm_;  // of each sample, behind that plane; the least first
   double smear_mm_, band_mm_;
   Eigen::Vector3d certainty_ = Eigen::Vector3d::Zero();  // before the scan
-  mutable std::vector<double> near_;                     // [sigma] behind a plane
+  PlaneLanes lanes_;                                     // the samples, in their order
 };
 
 struct BorderFitted {

@@ -90,6 +90,15 @@ double EvenTable::Sum(const PlaneLanes& lanes, const double* x, double more) con
   return SumPlane(of, lanes, lanes.at.size()) - static_cast<double>(lanes.filled) * at[one - 1];
 }
 
+double EvenTable::SumFirst(const PlaneLanes& lanes, std::size_t count, const double* x,
+                           double by) const {
+  if (count == 0) return 0.0;
+  const std::size_t one = size > 0 ? size : at.size();
+  return SumPlane(
+      {at.data(), static_cast<double>(one - 2), from / by, per_step * by, x[0], x[1], x[2], 0.0},
+      lanes, count);
+}
+
 EvenTable LogNormalCdf(double floor) {
   constexpr std::size_t kSize = 481;
   constexpr double kFrom = -6.0, kStep = 0.025;

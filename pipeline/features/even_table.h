@@ -33,6 +33,8 @@ struct EvenTable {
   // The same of a plane that meets the axis at x[0] and rises by the others towards cosine and
   // sine; `more` is added to each.
   double Sum(const PlaneLanes& lanes, const double* x, double more) const;
+  // Of the first `count`, each scaled by `by` beside its own.
+  double SumFirst(const PlaneLanes& lanes, std::size_t count, const double* x, double by) const;
 };
 
 // The logarithm of the standard normal distribution and of a part `floor` that is always there, of

@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "pipeline/features/border_likelihood.h"
+#include "pipeline/features/opening_likelihood.h"
 #include "pipeline/features/posterior.h"
 #include "pipeline/math/dense_solve.h"
 
@@ -169,7 +169,7 @@ double LogLean(double lean2) {
 class ShapeWalk {
  public:
   // `most_lean`: of a hole that leans.
-  ShapeWalk(const BorderLikelihood& wall, const OpeningBorder& about, Shape shape,
+  ShapeWalk(const OpeningLikelihood& wall, const OpeningBorder& about, Shape shape,
             double most_lean = kBorder.most_lean)
       : wall_(wall), about_(about), shape_(shape), most_lean_(most_lean) {}
 
@@ -263,7 +263,7 @@ class ShapeWalk {
     return fit;
   }
 
-  const BorderLikelihood& wall_;
+  const OpeningLikelihood& wall_;
   OpeningBorder about_;
   Shape shape_;
   double most_lean_;
@@ -328,7 +328,7 @@ double MostLeanOf(const FittedOpening& oval) {
 }
 
 // What leaning holes there may be. `abouts`: where.
-std::vector<ShapeFit> FitLeans(const BorderLikelihood& wall, std::span<const OpeningBorder> abouts,
+std::vector<ShapeFit> FitLeans(const OpeningLikelihood& wall, std::span<const OpeningBorder> abouts,
                                double most_lean) {
   std::vector<ShapeFit> fits;
   for (const OpeningBorder& about : abouts) {
@@ -455,7 +455,7 @@ SampleDensity DensityBeside(const OpeningBorder& border, std::span<const Eigen::
 FittedOpening FitOpening(std::span<const Eigen::Vector2d> samples, const OpeningBorder& about,
                          double smear_mm, std::span<const MissedPlace> missed,
                          std::span<const Eigen::Vector2d> scattered) {
-  const BorderLikelihood wall(samples, missed, scattered, about, smear_mm);
+  const OpeningLikelihood wall(samples, missed, scattered, about, smear_mm);
   const ShapeFit slot = ShapeWalk(wall, about, Shape::kSlot).Fit(kBorder.walk);
   const OpeningBorder& long_one = slot.fitted.border;
   const double longer_mm = long_one.length_mm - long_one.width_mm;

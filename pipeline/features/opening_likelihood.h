@@ -13,12 +13,12 @@ namespace bendloop::pipeline {
 // How likely what is known of the wall about an opening is, were its border this. Samples are a
 // Poisson process that is nothing inside; rays of laser lines meet the wall outside and nothing
 // inside. It is asked of the same samples and rays for all shapes, or these would not compare.
-class BorderLikelihood {
+class OpeningLikelihood {
  public:
   // `about`: where the border roughly is, as long as it may be about; the rest as in FitOpening.
-  BorderLikelihood(std::span<const Eigen::Vector2d> samples, std::span<const MissedPlace> missed,
-                   std::span<const Eigen::Vector2d> scattered, const OpeningBorder& about,
-                   double smear_mm);
+  OpeningLikelihood(std::span<const Eigen::Vector2d> samples, std::span<const MissedPlace> missed,
+                    std::span<const Eigen::Vector2d> scattered, const OpeningBorder& about,
+                    double smear_mm);
 
   bool has_missed() const { return !missed_.empty(); }
   // Whether what lies there was looked at.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/features/border_likelihood.h"
+#include "pipeline/features/opening_likelihood.h"
 
 #include <algorithm>
 #include <cmath>
@@ -32,10 +32,10 @@ double LogCovered(double distance_mm, double sigma_mm, double otherwise) {
 
 }  // namespace
 
-BorderLikelihood::BorderLikelihood(std::span<const Eigen::Vector2d> samples,
-                                   std::span<const MissedPlace> missed,
-                                   std::span<const Eigen::Vector2d> scattered,
-                                   const OpeningBorder& about, double smear_mm)
+OpeningLikelihood::OpeningLikelihood(std::span<const Eigen::Vector2d> samples,
+                                     std::span<const MissedPlace> missed,
+                                     std::span<const Eigen::Vector2d> scattered,
+                                     const OpeningBorder& about, double smear_mm)
     : zone_(about),
       smear_mm_(missed.empty() ? smear_mm : kLikelihood.of_lines * smear_mm),
       density_(DensityBeside(about, scattered)) {
@@ -61,17 +61,17 @@ BorderLikelihood::BorderLikelihood(std::span<const Eigen::Vector2d> samples,
   }
 }
 
-bool BorderLikelihood::IsInZone(const Eigen::Vector2d& place_mm) const {
+bool OpeningLikelihood::IsInZone(const Eigen::Vector2d& place_mm) const {
   return zone_.DistanceMm(place_mm) < kLikelihood.near * zone_.width_mm;
 }
 
-double BorderLikelihood::Log(const OpeningBorder& border, double blur) const {
+double OpeningLikelihood::Log(const OpeningBorder& border, double blur) const {
   return density_.Missing(border, zone_.middle_mm) +
          (border.lean.isZero() ? LogFlat(border, blur) : LogLeaning(border, blur));
 }
 
 // Most of them lie nowhere near the border.
-double BorderLikelihood::LogFlat(const OpeningBorder& border, double blur) const {
+double OpeningLikelihood::LogFlat(const OpeningBorder& border, double blur) const {
   const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
   const double half_line_mm = 0.5 * (border.length_mm - border.width_mm);
   // From the line about which it is cut.
@@ -95,7 +95,7 @@ double BorderLikelihood::LogFlat(const OpeningBorder& border, double blur) const
   return log;
 }
 
-double BorderLikelihood::LogLeaning(const OpeningBorder& border, double blur) const {
+double OpeningLikelihood::LogLeaning(const OpeningBorder& border, double blur) const {
   const double middle_up = HeightMm(border.middle_mm.y());
   const double per_square = 1.0 / (1.0 + border.lean.squaredNorm());
   const auto square = [&](const Eigen::Vector2d& from, double place_up) {
@@ -122,8 +122,8 @@ double BorderLikelihood::LogLeaning(const OpeningBorder& border, double blur) co
 }
 
 // Of a place by its squared distance from the opening's middle line.
-double BorderLikelihood::LogHit(double square_mm2, double width_mm, double sideways_mm,
-                                double blur) const {
+double OpeningLikelihood::LogHit(double square_mm2, double width_mm, double sideways_mm,
+                                 double blur) const {
   const double half_mm = 0.5 * width_mm;
   const double free_mm = FreeMm(width_mm, blur);
   if (square_mm2 > free_mm * free_mm) return 0;
@@ -133,8 +133,8 @@ double BorderLikelihood::LogHit(double square_mm2, double width_mm, double sidew
   return LogCovered(off_mm - half_mm, blur * sigma_mm, kLikelihood.flier);
 }
 
-double BorderLikelihood::LogMissed(double square_mm2, double width_mm, double sideways_mm,
-                                   double sideways_sigma_mm, double blur) const {
+double OpeningLikelihood::LogMissed(double square_mm2, double width_mm, double sideways_mm,
+                                    double sideways_sigma_mm, double blur) const {
   const double half_mm = 0.5 * width_mm;
   const double sure_mm = half_mm - blur * kLikelihood.sure * (smear_mm_ + sideways_sigma_mm);
   if (sure_mm > 0 && square_mm2 < sure_mm * sure_mm) return 0;
@@ -144,18 +144,18 @@ double BorderLikelihood::LogMissed(double square_mm2, double width_mm, double si
   return LogCovered(half_mm - off_mm, blur * sigma_mm, kLikelihood.lost);
 }
 
-double BorderLikelihood::HeightMm(double y_mm) const {
+double OpeningLikelihood::HeightMm(double y_mm) const {
   return std::sqrt(std::max(0.0, zone_.pipe_radius_mm * zone_.pipe_radius_mm - y_mm * y_mm));
 }
 
 // As many samples as lie no further than this from the border's middle, and a few more.
-std::size_t BorderLikelihood::Reached(const OpeningBorder& border, double reach_mm) const {
+std::size_t OpeningLikelihood::Reached(const OpeningBorder& border, double reach_mm) const {
   const double to_mm = reach_mm + (border.middle_mm - zone_.middle_mm).norm();
   const auto end = std::upper_bound(near_far_mm_.begin(), near_far_mm_.end(), to_mm);
   return static_cast<std::size_t>(end - near_far_mm_.begin());
 }
 
-double BorderLikelihood::FreeMm(double width_mm, double blur) const {
+double OpeningLikelihood::FreeMm(double width_mm, double blur) const {
   return 0.5 * width_mm + blur * kLikelihood.sure * (smear_mm_ + sideways_smear_mm_);
 }
 
