@@ -79,6 +79,20 @@ std::vector<InsideSample> InsideOf(const SamplesNearEnd& near, const Eigen::Vect
   return inside;
 }
 
+// The middle of those that most lie no wider apart than this with.
+double MiddleOfMost(std::vector<double> places, double wide) {
+  std::sort(places.begin(), places.end());
+  double middle = 0;
+  std::size_t most = 0;
+  for (std::size_t first = 0, end = 0; first < places.size(); ++first) {
+    while (end < places.size() && places[end] - places[first] <= wide) ++end;
+    if (end - first <= most) continue;
+    most = end - first;
+    middle = places[first + most / 2];
+  }
+  return middle;
+}
+
 // A plane as the cut's, that most of the samples lie in.
 struct CutFace {
   double beyond_mm = 0, cosine = 1;  // of the cut's plane; of its normal, to the tube
@@ -93,70 +107,93 @@ CutFace FaceOf(std::span<const InsideSample> inside, const Eigen::Vector3d& plan
   face.cosine = r_mm / std::hypot(r_mm, plane_mm.tail<2>().norm());
   std::vector<double> off_mm;
   for (const InsideSample& sample : inside) off_mm.push_back(sample.of_cut_mm);
-  std::sort(off_mm.begin(), off_mm.end());
-  const double wide_mm = 2.0 * kBevel.of_face * noise_mm / face.cosine;
-  std::size_t most = 0;
-  for (std::size_t first = 0, end = 0; first < off_mm.size(); ++first) {
-    while (end < off_mm.size() && off_mm[end] - off_mm[first] <= wide_mm) ++end;
-    if (end - first <= most) continue;
-    most = end - first;
-    face.beyond_mm = off_mm[first + most / 2];
-  }
+  face.beyond_mm = MiddleOfMost(std::move(off_mm), 2.0 * kBevel.of_face * noise_mm / face.cosine);
   return face;
 }
 
-// The cone that most of these samples lie on. None: they lie on none that begins at the border.
-std::optional<EndBevel> FitCone(const SamplesNearEnd& near, std::span<const InsideSample> inside,
-                                double r_mm, double noise_mm) {
-  if (!AreEnough(near, inside)) return std::nullopt;
+// A cone as a line through how far in samples lie, by how far beyond.
+struct Cone {
   EndBevel bevel;
-  double reach_mm = kBevel.deepest * r_mm, scatter_mm = noise_mm;
-  const double fair_mm = (kSampling.on_surface + kBevel.fair) * noise_mm;
   LineSums sums;
-  for (int round = 0; round < kBevel.rounds; ++round) {
-    sums = {};
-    std::vector<double> off;
+
+  double OffMm(const InsideSample& sample) const {
+    return sample.in_mm - bevel.fall * (sample.beyond_mm - bevel.begins_mm);
+  }
+  // The line through those that lie no further off. None: they tell of none, or it is no cone.
+  bool Take(std::span<const InsideSample> inside, double reach_mm, double noise_mm) {
+    // Where it begins noise decides which samples are still the wall's: those are no fair ones.
+    const double fair_mm = (kSampling.on_surface + kBevel.fair) * noise_mm;
+    LineSums taken;
     for (const InsideSample& sample : inside) {
-      const double residual =
-          round == 0 ? 0.0 : sample.in_mm - bevel.fall * (sample.beyond_mm - bevel.begins_mm);
-      off.push_back(std::abs(residual));
-      // Where it begins noise decides which samples are still the wall's: those are no fair ones.
       const bool is_fair =
-          round == 0 || bevel.fall * (sample.beyond_mm - bevel.begins_mm) > fair_mm;
-      if (is_fair && off.back() < reach_mm) sums.Add(sample.beyond_mm, sample.in_mm);
+          sums.n == 0 || bevel.fall * (sample.beyond_mm - bevel.begins_mm) > fair_mm;
+      if (is_fair && std::abs(OffMm(sample)) < reach_mm) taken.Add(sample.beyond_mm, sample.in_mm);
     }
-    if (sums.n < static_cast<double>(kBevel.least_inside) || !(sums.Spread() > 0)) {
-      return std::nullopt;
-    }
-    if (round > 0) {
-      constexpr double kPerMedian = 1.4826;
-      scatter_mm = std::max(noise_mm, kPerMedian * Median(std::move(off)));
-      reach_mm = kBevel.off * scatter_mm;
-    }
+    sums = taken;
+    if (sums.n < static_cast<double>(kBevel.least_inside) || !(sums.Spread() > 0)) return false;
     bevel.fall = sums.Slope();
-    if (!(bevel.fall > kBevel.least_fall) || bevel.fall > kBevel.most_fall) return std::nullopt;
     bevel.begins_mm = (sums.x - sums.y / bevel.fall) / sums.n;
+    return bevel.fall > kBevel.least_fall && bevel.fall < kBevel.most_fall;
   }
-  // At their mean the line is surest; the wall's radius, which it begins at, is known better.
-  const double at_mm = sums.x / sums.n - bevel.begins_mm;
-  const double of_mean = scatter_mm * scatter_mm / sums.n;
-  const double of_fall = scatter_mm * scatter_mm / sums.Spread();
-  const double fall2 = bevel.fall * bevel.fall;
-  bevel.covariance << (of_mean + at_mm * at_mm * of_fall) / fall2, at_mm * of_fall / bevel.fall,
-      at_mm * of_fall / bevel.fall, of_fall;
-  if (std::abs(bevel.begins_mm) >
-      kBevel.begins * r_mm + kBevel.off * std::sqrt(bevel.covariance(0, 0))) {
-    return std::nullopt;
+  // `scatter_mm`: of samples off it. Whether it begins at the wall's border.
+  bool Know(double scatter_mm, double r_mm) {
+    // At their mean the line is surest; the wall's radius, which it begins at, is known better.
+    const double at_mm = sums.x / sums.n - bevel.begins_mm;
+    const double of_mean = scatter_mm * scatter_mm / sums.n;
+    const double of_fall = scatter_mm * scatter_mm / sums.Spread();
+    const double fall2 = bevel.fall * bevel.fall;
+    bevel.covariance << (of_mean + at_mm * at_mm * of_fall) / fall2, at_mm * of_fall / bevel.fall,
+        at_mm * of_fall / bevel.fall, of_fall;
+    return std::abs(bevel.begins_mm) <
+           kBevel.begins * r_mm + kBevel.off * std::sqrt(bevel.covariance(0, 0));
   }
-  for (const InsideSample& sample : inside) {
-    const double residual = sample.in_mm - bevel.fall * (sample.beyond_mm - bevel.begins_mm);
-    if (std::abs(residual) < reach_mm) bevel.samples.push_back(near.inside()[sample.index]);
+  void TakeSamples(const SamplesNearEnd& near, std::span<const InsideSample> inside,
+                   double reach_mm) {
+    bevel.samples.clear();
+    for (const InsideSample& sample : inside) {
+      if (std::abs(OffMm(sample)) < reach_mm) bevel.samples.push_back(near.inside()[sample.index]);
+    }
   }
-  if (static_cast<double>(bevel.samples.size()) <
+};
+
+// The cone that most of these samples lie on. None: they lie on none that begins at the border.
+std::optional<Cone> FitCone(const SamplesNearEnd& near, std::span<const InsideSample> inside,
+                            double r_mm, double noise_mm) {
+  if (!AreEnough(near, inside)) return std::nullopt;
+  Cone cone;
+  double scatter_mm = noise_mm;
+  if (!cone.Take(inside, kBevel.deepest * r_mm, noise_mm)) return std::nullopt;
+  for (int round = 1; round < kBevel.rounds; ++round) {
+    std::vector<double> off;
+    for (const InsideSample& sample : inside) off.push_back(std::abs(cone.OffMm(sample)));
+    constexpr double kPerMedian = 1.4826;
+    scatter_mm = std::max(noise_mm, kPerMedian * Median(std::move(off)));
+    if (!cone.Take(inside, kBevel.off * scatter_mm, noise_mm)) return std::nullopt;
+  }
+  if (!cone.Know(scatter_mm, r_mm)) return std::nullopt;
+  cone.TakeSamples(near, inside, kBevel.off * scatter_mm);
+  if (static_cast<double>(cone.bevel.samples.size()) <
       kBevel.least_part * static_cast<double>(inside.size())) {
     return std::nullopt;
   }
-  return bevel;
+  return cone;
+}
+
+// The same of those that lie within the noise of where most of them do: mixed pixels lie below a
+// bevel, all on one side, and lead the line through all aside.
+std::optional<Cone> Sharpened(const Cone& cone, const SamplesNearEnd& near,
+                              std::span<const InsideSample> inside, double r_mm, double noise_mm) {
+  Cone sharp = cone;
+  std::vector<double> off_mm;
+  for (const InsideSample& sample : inside) off_mm.push_back(cone.OffMm(sample));
+  const double reach_mm = kBevel.off * noise_mm * std::hypot(1.0, cone.bevel.fall);
+  sharp.bevel.begins_mm -= MiddleOfMost(std::move(off_mm), 2.0 * reach_mm) / sharp.bevel.fall;
+  for (int round = 0; round < kBevel.rounds; ++round) {
+    if (!sharp.Take(inside, reach_mm, noise_mm)) return std::nullopt;
+  }
+  if (!sharp.Know(noise_mm, r_mm)) return std::nullopt;
+  sharp.TakeSamples(near, inside, reach_mm);
+  return sharp;
 }
 
 }  // namespace
@@ -197,6 +234,33 @@ void TakeSamples(const SamplesNearEnd& near, std::span<const InsideSample> insid
   }
 }
 
+// What a cone leaves, and what the face alone does [sigma2]: of all samples; of some of them what
+// is off both, fliers, as mixed pixels at the edge are, which say nothing of which of these it is,
+// but do of which cone.
+struct Left {
+  double all = 0, by_face = 0, off_both = 0;
+  std::size_t below = 0;  // the cone, at the face
+
+  bool IsBetterThanFace() const {
+    return all - off_both <= kBevel.least_better * (by_face - off_both) - kBevel.by_chance;
+  }
+};
+// `has_face`: the cone ends at it.
+Left LeftBy(const EndBevel& cone, bool has_face, std::span<const InsideSample> inside,
+            const CutFace& face, double noise_mm) {
+  constexpr double kMost = kBevel.off * kBevel.off;  // counts of a sample
+  Left left;
+  for (const InsideSample& sample : inside) {
+    const double off = cone.SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
+    const double at_face = face.Squares(sample, noise_mm);
+    if (off * off > kMost && at_face > kMost) left.off_both += kMost;
+    left.by_face += std::min(kMost, at_face);
+    left.all += std::min({kMost, off * off, has_face ? at_face : kMost});
+    left.below += off > kBevel.off && at_face < kBevel.of_face * kBevel.of_face ? 1 : 0;
+  }
+  return left;
+}
+
 }  // namespace
 
 std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
@@ -210,31 +274,22 @@ std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vecto
     if (face.Squares(sample, noise_mm) > kBevel.of_face * kBevel.of_face)
       off_face.push_back(sample);
   }
-  constexpr double kMost = kBevel.off * kBevel.off;  // [sigma2] counts of a sample
   double least = 0;
   std::optional<EndBevel> bevel;
   for (const bool has_face : {false, true}) {
-    auto cone = FitCone(near, has_face ? off_face : inside, r_mm, noise_mm);
-    if (!cone) continue;
-    // Of all samples; of some of them what is off the cone and the face both: fliers, as mixed
-    // pixels at the edge are, say nothing of which of these it is, but do of which cone.
-    double left = 0, of_face = 0, off_both = 0;
-    std::size_t below = 0;  // the cone, at the face
-    for (const InsideSample& sample : inside) {
-      const double off = cone->SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
-      const double at_face = face.Squares(sample, noise_mm);
-      if (off * off > kMost && at_face > kMost) off_both += kMost;
-      of_face += std::min(kMost, at_face);
-      left += std::min({kMost, off * off, has_face ? at_face : kMost});
-      below += off > kBevel.off && at_face < kBevel.of_face * kBevel.of_face ? 1 : 0;
+    const std::vector<InsideSample>& of_cone = has_face ? off_face : inside;
+    const auto wide = FitCone(near, of_cone, r_mm, noise_mm);
+    if (!wide) continue;
+    for (auto cone : {wide, Sharpened(*wide, near, of_cone, r_mm, noise_mm)}) {
+      if (!cone) continue;
+      const Left left = LeftBy(cone->bevel, has_face, inside, face, noise_mm);
+      if (has_face && left.below < kBevel.least_inside) continue;
+      if (!left.IsBetterThanFace()) continue;
+      if (bevel && left.all > least - kBevel.by_chance) continue;
+      least = left.all;
+      bevel = std::move(cone->bevel);
+      if (has_face) TakeSamples(near, inside, face, noise_mm, *bevel);
     }
-    if (has_face && below < kBevel.least_inside) continue;
-    const double least_left = kBevel.least_better * (of_face - off_both) - kBevel.by_chance;
-    if (left - off_both > least_left) continue;
-    if (bevel && left > least - kBevel.by_chance) continue;
-    least = left;
-    bevel = std::move(cone);
-    if (has_face) TakeSamples(near, inside, face, noise_mm, *bevel);
   }
   return bevel;
 }

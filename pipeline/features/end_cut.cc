@@ -74,6 +74,11 @@ struct EndCutSettings {
   int most_further = 4;
   // [of r_P] Deeper samples are of no dent.
   double deepest_dent = 0.35;
+  // Of the wall so far before an end [of r_P] sectors have this part, at least, of the samples that
+  // they have on three times as much of it, where it is whole; so many of them are beside a dent.
+  double whole_before = 0.15, whole_part = 0.5, least_whole = 0.25;
+  // A slope that is known no better may be of any end.
+  double unsure_slope = 0.3;
   // [of their 1 sigma, together] Planes that are nearer to each other are one.
   double apart = 3.0;
   // Of scattered samples' columns: so many look like lines by chance.
@@ -369,13 +374,14 @@ class EndFit {
     if (plane.slope_sigmas < kCut.may_be_oblique) return plane;
     const Eigen::Vector3d at = NumbersOf(plane, r_mm_);
     const std::vector<EndSample> samples = all_.every(StrideTo(all_.count, kCut.enough_samples));
-    double beyond = 0, outermost_mm = at[0];
+    double beyond = 0, beyond_mm = 0, outermost_mm = at[0];
     EndSectors goes_on{};
     for (const EndSample& sample : samples) {
       const double off_mm = sample.beyond_mm - at[0] - at.tail<2>().dot(sample.Direction());
       const bool is_beyond = off_mm > kCut.beyond * smear_mm_;
       if (is_beyond) {
         beyond += 1;
+        beyond_mm += off_mm;
         goes_on[EndSectorOf(sample.around_rad)] = true;
       } else {
         outermost_mm = std::max(outermost_mm, sample.beyond_mm);
@@ -385,6 +391,7 @@ class EndFit {
     const auto sectors = std::count(goes_on.begin(), goes_on.end(), true);
     if (beyond > kCut.fliers + kCut.flier_part * static_cast<double>(samples.size()) &&
         static_cast<double>(sectors) > kCut.beside * static_cast<double>(kEndSectors)) {
+      plane.at_sigma_mm = std::hypot(plane.at_sigma_mm, beyond_mm / beyond);
       plane.slope_sigma = std::max(plane.slope_sigma, std::hypot(plane.cosine, plane.sine));
       plane.slope_sigmas = 0;
       return plane;
@@ -474,6 +481,8 @@ class CutSearch {
     const auto plane = PlaneOfWall(near);
     if (!plane) return std::nullopt;
     FoundCut found{*plane, Found(*plane)};
+    // What is pressed in is on one side: neither a shadow there nor the flank of a bevel.
+    if (const auto dented = UnlessDented(near, *plane)) return dented;
     if (plane->in_shadow) return found;
     const Eigen::Vector3d of_wall_mm = NumbersOf(*plane, r_mm_);
     // Where the wall comes in or stands out, it ends before the tube does.
@@ -485,7 +494,6 @@ class CutSearch {
       return found;
     }
     if (const auto burred = WithBurr(near, of_wall_mm)) return burred;
-    if (const auto dented = UnlessDented(near, *plane)) return dented;
     return found;
   }
 
@@ -508,7 +516,8 @@ class CutSearch {
   // with them and oblique, or a curve, without is dented.
   std::optional<FoundCut> UnlessDented(const SamplesNearEnd& near, const EndPlane& plane) {
     const auto may_be_square = [](const EndPlane& of) {
-      return of.slope_sigmas < kCut.may_be_oblique && of.border.empty() && !of.in_shadow;
+      return of.slope_sigmas < kCut.may_be_oblique && of.slope_sigma < kCut.unsure_slope &&
+             of.border.empty() && !of.in_shadow;
     };
     if (may_be_square(plane)) return std::nullopt;
     std::vector<NearEnd> pressed_in;
@@ -518,7 +527,29 @@ class CutSearch {
     if (pressed_in.empty()) return std::nullopt;
     const auto square = PlaneOfWall(near.With(pressed_in));
     if (!square || !may_be_square(*square)) return std::nullopt;
+    const Eigen::Vector3d square_mm = NumbersOf(*square, r_mm_);
+    if (!StandingOut(near, square_mm, r_mm_, sigma_mm_).empty()) return std::nullopt;
+    if (!IsWholeElsewhere(near, square_mm)) return std::nullopt;
     return FoundCut{*square, Found(*square), true};
+  }
+
+  // Whether the wall, and not what lies further in, goes on to the plane on some sides.
+  bool IsWholeElsewhere(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm) const {
+    std::array<double, kEndSectors> before{}, at_end{};
+    const double part_mm = kCut.whole_before * r_mm_;
+    for (const NearEnd& sample : near.wall()) {
+      const double before_mm = -sample.BeyondMm(plane_mm);
+      if (before_mm > 3.0 * part_mm) continue;
+      const std::size_t sector = EndSectorOf(sample.AroundRad());
+      if (before_mm < part_mm) at_end[sector] += 1;
+      before[sector] += 1.0 / 3.0;
+    }
+    double whole = 0, seen = 0;
+    for (std::size_t i = 0; i < kEndSectors; ++i) {
+      seen += before[i] > 0 ? 1 : 0;
+      whole += at_end[i] > kCut.whole_part * before[i] ? 1 : 0;
+    }
+    return whole > kCut.least_whole * seen;
   }
 
   std::optional<EndPlane> PlaneOfWall(const SamplesNearEnd& near) {
