@@ -225,7 +225,7 @@ double DepthMm(std::span<const EndSample> samples) {
 
 // What walks share.
 struct EndDice {
-  WalkDice plane{3}, border{4};
+  WalkDice plane{3}, border{4, true};
 };
 
 // What is asked of all samples about an end.

@@ -44,6 +44,9 @@ struct OpeningSettings {
   // [sigma] The plane that it is seen in may put it aside by so much.
   double aside = 0.15;
   int moves = 3;  // then it is seen in that of its own middle
+  // A border that is so much longer than what was roughly it is looked for from there, so often.
+  double grown = 1.15;
+  int longer = 3;
   // [of r_P] The widest; a slot is no wider than this where nobody knows who looked, as what no
   // view showed is wide and long. And how much longer than wide it is.
   double widest = 1.7, widest_slot = 0.9, longest = 12.0;
@@ -222,22 +225,31 @@ class Candidate {
       // What a lean leaves of a wall is known of a round one: in a bend none is told.
       about.pipe_radius_mm = r_mm_;
       about.is_bent = IsInBend(frame, *rough);
-      return Fit(frame, about, WithoutFace(around, about, look), look, kOpening.moves);
+      return Fit(frame, about, around, look, kOpening.moves);
     }
     return std::nullopt;
   }
 
  private:
-  // `moves`: so often at most the place is moved to the middle that is found.
-  std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, const OpeningBorder& about,
+  // `around`: with faces. `moves`: so often at most the place is moved to the middle that is found.
+  std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, OpeningBorder about,
                                   const Surroundings& around, const Look& look, int moves) const {
-    const PassSurroundings passes = tube_.FindPasses(frame, around, about);
-    const FittedOpening fitted =
-        FitOpening(passes.has_lines ? passes.fair : around.wall, about,
-                   kSampling.SmearMm(sigma_mm_, r_mm_), passes.missed, passes.scattered);
+    PassSurroundings passes;
+    Surroundings wall;
+    FittedOpening fitted;
+    for (int longer = 0;; ++longer) {
+      wall = WithoutFace(around, about, look);
+      passes = tube_.FindPasses(frame, wall, about);
+      fitted = FitOpening(passes.has_lines ? passes.fair : wall.wall, about,
+                          kSampling.SmearMm(sigma_mm_, r_mm_), passes.missed, passes.scattered);
+      // Of a void that a few samples part a piece was seen: it goes on.
+      if (fitted.border.length_mm < kOpening.grown * about.length_mm) break;
+      if (longer == kOpening.longer) return std::nullopt;
+      about = fitted.border;
+    }
     const OpeningBorder& border = fitted.border;
     if (border.AreaMm2() > kOpening.most_larger * look.void_mm2) return std::nullopt;
-    if (!IsCut(border, around, passes, look, r_mm_)) return std::nullopt;
+    if (!IsCut(border, wall, passes, look, r_mm_)) return std::nullopt;
     // Its drill goes across the wall at its own middle: from beside, its border lies further aside
     // where the wall is lower.
     const double low_mm = border.length_mm * border.length_mm / (8.0 * r_mm_);
@@ -249,7 +261,7 @@ class Candidate {
       moved.middle_mm.setZero();
       const Surroundings there = tube_.LookAt(own, look.reach_mm, wall_mm_);
       // From there it may be lost beside a dent: then it stays as it is seen from here.
-      if (auto found = Fit(own, moved, WithoutFace(there, moved, look), look, moves - 1)) {
+      if (auto found = Fit(own, moved, there, look, moves - 1)) {
         return found;
       }
     }

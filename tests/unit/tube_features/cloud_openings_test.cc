@@ -148,10 +148,11 @@ Measurement MeasureCut(const OpeningBorder& opening, double along_mm, double aro
 }
 
 // 3.3 to 5.4 times as wide as samples lie apart: too narrow for a void among voids, but none of the
-// fifty samples and more that it lacks is missing by chance.
+// fifty samples and more that it lacks is missing by chance. A sample here and there parts what is
+// empty; it is told whole, or not at all.
 TEST(CutCloud, HasSlotsAFewSamplesWide) {
   std::mt19937_64 random(5);
-  constexpr int kSlots = 16;
+  constexpr int kSlots = 60;
   int found = 0;
   for (int i = 0; i < kSlots; ++i) {
     SCOPED_TRACE(i);
@@ -169,7 +170,7 @@ TEST(CutCloud, HasSlotsAFewSamplesWide) {
       found += 1;
     }
   }
-  EXPECT_GE(found, 13);
+  EXPECT_GE(found, 50);
 }
 
 TEST(PlainCloud, HasNoOpenings) {
