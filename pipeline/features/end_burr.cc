@@ -154,9 +154,12 @@ std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const BurrTip& tip
     height.sigma_mm = std::hypot(height.sigma_mm, height.per_mm * r_mm * tip.slope_sigma);
     heights.push_back(height);
   }
-  const BurrHeight highest = HighestOf(heights);
   // What stands out further at the end is a flare, of which only the flatter samples were asked.
-  if (heights.empty() || highest.mm > kBurr.most_out * r_mm) return std::nullopt;
+  const bool is_flare = std::any_of(heights.begin(), heights.end(), [&](const BurrHeight& height) {
+    return height.mm > kBurr.most_out * r_mm;
+  });
+  if (heights.empty() || is_flare) return std::nullopt;
+  const BurrHeight highest = HighestOf(heights);
   constexpr auto kAll = static_cast<double>(kEndSectors);
   BurrFound burr;
   burr.height_mm = highest.mm;
