@@ -34,6 +34,8 @@ struct BevelSettings {
   // Of how far [sigma2] samples lie from the face: a cone that leaves more is none. And [sigma2]
   // how much more the face must leave: by so much a cone explains by chance.
   double least_better = 0.5, by_chance = 100.0;
+  // [sigma] A face that lies so far beyond the wall's border has something between.
+  double face_beyond = 3.0;
 };
 constexpr BevelSettings kBevel;
 
@@ -261,12 +263,18 @@ Left LeftBy(const EndBevel& cone, bool has_face, std::span<const InsideSample> i
   return left;
 }
 
+double GoesOnMm(std::span<const InsideSample> inside) {
+  std::vector<double> beyond_mm;
+  for (const InsideSample& sample : inside) beyond_mm.push_back(sample.beyond_mm);
+  return Quantile(std::move(beyond_mm), 0.95);
+}
+
 }  // namespace
 
-std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
-                                  double r_mm, double noise_mm) {
+BevelSearch FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm, double r_mm,
+                      double noise_mm) {
   const std::vector<InsideSample> inside = InsideOf(near, plane_mm, r_mm);
-  if (!AreEnough(near, inside)) return std::nullopt;
+  if (!AreEnough(near, inside)) return {};
   const CutFace face = FaceOf(inside, plane_mm, r_mm, noise_mm);
   // A bevel may leave some of the face.
   std::vector<InsideSample> off_face;
@@ -275,7 +283,11 @@ std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vecto
       off_face.push_back(sample);
   }
   double least = 0;
-  std::optional<EndBevel> bevel;
+  BevelSearch found;
+  // Of a square or oblique cut the face lies where the wall ends.
+  if (face.beyond_mm * face.cosine > kBevel.face_beyond * noise_mm) {
+    found.perhaps_mm = face.beyond_mm;
+  }
   for (const bool has_face : {false, true}) {
     const std::vector<InsideSample>& of_cone = has_face ? off_face : inside;
     const auto wide = FitCone(near, of_cone, r_mm, noise_mm);
@@ -284,14 +296,17 @@ std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vecto
       if (!cone) continue;
       const Left left = LeftBy(cone->bevel, has_face, inside, face, noise_mm);
       if (has_face && left.below < kBevel.least_inside) continue;
-      if (!left.IsBetterThanFace()) continue;
-      if (bevel && left.all > least - kBevel.by_chance) continue;
+      if (!left.IsBetterThanFace()) {
+        if (left.all < left.by_face - kBevel.by_chance) found.perhaps_mm = GoesOnMm(inside);
+        continue;
+      }
+      if (found.bevel && left.all > least - kBevel.by_chance) continue;
       least = left.all;
-      bevel = std::move(cone->bevel);
-      if (has_face) TakeSamples(near, inside, face, noise_mm, *bevel);
+      found.bevel = std::move(cone->bevel);
+      if (has_face) TakeSamples(near, inside, face, noise_mm, *found.bevel);
     }
   }
-  return bevel;
+  return found;
 }
 
 }  // namespace bendloop::pipeline

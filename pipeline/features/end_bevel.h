@@ -23,11 +23,16 @@ struct EndBevel {
   BevelFound Found(double ends_mm, double sigma_mm) const;
 };
 
+struct BevelSearch {
+  std::optional<EndBevel> bevel;
+  // Where none is told, but a cone explains the samples better than chance: how far beyond the
+  // plane they, and perhaps the tube, go on.
+  double perhaps_mm = 0;
+};
 // `plane_mm`: of the border of the wall (EndSide). Its samples inside that lie beyond are a bevel's
 // where they are seen on many sides and lie on one cone that begins there, and not all in the plane
-// that the wall is cut by: those are of its own face. None: no bevel. `noise_mm`: 1 sigma of the
-// samples.
-std::optional<EndBevel> FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
-                                  double pipe_radius_mm, double noise_mm);
+// that the wall is cut by: those are of its own face. `noise_mm`: 1 sigma of the samples.
+BevelSearch FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm,
+                      double pipe_radius_mm, double noise_mm);
 
 }  // namespace bendloop::pipeline

@@ -77,6 +77,9 @@ struct EndCutSettings {
   // Of the wall so far before an end [of r_P] sectors have this part, at least, of the samples that
   // they have on three times as much of it, where it is whole; so many of them are beside a dent.
   double whole_before = 0.15, whole_part = 0.5, least_whole = 0.25;
+  // Of how far the face of the cut lies beyond the wall's border, where no bevel is certain between
+  // them: the tube ends there to 1 sigma of this part.
+  double perhaps_bevelled = 0.3;
   // A slope that is known no better may be of any end.
   double unsure_slope = 0.3;
   // [of their 1 sigma, together] Planes that are nearer to each other are one.
@@ -470,7 +473,7 @@ class EndFit {
 struct FoundCut {
   EndPlane plane;
   EndCutFound cut;
-  bool is_dented = false;
+  bool is_dented = false, may_be_bevelled = false;
 };
 class CutSearch {
  public:
@@ -486,7 +489,8 @@ class CutSearch {
     if (plane->in_shadow) return found;
     const Eigen::Vector3d of_wall_mm = NumbersOf(*plane, r_mm_);
     // Where the wall comes in or stands out, it ends before the tube does.
-    if (const auto bevel = FindBevel(near, of_wall_mm, r_mm_, sigma_mm_)) {
+    const BevelSearch search = FindBevel(near, of_wall_mm, r_mm_, sigma_mm_);
+    if (const auto& bevel = search.bevel) {
       if (const auto tip = PlaneOfWall(near.With(bevel->samples))) {
         found = {*tip, Found(*tip)};
         found.cut.bevel = bevel->Found(tip->at_mm - of_wall_mm[0], tip->at_sigma_mm);
@@ -494,6 +498,15 @@ class CutSearch {
       return found;
     }
     if (const auto burred = WithBurr(near, of_wall_mm)) return burred;
+    // Beside what stands out, as a flare does, the face is another's.
+    const auto out = static_cast<double>(near.outside().size());
+    if (search.perhaps_mm > 0 &&
+        out < kCut.fliers + kCut.flier_part * static_cast<double>(near.wall().size())) {
+      found.plane.at_mm += search.perhaps_mm;
+      found.plane.at_sigma_mm =
+          std::hypot(found.plane.at_sigma_mm, kCut.perhaps_bevelled * search.perhaps_mm);
+      found.may_be_bevelled = true;
+    }
     return found;
   }
 
@@ -577,7 +590,7 @@ struct SeenEnd {
     const EndPlane& plane = cut.plane;
     if (plane.slope_sigmas >= kCut.oblique || plane.of_border || is_further) return true;
     // Where the wall comes in, or its border is no plane, its outermost point is not the end.
-    if (cut.cut.bevel || cut.cut.burr || cut.is_dented) return true;
+    if (cut.cut.bevel || cut.cut.burr || cut.is_dented || cut.may_be_bevelled) return true;
     if (!plane.border.empty() || plane.in_shadow) return true;
     // Laser lines tell of an end's place at its axis whether it is square or not.
     return plane.of_lines &&

@@ -171,11 +171,16 @@ TEST(EndEdge, ABevelIsFoundBesideTheFace) {
 }
 
 // A cloud of a straight along x: its wall up to 60 mm, a bevel of this length and depth, the face
-// beyond it down to where the wall is 1.6 mm thick, and mixed pixels below the bevel.
-std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, double bevel_mm, double depth_mm,
+// beyond it down to where the wall is 1.6 mm thick, and, where some are, mixed pixels below the
+// bevel.
+struct Bevelled {
+  double length_mm = 1, depth_mm = 1, noise_mm = 0.02, mixed = 0.3;
+};
+std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, const Bevelled& bevel,
                                            std::mt19937_64& random) {
-  constexpr double kWallToMm = 60, kThickMm = 1.6, kNoiseMm = 0.02, kPerMm2 = 10;
-  std::normal_distribution<double> noise(0, kNoiseMm);
+  constexpr double kWallToMm = 60, kThickMm = 1.6, kPerMm2 = 10;
+  const double bevel_mm = bevel.length_mm, depth_mm = bevel.depth_mm;
+  std::normal_distribution<double> noise(0, bevel.noise_mm);
   std::vector<Eigen::Vector3d> points;
   const auto add = [&](double per_mm, double length_mm, auto place) {
     const double count = per_mm * length_mm;
@@ -194,7 +199,7 @@ std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, double bevel_mm, double 
   add(0.3 * per_mm, kThickMm - depth_mm, [&](double part) {
     return Place(kWallToMm + bevel_mm, -depth_mm - (kThickMm - depth_mm) * part);
   });
-  add(0.3 * per_mm, 1.0, [&](double part) {
+  add(bevel.mixed * per_mm, 1.0, [&](double part) {
     return Place(kWallToMm + bevel_mm * part, -depth_mm * part - tests::Uniform(random, 0, 0.4));
   });
   return points;
@@ -208,7 +213,7 @@ TEST(EndEdge, ABevelIsFoundBesideMixedPixels) {
     SCOPED_TRACE(i);
     const double bevel_mm = tests::Uniform(random, 0.7, 1.0);
     const double depth_mm = tests::Uniform(random, 0.9, 1.1);
-    const auto points = BevelledCloud(kRadiusOfTubeMm, bevel_mm, depth_mm, random);
+    const auto points = BevelledCloud(kRadiusOfTubeMm, {bevel_mm, depth_mm}, random);
     const hal::Tube tube{kRadiusOfTubeMm, {{{62, 0, 0, std::nullopt}}}, {}};
     const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
     TubeEnds ends = FindTubeEnds(tube, 0.02, blocks);
@@ -219,6 +224,27 @@ TEST(EndEdge, ABevelIsFoundBesideMixedPixels) {
     EXPECT_NEAR(cuts.last->bevel->depth_mm, depth_mm, 0.15);
   }
   EXPECT_EQ(found, 24);
+}
+
+// A bevel that is hardly deeper than the noise: where none is told, the tube goes on to its tip,
+// where the face of the cut lies.
+TEST(EndEdge, AnEndThatMayBeBevelledIsWhereItsFaceLies) {
+  std::mt19937_64 random(2);
+  for (int i = 0; i < 24; ++i) {
+    SCOPED_TRACE(i);
+    const double noise_mm = tests::Uniform(random, 0.03, 0.06);
+    const double bevel_mm = tests::Uniform(random, 0.3, 0.7);
+    const double depth_mm = bevel_mm * tests::Uniform(random, 0.7, 1.0);
+    const auto points = BevelledCloud(5.0, {bevel_mm, depth_mm, noise_mm, 0}, random);
+    const hal::Tube tube{5.0, {{{62, 0, 0, std::nullopt}}}, {}};
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
+    TubeEnds ends = FindTubeEnds(tube, noise_mm, blocks);
+    const EndCuts cuts = FindEndCuts(noise_mm, blocks, ends);
+    ASSERT_TRUE(cuts.last);
+    const double end_mm = ends.tube.X_WT.position_mm.x() + ends.tube.program.rows.back().length_mm;
+    EXPECT_NEAR(end_mm, 60 + bevel_mm, 4 * ends.last_sigma_mm);
+    EXPECT_NEAR(end_mm, 60 + bevel_mm, 0.1);
+  }
 }
 
 TEST(EndEdge, ABurrIsToldWhereItStandsOut) {
