@@ -42,7 +42,7 @@ struct EndBorderSettings {
   double enough_about = 50.0;
   int walk = 1200;
   // Of a cloud: steps of a walk, so that all steps together look at about so many samples.
-  int least_cloud_walk = 600, most_cloud_walk = 1500;
+  int least_cloud_walk = 600, most_cloud_walk = 3000;
   double cloud_walked = 1.5e6;
   int places = 10;  // where such a walk may begin, on either side
   // The noise is thought to be what is said but for this part of it; anything else is rarer, but

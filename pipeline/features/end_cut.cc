@@ -228,7 +228,7 @@ double DepthMm(std::span<const EndSample> samples) {
 
 // What walks share.
 struct EndDice {
-  WalkDice plane{3}, border{4, true};
+  WalkDice plane{3}, border{4};
 };
 
 // What is asked of all samples about an end.

@@ -66,20 +66,16 @@ Posterior Walk(const Posterior& rough, int walk, WalkDice& dice,
   const auto round = [&](int steps) {
     const typename Sums<N>::Matrix factor = length * DefiniteSolver(shape).Lower();
     Sums<N> sums(n);  // about the start, so that no digits are lost
-    const int once = dice.go_back() ? (steps + 1) / 2 : steps;
     int taken = 0;
     double stayed = 0;
     for (int taking = 0; taking < steps; ++taking) {
-      const bool is_back = taking >= once;
-      const double way = is_back ? -1.0 : 1.0;
-      const double* step =
-          dice.Of(thrown + static_cast<std::size_t>(is_back ? taking - once : taking));
+      const double* step = dice.Of(thrown++);
       const double* from = at.data();
       double* sum = to.data();
       const double* column = factor.data();
       for (Eigen::Index k = 0; k < n; ++k) sum[k] = from[k];
       for (Eigen::Index k = 0; k < n; ++k, column += n) {
-        for (Eigen::Index i = k; i < n; ++i) sum[i] += column[i] * way * step[k];
+        for (Eigen::Index i = k; i < n; ++i) sum[i] += column[i] * step[k];
       }
       const double there = log_density(to);
       if (step[n] < there - here) {
@@ -93,7 +89,6 @@ Posterior Walk(const Posterior& rough, int walk, WalkDice& dice,
       stayed += 1;
     }
     sums.Add(off.data(), here, stayed);
-    thrown += static_cast<std::size_t>(once);
     // About a quarter of the steps should be taken.
     const double part = static_cast<double>(taken) / steps;
     length *= std::clamp(part / 0.25, 0.3, 2.0);

@@ -27,12 +27,7 @@ struct Posterior {
 // numbers share it.
 class WalkDice {
  public:
-  // `go_back`: the later half of a round goes the steps of the earlier one back (antithetic
-  // variates, Hammersley and Morton 1956). What chance leads one half aside by it leads the other
-  // to the other side, so that fewer steps tell as much of a mean.
-  explicit WalkDice(Eigen::Index numbers, bool go_back = false)
-      : numbers_(static_cast<std::size_t>(numbers)), go_back_(go_back) {}
-  bool go_back() const { return go_back_; }
+  explicit WalkDice(Eigen::Index numbers) : numbers_(static_cast<std::size_t>(numbers)) {}
   // Of a step, counted from the first: as many normal numbers, and the logarithm of an even one.
   const double* Of(std::size_t step) {
     while (thrown_.size() <= step * (numbers_ + 1)) Throw();
@@ -44,7 +39,6 @@ class WalkDice {
   double Uniform();  // (0, 1)
 
   std::size_t numbers_;
-  bool go_back_;
   std::uint64_t state_ = 0x62656E646C6F6F70U;
   std::vector<double> thrown_;
 };
