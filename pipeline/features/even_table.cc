@@ -60,6 +60,19 @@ BENDLOOP_MULTIVERSION(double, SumPlane,
                       (const PlaneTable& of, const PlaneLanes& lanes, std::size_t count),
                       (of, lanes, count))
 
+// Of a plane, scaled by `by` beside each lane's own scale.
+PlaneTable TableOf(const EvenTable& table, const double* x, double by, double more) {
+  const std::size_t one = table.size > 0 ? table.size : table.at.size();
+  return {table.at.data(),
+          static_cast<double>(one - 2),
+          table.from / by,
+          table.per_step * by,
+          x[0],
+          x[1],
+          x[2],
+          more};
+}
+
 }  // namespace
 
 PlaneLanes::PlaneLanes(std::size_t room) {
@@ -85,18 +98,13 @@ void PlaneLanes::Fill() {
 double EvenTable::Sum(const PlaneLanes& lanes, const double* x, double more) const {
   if (lanes.empty()) return 0.0;
   const std::size_t one = size > 0 ? size : at.size();
-  const PlaneTable of{at.data(), static_cast<double>(one - 2), from, per_step, x[0], x[1], x[2],
-                      more};
-  return SumPlane(of, lanes, lanes.at.size()) - static_cast<double>(lanes.filled) * at[one - 1];
+  return SumPlane(TableOf(*this, x, 1.0, more), lanes, lanes.at.size()) -
+         static_cast<double>(lanes.filled) * at[one - 1];
 }
 
 double EvenTable::SumFirst(const PlaneLanes& lanes, std::size_t count, const double* x,
                            double by) const {
-  if (count == 0) return 0.0;
-  const std::size_t one = size > 0 ? size : at.size();
-  return SumPlane(
-      {at.data(), static_cast<double>(one - 2), from / by, per_step * by, x[0], x[1], x[2], 0.0},
-      lanes, count);
+  return count == 0 ? 0.0 : SumPlane(TableOf(*this, x, by, 0.0), lanes, count);
 }
 
 EvenTable LogNormalCdf(double floor) {

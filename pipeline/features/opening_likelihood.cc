@@ -70,7 +70,7 @@ double OpeningLikelihood::Log(const OpeningBorder& border, double blur) const {
          (border.lean.isZero() ? LogFlat(border, blur) : LogLeaning(border, blur));
 }
 
-// Most of them lie nowhere near the border.
+// Most samples and rays lie nowhere near the border.
 double OpeningLikelihood::LogFlat(const OpeningBorder& border, double blur) const {
   const double c = std::cos(border.axis_rad), s = std::sin(border.axis_rad);
   const double half_line_mm = 0.5 * (border.length_mm - border.width_mm);

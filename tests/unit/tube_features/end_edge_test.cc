@@ -268,7 +268,6 @@ TEST(EndEdge, ABurrIsToldWhereItStandsOut) {
   }
 }
 
-// A wall that is widened by a fifth of its radius and more, all round.
 TEST(EndEdge, ABurrIsAsHighAsItIsWhateverItsLength) {
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {
     SCOPED_TRACE(seed);
@@ -283,6 +282,7 @@ TEST(EndEdge, ABurrIsAsHighAsItIsWhateverItsLength) {
   }
 }
 
+// A wall that is widened by a fifth of its radius and more, all round.
 TEST(EndEdge, AFlareIsNoBurr) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     SCOPED_TRACE(seed);

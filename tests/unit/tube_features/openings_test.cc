@@ -109,65 +109,68 @@ std::vector<WallSample> LinesOn(const OpeningBorder& hole, double gap_mm, std::m
   return samples;
 }
 
+// Rays every 0.3 mm of lines 0.5 mm apart, 9 mm and so far sideways; which of them meet no wall is
+// `is_missed`.
+struct LookedAtPlaces {
+  std::vector<Eigen::Vector2d> samples;
+  std::vector<MissedPlace> missed;
+};
+template <class IsMissed>
+LookedAtPlaces LookAtPlaces(double half_mm, std::mt19937_64& random, IsMissed is_missed) {
+  std::normal_distribution<double> noise(0.0, 0.005);
+  LookedAtPlaces seen;
+  for (double x = -9 + Uniform(random, 0, 0.5); x < 9; x += 0.5) {
+    for (double y = -half_mm + Uniform(random, 0, 0.3); y < half_mm; y += 0.3) {
+      const Eigen::Vector2d place(x, y + noise(random));
+      if (is_missed(place)) {
+        seen.missed.push_back({place, 0.005});
+      } else {
+        seen.samples.push_back(place);
+      }
+    }
+  }
+  return seen;
+}
+
 // Where the wall is pressed in right beside a hole rays meet no round wall, as where a drill left
 // an opening by far more of a lean. The hole stays round, and where it is.
 TEST(OpeningBorder, OfAHoleBesideADentDoesNotLean) {
   std::mt19937_64 random(7);
-  std::normal_distribution<double> noise(0.0, 0.005);
   for (int i = 0; i < 3; ++i) {
     SCOPED_TRACE(i);
     OpeningBorder hole;
     hole.length_mm = hole.width_mm = 8;
     hole.pipe_radius_mm = 6.75;
     const Eigen::Vector2d dent(5.0 + 0.2 * i, 0.3);
-    std::vector<Eigen::Vector2d> samples;
-    std::vector<MissedPlace> missed;
-    for (double x = -9 + Uniform(random, 0, 0.5); x < 9; x += 0.5) {
-      for (double y = -6 + Uniform(random, 0, 0.3); y < 6; y += 0.3) {
-        const Eigen::Vector2d place(x, y + noise(random));
-        if (hole.DistanceMm(place) < 0 || (place - dent).norm() < 2.5) {
-          missed.push_back({place, 0.005});
-        } else {
-          samples.push_back(place);
-        }
-      }
-    }
-    const FittedOpening fitted = FitOpening(samples, hole, 0.01, missed, samples);
+    const LookedAtPlaces seen = LookAtPlaces(6, random, [&](const Eigen::Vector2d& place) {
+      return hole.DistanceMm(place) < 0 || (place - dent).norm() < 2.5;
+    });
+    const FittedOpening fitted = FitOpening(seen.samples, hole, 0.01, seen.missed, seen.samples);
     EXPECT_LT(fitted.border.lean.norm(), 0.3);
     EXPECT_LT(fitted.border.middle_mm.norm(), 0.3);
   }
 }
 
-// What a drill that leans leaves of a round wall is neither a circle nor an ellipse.
 // Rays that return nothing well beside an opening say the same of every shape: a slot was a hole
 // that leans where some were lost beyond its ends.
 TEST(OpeningBorder, OfASlotIsNoneOfALeanForRaysLostBesideIt) {
   std::mt19937_64 random(11);
-  std::normal_distribution<double> noise(0.0, 0.005);
   for (int i = 0; i < 4; ++i) {
     SCOPED_TRACE(i);
     OpeningBorder slot;
     slot.length_mm = 8 + 0.3 * i, slot.width_mm = 6;
     slot.pipe_radius_mm = 12;
-    std::vector<Eigen::Vector2d> samples;
-    std::vector<MissedPlace> missed;
-    for (double x = -9 + Uniform(random, 0, 0.5); x < 9; x += 0.5) {
-      for (double y = -7 + Uniform(random, 0, 0.3); y < 7; y += 0.3) {
-        const Eigen::Vector2d place(x, y + noise(random));
-        const bool is_lost = std::abs(y) < 3 && std::abs(x) > 6.5 && Uniform(random, 0, 1) < 0.7;
-        if (slot.DistanceMm(place) < 0 || is_lost) {
-          missed.push_back({place, 0.005});
-        } else {
-          samples.push_back(place);
-        }
-      }
-    }
-    const FittedOpening fitted = FitOpening(samples, slot, 0.01, missed, samples);
+    const LookedAtPlaces seen = LookAtPlaces(7, random, [&](const Eigen::Vector2d& place) {
+      const bool is_beside = std::abs(place.y()) < 3 && std::abs(place.x()) > 6.5;
+      return slot.DistanceMm(place) < 0 || (is_beside && Uniform(random, 0, 1) < 0.7);
+    });
+    const FittedOpening fitted = FitOpening(seen.samples, slot, 0.01, seen.missed, seen.samples);
     EXPECT_FALSE(fitted.border.is_hole());
     EXPECT_NEAR(fitted.border.length_mm, slot.length_mm, 0.3);
   }
 }
 
+// What a drill that leans leaves of a round wall is neither a circle nor an ellipse.
 TEST(OpeningBorder, OfALeaningHoleIsAsLargeAsItsPlacesAre) {
   OpeningBorder hole;
   hole.length_mm = hole.width_mm = 6;
