@@ -49,6 +49,7 @@ struct DentSettings {
   // flank, none of them tells place and area.
   double power = 0.5, half_axis = 0.7, wall = 0.05, depth = 3.0;
   int most_steps = 40;
+  int most_rounds = 4;  // in which points are taken again that may be of it, as it proves deeper
   // Of chi square: a step that makes it less by no more, a thirtieth of a sigma long, is the last.
   double hardly = 1e-3;
   // [of depth] and [of area] 1 sigma of a dent that is known no better was not fitted.
@@ -115,16 +116,14 @@ class DentFit {
  public:
   DentFit(std::span<const WallPoint> points, double reach_mm, double depth_mm, double size_mm,
           double pipe_radius_mm, double noise_mm)
-      : noise_mm_(noise_mm) {
+      : noise_mm_(noise_mm), off_mm_(MostOffMm(depth_mm, noise_mm)) {
     all_.reserve(points.size());
     for (const WallPoint& point : points) {
       const double around = point.around_mm / pipe_radius_mm;
       all_.push_back({point.along_mm, point.around_mm, point.off_mm, std::cos(around),
                       std::sin(around), point.along_mm / reach_mm});
     }
-    const double off_mm = MostOffMm(depth_mm, noise_mm);
-    std::copy_if(all_.begin(), all_.end(), std::back_inserter(points_),
-                 [off_mm](const DentPoint& point) { return std::abs(point.off_mm) <= off_mm; });
+    Take();
     at_[kDepth] = depth_mm;
     at_[kAxisU] = at_[kAxisV] = -std::log(0.5 * size_mm);
     about_ = at_;
@@ -154,9 +153,18 @@ class DentFit {
 
   // False: fewer points than `least` tell of it, or the fit explains too few of them.
   bool Fit(std::size_t least) {
-    const auto all = static_cast<double>(points_.size());
     if (points_.size() < least) return false;
     Solve();
+    // Cells have the mean of its middle and its flanks, a quarter of what it is deep: without the
+    // points of its middle it would be too shallow, and too large.
+    for (int round = 0; round < kDents.most_rounds; ++round) {
+      const double off_mm = MostOffMm(at_[kDepth], noise_mm_);
+      if (!(off_mm > off_mm_)) break;
+      off_mm_ = off_mm;
+      Take();
+      Solve();
+    }
+    const auto all = static_cast<double>(points_.size());
     const Shape shape(at_);
     std::erase_if(points_, [&](const DentPoint& point) {
       return std::abs(OffOf(point, shape).off_mm) > kDents.flier * noise_mm_;
@@ -207,6 +215,13 @@ class DentFit {
   }
 
  private:
+  // The points that may be of the dent or of the wall about it.
+  void Take() {
+    points_.clear();
+    std::copy_if(all_.begin(), all_.end(), std::back_inserter(points_),
+                 [this](const DentPoint& point) { return std::abs(point.off_mm) <= off_mm_; });
+  }
+
   // Sum of squares in sigmas, and the normal equations.
   struct Normal {
     double cost = 0;
@@ -309,7 +324,7 @@ class DentFit {
   }
 
   std::vector<DentPoint> all_, points_;
-  double noise_mm_;
+  double noise_mm_, off_mm_;
   Normal normal_;
   Unknowns at_ = Unknowns::Zero(), about_ = Unknowns::Zero(), certainty_ = Unknowns::Zero();
 };

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -20,8 +22,9 @@ constexpr double kPipeRadiusMm = 8, kReachMm = 10, kWallNoiseMm = 0.03;
 
 // The wall about a place; `in_mm`: how far it is pressed in there, `is_seen`: where it has points.
 std::vector<WallPoint> WallOf(const std::function<double(double, double)>& in_mm,
-                              const std::function<bool(double, double)>& is_seen) {
-  std::mt19937_64 random(3);
+                              const std::function<bool(double, double)>& is_seen,
+                              std::uint64_t seed = 3) {
+  std::mt19937_64 random(seed);
   std::normal_distribution<double> noise(0, kWallNoiseMm);
   std::vector<WallPoint> points;
   while (points.size() < 3000) {
@@ -83,6 +86,29 @@ TEST(Dents, WhatNoSampleTellsOfIsNotKnownExactly) {
       EXPECT_GT(sigma, 0.001);
     }
   }
+}
+
+// Cells have the mean of a dent's middle and its flanks: points that are much deeper than that are
+// its middle.
+TEST(Dents, AreAsDeepAsTheyAreHoweverShallowCellsSawThem) {
+  constexpr int kDents = 40;
+  std::mt19937_64 random(11);
+  double depth2 = 0, area2 = 0;
+  for (int i = 0; i < kDents; ++i) {
+    const double deep_mm = Uniform(random, 0.3, 1.2), wide_mm = Uniform(random, 1.5, 3);
+    const auto round = [&](double along, double around) {
+      return deep_mm * std::exp(-0.5 * (along * along + around * around) / (wide_mm * wide_mm));
+    };
+    const double seen_mm = Uniform(random, 0.2, 0.35) * deep_mm;
+    const FittedDent dent = FitDent(WallOf(round, Everywhere, random()), kReachMm, seen_mm,
+                                    3.5 * wide_mm, kPipeRadiusMm, kWallNoiseMm);
+    ASSERT_TRUE(dent.is_fitted);
+    const double area_mm2 = 2 * std::numbers::pi * std::numbers::ln2 * wide_mm * wide_mm;
+    depth2 += std::pow((dent.depth_mm - deep_mm) / dent.depth_sigma_mm, 2) / kDents;
+    area2 += std::pow((dent.area_mm2 - area_mm2) / dent.area_sigma_mm2, 2) / kDents;
+  }
+  EXPECT_LT(std::sqrt(depth2), 1.3);
+  EXPECT_LT(std::sqrt(area2), 1.3);
 }
 
 TEST(Dents, WhatIsPressedInIsShown) {
