@@ -104,12 +104,14 @@ struct FinalFit {
 SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
                    std::span<const PointBlock> blocks) {
   const double reach_mm = final.options.reach_mm;
-  SurfaceForm form = FindForm(final.fit, tube, final.noise_mm, blocks, reach_mm);
+  SurfaceForm form =
+      FindForm(final.fit, tube, final.noise_mm, blocks, reach_mm, kPerhapsDentInCells);
   const auto& bows = final.bowed.bows;
   if (std::all_of(bows.begin(), bows.end(), [](const Bow& bow) { return bow.is_none(); })) {
     return form;
   }
-  SurfaceForm beside_bows = FindForm(final.bowed, final.noise_mm, blocks, reach_mm);
+  SurfaceForm beside_bows =
+      FindForm(final.bowed, final.noise_mm, blocks, reach_mm, kPerhapsDentInCells);
   beside_bows.straights = std::move(form.straights);
   return beside_bows;
 }

@@ -18,6 +18,7 @@
 #include "hal/angles.h"
 #include "hal/tube_features.h"
 #include "pipeline/features/unrolled_wall.h"
+#include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/product_sums.h"
@@ -43,11 +44,12 @@ struct DentSettings {
   // Points: fewer tell no area, or not even a depth; more tell hardly more and cost time.
   std::size_t least_points = 60, least_held = 20, enough_points = 4000;
   // 1 sigma before the scan: of the logarithm of the power s (balls and edges press gaussians,
-  // flats have up to 3), of the logarithm of either half axis about the cells', [of r_P] of the
+  // flats have up to 3), of that of the tail, which is about this before (1 would be 1 / (1 + q^s)
+  // and 0 a gaussian's), of the logarithm of either half axis about the cells', [of r_P] of the
   // wall's own form at the edge of what is looked at, and [of the cells'] of the depth; its place
   // is in what is looked at. They decide only where points leave it open: where no point lies on a
   // flank, none of them tells place and area.
-  double power = 0.5, half_axis = 0.7, wall = 0.05, depth = 3.0;
+  double power = 0.5, usual_tail = 0.03, tail = 1.5, half_axis = 0.7, wall = 0.05, depth = 3.0;
   int most_steps = 40;
   int most_rounds = 4;  // in which points are taken again that may be of it, as it proves deeper
   // Of chi square: a step that makes it less by no more, a thirtieth of a sigma long, is the last.
@@ -68,6 +70,15 @@ struct DentSettings {
   // there may leave no more of it.
   int least_deep = 8;
   double flank = 0.25;
+  // Nor is one whose flanks are certainly steeper than those of a flat: a power, and [sigma] of its
+  // logarithm.
+  double step = 3.0, step_sigmas = 2.0;
+  // [of r_P] and [sigma] One that cells do not show by themselves is so deep at least, as its
+  // points have it, and so surely: they look for it everywhere.
+  double least_small = 0.02, small_sigmas = 7.0;
+  // And what its form leaves of its points is no more than this, of chi square: what a scan or a
+  // bend makes of a wall, waves and sides that do not meet, is no dent's form.
+  double small_misfit = 1.3;
   // [of its size] Of a dent that is known: what is fitted no further from its middle is that dent
   // once more; what lies further than `apart` is looked at without the points where the known one
   // is deeper than so many [sigma].
@@ -92,6 +103,7 @@ enum Unknown : Eigen::Index {
   kLean,
   kAxisV,
   kPower,
+  kTail,
   kWall,  // of the wall: its radius, its axis aside in two directions, and how that grows along
   kUnknowns = kWall + 5
 };
@@ -126,12 +138,14 @@ class DentFit {
     Take();
     at_[kDepth] = depth_mm;
     at_[kAxisU] = at_[kAxisV] = -std::log(0.5 * size_mm);
+    at_[kTail] = std::log(kDents.usual_tail);
     about_ = at_;
     certainty_[kDepth] = 1.0 / (kDents.depth * depth_mm);
     certainty_[kU] = certainty_[kV] = 1.0 / reach_mm;
     certainty_[kAxisU] = certainty_[kAxisV] = 1.0 / kDents.half_axis;
     certainty_[kLean] = 0.5 * size_mm / kDents.half_axis;
     certainty_[kPower] = 1.0 / kDents.power;
+    certainty_[kTail] = 1.0 / kDents.tail;
     certainty_.tail<5>().setConstant(1.0 / (kDents.wall * pipe_radius_mm));
   }
 
@@ -148,7 +162,8 @@ class DentFit {
   // The same place, size and form, whatever the points say.
   void Hold() {
     constexpr double kHeld = 1e6;  // [1 / mm, and of what has no unit]
-    for (const Unknown k : {kU, kV, kAxisU, kLean, kAxisV, kPower}) certainty_[k] = kHeld;
+    for (const Unknown k : {kU, kV, kAxisU, kLean, kAxisV, kPower, kTail}) certainty_[k] = kHeld;
+    rounds_ = 0;
   }
 
   // False: fewer points than `least` tell of it, or the fit explains too few of them.
@@ -157,7 +172,7 @@ class DentFit {
     Solve();
     // Cells have the mean of its middle and its flanks, a quarter of what it is deep: without the
     // points of its middle it would be too shallow, and too large.
-    for (int round = 0; round < kDents.most_rounds; ++round) {
+    for (int round = 0; round < rounds_; ++round) {
       const double off_mm = MostOffMm(at_[kDepth], noise_mm_);
       if (!(off_mm > off_mm_)) break;
       off_mm_ = off_mm;
@@ -177,9 +192,9 @@ class DentFit {
   // After Fit(); whether it is one is for others to say.
   FittedDent Dent() const {
     // Where the form is not the dent's, the residuals say so.
-    const double scale =
-        std::max(1.0, normal_.cost / static_cast<double>(points_.size() - std::size_t{kUnknowns}));
-    const Square covariance = scale * Inverse(normal_.matrix);
+    const double misfit =
+        normal_.cost / static_cast<double>(points_.size() - std::size_t{kUnknowns});
+    const Square covariance = std::max(1.0, misfit) * Inverse(normal_.matrix);
     const auto sigma = [&](Unknown k) { return std::sqrt(covariance(k, k)); };
     FittedDent dent;
     dent.along_mm = at_[kU], dent.along_sigma_mm = sigma(kU);
@@ -189,6 +204,8 @@ class DentFit {
     const double variance =
         covariance(kAxisU, kAxisU) + covariance(kAxisV, kAxisV) + 2.0 * covariance(kAxisU, kAxisV);
     dent.area_sigma_mm2 = dent.area_mm2 * std::sqrt(variance);
+    dent.misfit = misfit;
+    dent.is_step = at_[kPower] - kDents.step_sigmas * sigma(kPower) > std::log(kDents.step);
     return dent;
   }
 
@@ -231,8 +248,13 @@ class DentFit {
   // What all points have in common of the numbers.
   struct Shape {
     explicit Shape(const Unknowns& x)
-        : of_u(std::exp(x[kAxisU])), of_v(std::exp(x[kAxisV])), power(std::exp(x[kPower])) {}
-    double of_u, of_v, power;
+        : of_u(std::exp(x[kAxisU])),
+          of_v(std::exp(x[kAxisV])),
+          power(std::exp(x[kPower])),
+          tail(std::exp(std::min(kMostTail, x[kTail]))),
+          half(std::exp2(tail)) {}
+    static constexpr double kMostTail = 3.0;
+    double of_u, of_v, power, tail, half;
   };
 
   // How far the point lies out of what the numbers say, and its derivatives to them.
@@ -244,8 +266,10 @@ class DentFit {
     const double log_q = std::log(q);
     // Beyond, where f is nothing, g f would be infinity times 0.
     const double g = std::exp(std::min(6.0, shape.power * log_q));
-    const double f = std::exp(-std::numbers::ln2 * g);
-    const double by_q = x[kDepth] * std::numbers::ln2 * shape.power * g / q * f;
+    const double inside = 1.0 + (shape.half - 1.0) * g, log_inside = std::log(inside);
+    const double f = std::exp(-log_inside / shape.tail);
+    const double by_g = f * (shape.half - 1.0) / (shape.tail * inside);
+    const double by_q = x[kDepth] * by_g * shape.power * g / q;
     row(kDepth) = -f;
     row(kU) = -2.0 * by_q * z_u * shape.of_u;
     row(kV) = -2.0 * by_q * (z_u * x[kLean] + z_v * shape.of_v);
@@ -253,6 +277,8 @@ class DentFit {
     row(kLean) = 2.0 * by_q * z_u * v;
     row(kAxisV) = 2.0 * by_q * z_v * shape.of_v * v;
     row(kPower) = by_q * q * log_q;
+    row(kTail) =
+        -x[kDepth] * f * (log_inside / shape.tail - g * shape.half * std::numbers::ln2 / inside);
     row(kWall) = 1.0;
     row(kWall + 1) = point.cosine;
     row(kWall + 2) = point.sine;
@@ -325,6 +351,7 @@ class DentFit {
 
   std::vector<DentPoint> all_, points_;
   double noise_mm_, off_mm_;
+  int rounds_ = kDents.most_rounds;
   Normal normal_;
   Unknowns at_ = Unknowns::Zero(), about_ = Unknowns::Zero(), certainty_ = Unknowns::Zero();
 };
@@ -537,10 +564,25 @@ bool IsEcho(const DentFound& dent, const Eigen::Vector3d& tangent, double r_mm, 
   });
 }
 
+// What its points, which do not tell it by themselves, leave open beyond what cells make of it.
+double UnsureDepthMm(const DentFound& dent, const FittedDent& fitted, double pipe_radius_mm) {
+  const double unsure_mm = std::hypot(fitted.depth_sigma_mm, fitted.depth_mm - dent.depth_mm);
+  const bool is_known = fitted.depth_sigma_mm > 0 && std::isfinite(unsure_mm);
+  return std::max(dent.sigma_mm, is_known ? std::min(unsure_mm, pipe_radius_mm) : 0.0);
+}
+
+// Whether its points show it, where cells by themselves do not.
+bool IsSureSmall(const FittedDent& fitted, double pipe_radius_mm) {
+  return fitted.misfit < kDents.small_misfit &&
+         fitted.depth_mm > kDents.least_small * pipe_radius_mm &&
+         fitted.depth_mm > kDents.small_sigmas * fitted.depth_sigma_mm;
+}
+
 // From the points about it. False: there is none, or it is one of `known`.
 bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const DentFound> known,
                  DentFound& dent) {
   Doubt(r_mm, dent);
+  const bool in_cells = dent.depth_mm > kDentInCells * r_mm;
   std::vector<DentCircle> others;
   for (const DentFound& other : known) {
     const bool is_apart = (dent.position_mm - other.position_mm).norm() >
@@ -555,9 +597,11 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
       frame, middle_mm, reach_mm, MostOffMm(dent.depth_mm, noise_mm), others, 0.5 * dent.size_mm);
   const FittedDent fitted = FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
   if (!fitted.is_fitted) {
-    return IsShown(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm) &&
+    dent.sigma_mm = UnsureDepthMm(dent, fitted, r_mm);
+    return in_cells && IsShown(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm) &&
            !IsKnown(dent, known) && !IsEcho(dent, frame.tangent, r_mm, noise_mm, known);
   }
+  if (!in_cells && !IsSureSmall(fitted, r_mm)) return false;
   const double along_mm = std::clamp(middle_mm + fitted.along_mm, 0.0, wall.length_mm());
   const hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
   const Eigen::Vector3d outward = UnrolledWall::Carried(
@@ -582,7 +626,7 @@ FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double de
   FittedDent dent = fit.Dent();
   const DentFit::Inside inside = fit.CountInside(kDents.whole * dent.depth_mm);
   dent.is_fitted =
-      dent.depth_sigma_mm < kDents.vague * dent.depth_mm &&
+      !dent.is_step && dent.depth_sigma_mm < kDents.vague * dent.depth_mm &&
       dent.area_sigma_mm2 < kDents.vague_area * dent.area_mm2 &&
       dent.depth_mm + kDents.denied_sigmas * dent.depth_sigma_mm > kDents.denied * depth_mm &&
       std::hypot(dent.along_mm, dent.around_mm) < 0.7 * reach_mm &&

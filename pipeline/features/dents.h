@@ -21,10 +21,12 @@ struct WallForm {
 };
 
 // Place, depth and area of dents that were seen in cells of the surface (fit/surface_form.h), from
-// the points themselves: least squares of D 2^-(q^s) on a smooth wall, q a quadratic form of the
-// place on the unrolled surface, 1 where the dent is half as deep as in its middle. The power s
-// tells round dents (1: a gaussian) from flats. What cannot be fitted stays as the cells have it,
-// its depth known to about itself, where its points show one; else it goes.
+// the points themselves: least squares of D (1 + (2^t - 1) q^s)^(-1/t) on a smooth wall, q a
+// quadratic form of the place on the unrolled surface, 1 where the dent is half as deep as in its
+// middle. The power s tells round dents (1: a gaussian, where t is nothing) from flats, the tail t
+// how slowly it runs out. What cannot be fitted stays as the cells have it, its depth known to
+// about itself, where its points show one; else it goes. Those that cells hardly show
+// (kDentInCells) are told only where they are fitted, and for certain.
 // The deepest first, each once: cells may have parted one, or taken what is beside it or opposite
 // it for pressed in.
 // `faces`: where the wall was cut; what is seen of them is no wall.
@@ -43,6 +45,8 @@ struct WallPoint {
 struct FittedDent {
   double along_mm = 0, around_mm = 0, depth_mm = 0, area_mm2 = 0;
   double along_sigma_mm = 0, around_sigma_mm = 0, depth_sigma_mm = 0, area_sigma_mm2 = 0;
+  double misfit = 0;     // of chi square: 1 where it explains its points
+  bool is_step = false;  // its flanks are too steep for a wall that was pressed in
   bool is_fitted = false;
 };
 // `points`: within `reach_mm` of a place where it is about `depth_mm` deep and `size_mm` wide.

@@ -32,8 +32,8 @@ struct FormSettings {
   double least_points = 60;
   // [of r_P] Of a cell of the surface along the spine; around it is a sixteenth of the turn.
   double cell = 0.5;
-  // [of r_P] A dent is this deep at least, and [sigma] of what all cells scatter by.
-  double least_depth = 0.012, depth_sigmas = 7.0;
+  // [sigma] A dent is this deep at least, of what all cells scatter by.
+  double depth_sigmas = 7.0;
   // [of what sides of straights disagree by] Of less a pass of the scan may be displaced, which
   // another one sees beside it. By trial.
   double beyond_sides = 3.0;
@@ -205,7 +205,8 @@ DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int sid
 }
 
 std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> stretches,
-                                 double pipe_radius_mm, double noise_mm, double sides_mm) {
+                                 double pipe_radius_mm, double noise_mm, double sides_mm,
+                                 double least_dent) {
   std::vector<double> magnitudes;
   for (const Depths& depths : stretches) {
     for (const double depth : depths.mm) {
@@ -213,9 +214,8 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> st
     }
   }
   const double scatter_mm = 1.4826 * Median(magnitudes);
-  const double least_mm =
-      std::max({kForm.least_depth * pipe_radius_mm, kForm.depth_sigmas * scatter_mm,
-                kForm.beyond_sides * sides_mm});
+  const double least_mm = std::max({least_dent * pipe_radius_mm, kForm.depth_sigmas * scatter_mm,
+                                    kForm.beyond_sides * sides_mm});
   const double cell_mm2 =
       kForm.cell * pipe_radius_mm * 2.0 * std::numbers::pi * pipe_radius_mm / kSides;
   std::vector<DentFound> dents;
@@ -325,12 +325,12 @@ std::optional<double> SidesOf(const SegmentPoints& points, const Extent& extent,
 }  // namespace
 
 SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm) {
-  return FindForm({tube, fit.flattening, fit.easing, {}}, noise_mm, blocks, reach_mm);
+                     std::span<const PointBlock> blocks, double reach_mm, double least_dent) {
+  return FindForm({tube, fit.flattening, fit.easing, {}}, noise_mm, blocks, reach_mm, least_dent);
 }
 
 SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm) {
+                     std::span<const PointBlock> blocks, double reach_mm, double least_dent) {
   const double r_mm = state.tube.pipe_radius_mm;
   const EasedSpine spine = SpineOf(state);
   const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kForm.enough_points));
@@ -367,7 +367,8 @@ SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
   form.sides_mm2 = straights > 0 ? std::max(0.0, sides_mm2 / straights) : 0.0;
   std::vector<Depths> depths;
   for (const StretchForm& stretch : stretches) depths.push_back(stretch.DepthsOfCells());
-  form.dents = FindDents(spine, std::move(depths), r_mm, noise_mm, std::sqrt(form.sides_mm2));
+  form.dents =
+      FindDents(spine, std::move(depths), r_mm, noise_mm, std::sqrt(form.sides_mm2), least_dent);
   return form;
 }
 

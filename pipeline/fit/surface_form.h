@@ -20,11 +20,18 @@ struct SurfaceForm {
   double sides_mm2 = 0;
 };
 
+// [of r_P] How far in cells of the surface lie that show a dent. Where it is much smaller than a
+// pipe radius they show a quarter of its depth: shallower ones may be dents for what asks their
+// points.
+inline constexpr double kDentInCells = 0.012, kPerhapsDentInCells = 0.005;
+
 // `tube`: of the fit, with its ends. `noise_mm`: 1 sigma of a point.
-// Straights of a bowed tube are looked at as if they did not bow.
+// Straights of a bowed tube are looked at as if they did not bow. `least_dent`: [of r_P] in cells.
 SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm);
+                     std::span<const PointBlock> blocks, double reach_mm,
+                     double least_dent = kDentInCells);
 SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm);
+                     std::span<const PointBlock> blocks, double reach_mm,
+                     double least_dent = kDentInCells);
 
 }  // namespace bendloop::pipeline

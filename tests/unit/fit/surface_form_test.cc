@@ -89,6 +89,26 @@ TEST(SurfaceForm, ADentIsFoundWhereItIs) {
   EXPECT_LT(dent.area_sigma_mm2, 0.1 * dent.area_mm2);
 }
 
+// Cells of half a pipe radius show a quarter of the depth of a dent that is as wide.
+TEST(SurfaceForm, SmallDentsAreFoundByTheirPoints) {
+  constexpr int kTubes = 8;
+  std::mt19937_64 random(8);
+  double sigmas2 = 0;
+  for (int i = 0; i < kTubes; ++i) {
+    const double depth_r = 0.025 + 0.025 * i / kTubes;
+    const tests::Form form{.dents = {{.along = 0.1 + 0.8 * i / kTubes,
+                                      .around_rad = 0.7 * i,
+                                      .depth_r = depth_r,
+                                      .width_r = 0.3 + 0.02 * i}}};
+    const tests::RealScan scan{.points = 40'000, .noise_mm = 0.015};
+    const Measurement found = Measured(tests::ScanRealTube(TwoBends(), form, scan, random));
+    ASSERT_EQ(found.dents.size(), 1U) << i;
+    const double off_mm = found.dents.front().depth_mm - depth_r * 5;
+    sigmas2 += std::pow(off_mm / found.dents.front().sigma_mm, 2) / kTubes;
+  }
+  EXPECT_LT(std::sqrt(sigmas2), 1.6);
+}
+
 // A bend's wall goes on from piece to piece, and is not round.
 TEST(SurfaceForm, ADentInAnEasedOvalBendIsFoundOnce) {
   std::mt19937_64 random(2);
