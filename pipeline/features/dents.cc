@@ -70,13 +70,14 @@ struct DentSettings {
   // there may leave no more of it.
   int least_deep = 8;
   double flank = 0.25;
-  // Nor is one whose flanks are certainly steeper than those of a flat: a power, and [sigma] of its
-  // logarithm.
-  double step = 3.0, step_sigmas = 2.0;
+  // One whose flanks are certainly steeper, where it is half as deep, than of any flat is not
+  // fitted: the power of a dent without a tail that is as steep, and [sigma] of its logarithm.
+  double step = 3.5, step_sigmas = 2.0;
   // [of r_P] and [sigma] One that cells do not show by themselves is so deep at least, as its
   // points have it, and so surely: they look for it everywhere.
   double least_small = 0.02, small_sigmas = 7.0;
-  // And what its form leaves of its points is no more than this, of chi square: what a scan or a
+  // And what its form leaves of its points is no more than this, of chi square for each that is
+  // free: what a scan or a
   // bend makes of a wall, waves and sides that do not meet, is no dent's form.
   double small_misfit = 1.3;
   // [of its size] Of a dent that is known: what is fitted no further from its middle is that dent
@@ -107,6 +108,7 @@ enum Unknown : Eigen::Index {
   kWall,  // of the wall: its radius, its axis aside in two directions, and how that grows along
   kUnknowns = kWall + 5
 };
+static_assert(kDents.least_held > kUnknowns);  // some are left to tell how well it fits
 using Unknowns = Eigen::Matrix<double, kUnknowns, 1>;
 using Square = Eigen::Matrix<double, kUnknowns, kUnknowns>;
 
@@ -170,7 +172,7 @@ class DentFit {
   bool Fit(std::size_t least) {
     if (points_.size() < least) return false;
     Solve();
-    // Cells have the mean of its middle and its flanks, a quarter of what it is deep: without the
+    // Cells have the mean of its middle and its flanks, down to a quarter of its depth: without the
     // points of its middle it would be too shallow, and too large.
     for (int round = 0; round < rounds_; ++round) {
       const double off_mm = MostOffMm(at_[kDepth], noise_mm_);
@@ -205,7 +207,7 @@ class DentFit {
         covariance(kAxisU, kAxisU) + covariance(kAxisV, kAxisV) + 2.0 * covariance(kAxisU, kAxisV);
     dent.area_sigma_mm2 = dent.area_mm2 * std::sqrt(variance);
     dent.misfit = misfit;
-    dent.is_step = at_[kPower] - kDents.step_sigmas * sigma(kPower) > std::log(kDents.step);
+    dent.is_step = IsStep(covariance);
     return dent;
   }
 
@@ -232,6 +234,17 @@ class DentFit {
   }
 
  private:
+  bool IsStep(const Square& covariance) const {
+    const Shape shape(at_);
+    const double unit = shape.tail * std::numbers::ln2;
+    const double log_steep = at_[kPower] + std::log(-std::expm1(-unit) / unit);
+    const double by_tail = unit / std::expm1(unit) - 1.0;  // of the logarithm
+    const double variance = covariance(kPower, kPower) + 2.0 * by_tail * covariance(kPower, kTail) +
+                            by_tail * by_tail * covariance(kTail, kTail);
+    return log_steep - kDents.step_sigmas * std::sqrt(std::max(0.0, variance)) >
+           std::log(kDents.step);
+  }
+
   // The points that may be of the dent or of the wall about it.
   void Take() {
     points_.clear();
@@ -251,10 +264,10 @@ class DentFit {
         : of_u(std::exp(x[kAxisU])),
           of_v(std::exp(x[kAxisV])),
           power(std::exp(x[kPower])),
-          tail(std::exp(std::min(kMostTail, x[kTail]))),
-          half(std::exp2(tail)) {}
-    static constexpr double kMostTail = 3.0;
-    double of_u, of_v, power, tail, half;
+          tail(std::exp(x[kTail])),
+          twofold(std::expm1(std::numbers::ln2 * tail)) {}
+    double of_u, of_v, power, tail;
+    double twofold;  // 2^tail - 1
   };
 
   // How far the point lies out of what the numbers say, and its derivatives to them.
@@ -264,12 +277,12 @@ class DentFit {
     const double z_u = shape.of_u * u + x[kLean] * v, z_v = shape.of_v * v;
     const double q = std::max(1e-12, z_u * z_u + z_v * z_v);
     const double log_q = std::log(q);
-    // Beyond, where f is nothing, g f would be infinity times 0.
-    const double g = std::exp(std::min(6.0, shape.power * log_q));
-    const double inside = 1.0 + (shape.half - 1.0) * g, log_inside = std::log(inside);
-    const double f = std::exp(-log_inside / shape.tail);
-    const double by_g = f * (shape.half - 1.0) / (shape.tail * inside);
-    const double by_q = x[kDepth] * by_g * shape.power * g / q;
+    constexpr double kMost = 600.0;  // beyond, of the logarithm, g would be infinite
+    const double g = std::exp(std::min(kMost, shape.power * log_q));
+    const double rises = shape.twofold * g, log_rises = std::log1p(rises);
+    const double share = rises / (1.0 + rises);
+    const double f = std::exp(-log_rises / shape.tail);
+    const double by_q = x[kDepth] * f * share * shape.power / (shape.tail * q);
     row(kDepth) = -f;
     row(kU) = -2.0 * by_q * z_u * shape.of_u;
     row(kV) = -2.0 * by_q * (z_u * x[kLean] + z_v * shape.of_v);
@@ -277,8 +290,9 @@ class DentFit {
     row(kLean) = 2.0 * by_q * z_u * v;
     row(kAxisV) = 2.0 * by_q * z_v * shape.of_v * v;
     row(kPower) = by_q * q * log_q;
-    row(kTail) =
-        -x[kDepth] * f * (log_inside / shape.tail - g * shape.half * std::numbers::ln2 / inside);
+    row(kTail) = -x[kDepth] * f *
+                 (log_rises / shape.tail -
+                  share * (1.0 + shape.twofold) / shape.twofold * std::numbers::ln2);
     row(kWall) = 1.0;
     row(kWall + 1) = point.cosine;
     row(kWall + 2) = point.sine;
@@ -564,11 +578,14 @@ bool IsEcho(const DentFound& dent, const Eigen::Vector3d& tangent, double r_mm, 
   });
 }
 
-// What its points, which do not tell it by themselves, leave open beyond what cells make of it.
-double UnsureDepthMm(const DentFound& dent, const FittedDent& fitted, double pipe_radius_mm) {
+// What a fit that is about this dent, though its points do not tell it by themselves, leaves open
+// beyond what cells make of it.
+double UnsureDepthMm(const DentFound& dent, const FittedDent& fitted, double reach_mm,
+                     double pipe_radius_mm) {
   const double unsure_mm = std::hypot(fitted.depth_sigma_mm, fitted.depth_mm - dent.depth_mm);
-  const bool is_known = fitted.depth_sigma_mm > 0 && std::isfinite(unsure_mm);
-  return std::max(dent.sigma_mm, is_known ? std::min(unsure_mm, pipe_radius_mm) : 0.0);
+  const bool is_of_it = fitted.depth_sigma_mm > 0 && !fitted.is_step && fitted.IsWithin(reach_mm);
+  if (!is_of_it || !std::isfinite(unsure_mm)) return dent.sigma_mm;
+  return std::max(dent.sigma_mm, std::min(unsure_mm, pipe_radius_mm));
 }
 
 // Whether its points show it, where cells by themselves do not.
@@ -597,7 +614,7 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
       frame, middle_mm, reach_mm, MostOffMm(dent.depth_mm, noise_mm), others, 0.5 * dent.size_mm);
   const FittedDent fitted = FitDent(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm);
   if (!fitted.is_fitted) {
-    dent.sigma_mm = UnsureDepthMm(dent, fitted, r_mm);
+    dent.sigma_mm = UnsureDepthMm(dent, fitted, reach_mm, r_mm);
     return in_cells && IsShown(points, reach_mm, dent.depth_mm, dent.size_mm, r_mm, noise_mm) &&
            !IsKnown(dent, known) && !IsEcho(dent, frame.tangent, r_mm, noise_mm, known);
   }
@@ -629,9 +646,8 @@ FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double de
       !dent.is_step && dent.depth_sigma_mm < kDents.vague * dent.depth_mm &&
       dent.area_sigma_mm2 < kDents.vague_area * dent.area_mm2 &&
       dent.depth_mm + kDents.denied_sigmas * dent.depth_sigma_mm > kDents.denied * depth_mm &&
-      std::hypot(dent.along_mm, dent.around_mm) < 0.7 * reach_mm &&
-      dent.area_mm2 < std::numbers::pi * reach_mm * reach_mm && inside.deep >= kDents.least_deep &&
-      inside.MostAreNot(inside.above + inside.below);
+      dent.IsWithin(reach_mm) && dent.area_mm2 < std::numbers::pi * reach_mm * reach_mm &&
+      inside.deep >= kDents.least_deep && inside.MostAreNot(inside.above + inside.below);
   return dent;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -25,7 +26,7 @@ struct WallForm {
 // quadratic form of the place on the unrolled surface, 1 where the dent is half as deep as in its
 // middle. The power s tells round dents (1: a gaussian, where t is nothing) from flats, the tail t
 // how slowly it runs out. What cannot be fitted stays as the cells have it, its depth known to
-// about itself, where its points show one; else it goes. Those that cells hardly show
+// about itself or worse, where its points show one; else it goes. Those that cells hardly show
 // (kDentInCells) are told only where they are fitted, and for certain.
 // The deepest first, each once: cells may have parted one, or taken what is beside it or opposite
 // it for pressed in.
@@ -45,9 +46,12 @@ struct WallPoint {
 struct FittedDent {
   double along_mm = 0, around_mm = 0, depth_mm = 0, area_mm2 = 0;
   double along_sigma_mm = 0, around_sigma_mm = 0, depth_sigma_mm = 0, area_sigma_mm2 = 0;
-  double misfit = 0;     // of chi square: 1 where it explains its points
-  bool is_step = false;  // its flanks are too steep for a wall that was pressed in
+  double misfit = 0;     // of chi square, for each point that is free: 1 where it explains them
+  bool is_step = false;  // its flanks are steeper than those of a flat
   bool is_fitted = false;
+
+  // Whether it is about what was looked at.
+  bool IsWithin(double reach_mm) const { return std::hypot(along_mm, around_mm) < 0.7 * reach_mm; }
 };
 // `points`: within `reach_mm` of a place where it is about `depth_mm` deep and `size_mm` wide.
 FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,

@@ -32,40 +32,16 @@
 #include <XCAFDoc_ShapeTool.hxx>
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <gp_Circ.hxx>
 #include <gp_Pln.hxx>
-#include <stdexcept>
 #include <string>
-#include <system_error>
 
+#include "firmware-host/console/temporary_folder.h"
 #include "hal/spine.h"
 
 namespace bendloop::test {
 namespace {
-
-// For as long as the program runs.
-class OwnFolder {
- public:
-  OwnFolder() {
-    std::string pattern =
-        (std::filesystem::temp_directory_path() / "bendloop-cad-test-XXXXXX").string();
-    if (!mkdtemp(pattern.data())) throw std::runtime_error("cannot make " + pattern);
-    path_ = pattern;
-  }
-  ~OwnFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  OwnFolder(const OwnFolder&) = delete;
-  OwnFolder& operator=(const OwnFolder&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 gp_Pnt P(const Eigen::Vector3d& p) { return {p.x(), p.y(), p.z()}; }
 gp_Dir D(const Eigen::Vector3d& d) { return {d.x(), d.y(), d.z()}; }
@@ -264,8 +240,8 @@ std::string WriteIgesFile(const TopoDS_Shape& shape, const std::string& unit) {
 }
 
 std::string TemporaryFile(const std::string& name) {
-  static const OwnFolder folder;
-  return (folder.path() / name).string();
+  static const auto folder = host::TemporaryFolder::Make();  // goes when the program ends
+  return folder ? (folder->path() / name).string() : "";
 }
 
 }  // namespace bendloop::test

@@ -89,7 +89,8 @@ TEST(SurfaceForm, ADentIsFoundWhereItIs) {
   EXPECT_LT(dent.area_sigma_mm2, 0.1 * dent.area_mm2);
 }
 
-// Cells of half a pipe radius show a quarter of the depth of a dent that is as wide.
+// Cells of half a pipe radius show a quarter to a half of the depth of dents that are two of them
+// wide.
 TEST(SurfaceForm, SmallDentsAreFoundByTheirPoints) {
   constexpr int kTubes = 8;
   std::mt19937_64 random(8);
@@ -103,6 +104,10 @@ TEST(SurfaceForm, SmallDentsAreFoundByTheirPoints) {
     const tests::RealScan scan{.points = 40'000, .noise_mm = 0.015};
     const Measurement found = Measured(tests::ScanRealTube(TwoBends(), form, scan, random));
     ASSERT_EQ(found.dents.size(), 1U) << i;
+    const double length_mm = hal::SpineLength(found.tube.program);
+    const double along_mm = form.dents.front().along * length_mm;
+    EXPECT_NEAR(found.dents.front().along_mm, IsReversed(found) ? length_mm - along_mm : along_mm,
+                0.5);
     const double off_mm = found.dents.front().depth_mm - depth_r * 5;
     sigmas2 += std::pow(off_mm / found.dents.front().sigma_mm, 2) / kTubes;
   }

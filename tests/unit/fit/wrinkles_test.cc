@@ -66,6 +66,20 @@ TEST(Wrinkles, AreNoneWhereBendsAreOtherwiseNotAsTheModelHasThem) {
   }
 }
 
+// Troughs of waves are as deep as small dents are.
+TEST(Wrinkles, AreNoDents) {
+  for (const double noise_mm : {0.03, 0.05}) {
+    for (const std::uint64_t seed : {1U, 2U, 3U}) {
+      SCOPED_TRACE(seed);
+      const tests::RealScan scan{.points = 60'000, .noise_mm = noise_mm};
+      EXPECT_THAT(Measured({.wrinkles = 0.012}, scan, seed).dents, testing::IsEmpty());
+      EXPECT_THAT(Measured({.wrinkles = 0.03}, scan, seed).dents, testing::IsEmpty());
+      EXPECT_THAT(Measured({.ovality = 0.08, .wrinkles = 0.02}, scan, seed).dents,
+                  testing::IsEmpty());
+    }
+  }
+}
+
 TEST(Wrinkles, AreHardlyEverTakenForEasingsOfOvalBends) {
   int told = 0;
   for (const double noise_mm : {0.01, 0.05}) {
