@@ -74,11 +74,11 @@ struct DentSettings {
   // fitted: the power of a dent without a tail that is as steep, and [sigma] of its logarithm.
   double step = 3.5, step_sigmas = 2.0;
   // [of r_P] and [sigma] One that cells do not show by themselves is so deep at least, as its
-  // points have it, and so surely: they look for it everywhere.
+  // points have it, and so surely: cells look everywhere.
   double least_small = 0.02, small_sigmas = 7.0;
   // And what its form leaves of its points is no more than this, of chi square for each that is
-  // free: what a scan or a
-  // bend makes of a wall, waves and sides that do not meet, is no dent's form.
+  // free: what a scan or a bend makes of a wall, waves and sides that do not meet, is no dent's
+  // form.
   double small_misfit = 1.3;
   // [of its size] Of a dent that is known: what is fitted no further from its middle is that dent
   // once more; what lies further than `apart` is looked at without the points where the known one

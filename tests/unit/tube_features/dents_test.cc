@@ -121,12 +121,10 @@ struct DentForm {
 
 // Of errors over sigma.
 struct DentErrors {
-  int count = 0;
   double place2 = 0, depth2 = 0, area2 = 0;
 
   void Add(const FittedDent& dent, const Eigen::Vector2d& middle_mm, double deep_mm,
            double area_mm2) {
-    ++count;
     place2 += 0.5 * (std::pow((dent.along_mm - middle_mm.x()) / dent.along_sigma_mm, 2) +
                      std::pow((dent.around_mm - middle_mm.y()) / dent.around_sigma_mm, 2));
     depth2 += std::pow((dent.depth_mm - deep_mm) / dent.depth_sigma_mm, 2);
