@@ -44,12 +44,14 @@ struct DentSettings {
   // Points: fewer tell no area, or not even a depth; more tell hardly more and cost time.
   std::size_t least_points = 60, least_held = 20, enough_points = 4000;
   // 1 sigma before the scan: of the logarithm of the power s (balls and edges press gaussians,
-  // flats have up to 3), of that of the tail, which is about this before (1 would be 1 / (1 + q^s)
-  // and 0 a gaussian's), of the logarithm of either half axis about the cells', [of r_P] of the
+  // flats have up to 3), of the tail t (1 would be 1 / (1 + q^s), 0 a gaussian, and what is less
+  // ends somewhere), of the logarithm of either half axis about the cells', [of r_P] of the
   // wall's own form at the edge of what is looked at, and [of the cells'] of the depth; its place
   // is in what is looked at. They decide only where points leave it open: where no point lies on a
   // flank, none of them tells place and area.
-  double power = 0.5, usual_tail = 0.03, tail = 1.5, half_axis = 0.7, wall = 0.05, depth = 3.0;
+  double power = 0.5, tail = 0.5, half_axis = 0.7, wall = 0.05, depth = 3.0;
+  // The form that ends soonest falls to its edge as a straight line or less.
+  double least_tail = -0.95;
   int most_steps = 40;
   int most_rounds = 4;  // in which points are taken again that may be of it, as it proves deeper
   // Of chi square: a step that makes it less by no more, a thirtieth of a sigma long, is the last.
@@ -140,7 +142,6 @@ class DentFit {
     Take();
     at_[kDepth] = depth_mm;
     at_[kAxisU] = at_[kAxisV] = -std::log(0.5 * size_mm);
-    at_[kTail] = std::log(kDents.usual_tail);
     about_ = at_;
     certainty_[kDepth] = 1.0 / (kDents.depth * depth_mm);
     certainty_[kU] = certainty_[kV] = 1.0 / reach_mm;
@@ -238,7 +239,7 @@ class DentFit {
     const Shape shape(at_);
     const double unit = shape.tail * std::numbers::ln2;
     const double log_steep = at_[kPower] + std::log(-std::expm1(-unit) / unit);
-    const double by_tail = unit / std::expm1(unit) - 1.0;  // of the logarithm
+    const double by_tail = std::numbers::ln2 * (1.0 / std::expm1(unit) - 1.0 / unit);
     const double variance = covariance(kPower, kPower) + 2.0 * by_tail * covariance(kPower, kTail) +
                             by_tail * by_tail * covariance(kTail, kTail);
     return log_steep - kDents.step_sigmas * std::sqrt(std::max(0.0, variance)) >
@@ -264,8 +265,9 @@ class DentFit {
         : of_u(std::exp(x[kAxisU])),
           of_v(std::exp(x[kAxisV])),
           power(std::exp(x[kPower])),
-          tail(std::exp(x[kTail])),
+          tail(std::copysign(std::max(kLeastTail, std::abs(x[kTail])), x[kTail])),
           twofold(std::expm1(std::numbers::ln2 * tail)) {}
+    static constexpr double kLeastTail = 1e-4;  // as good as none, and no division by it
     double of_u, of_v, power, tail;
     double twofold;  // 2^tail - 1
   };
@@ -279,9 +281,11 @@ class DentFit {
     const double log_q = std::log(q);
     constexpr double kMost = 600.0;  // beyond, of the logarithm, g would be infinite
     const double g = std::exp(std::min(kMost, shape.power * log_q));
-    const double rises = shape.twofold * g, log_rises = std::log1p(rises);
+    // Beyond where a dent with a tail below nothing ends, all of it is as good as nothing.
+    constexpr double kEnd = 1e-12 - 1.0;
+    const double rises = std::max(kEnd, shape.twofold * g), log_rises = std::log1p(rises);
+    const double f = rises > kEnd ? std::exp(-log_rises / shape.tail) : 0.0;
     const double share = rises / (1.0 + rises);
-    const double f = std::exp(-log_rises / shape.tail);
     const double by_q = x[kDepth] * f * share * shape.power / (shape.tail * q);
     row(kDepth) = -f;
     row(kU) = -2.0 * by_q * z_u * shape.of_u;
@@ -292,7 +296,8 @@ class DentFit {
     row(kPower) = by_q * q * log_q;
     row(kTail) = -x[kDepth] * f *
                  (log_rises / shape.tail -
-                  share * (1.0 + shape.twofold) / shape.twofold * std::numbers::ln2);
+                  share * (1.0 + shape.twofold) / shape.twofold * std::numbers::ln2) /
+                 shape.tail;
     row(kWall) = 1.0;
     row(kWall + 1) = point.cosine;
     row(kWall + 2) = point.sine;
@@ -349,7 +354,8 @@ class DentFit {
       Square damped = here.matrix;
       damped.diagonal() *= 1.0 + damping;
       const Unknowns to = at_ + Unknowns(SolveSymmetric(damped, here.right));
-      const Normal there = to.allFinite() ? NormalAt(to) : Normal{here.cost + 1.0, {}, {}};
+      const bool is_form = to.allFinite() && to[kTail] > kDents.least_tail;
+      const Normal there = is_form ? NormalAt(to) : Normal{here.cost + 1.0, {}, {}};
       if (!(there.cost < here.cost)) {
         damping *= 8.0;
         continue;

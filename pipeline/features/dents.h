@@ -25,15 +25,13 @@ struct WallForm {
 // the points themselves: least squares of D (1 + (2^t - 1) q^s)^(-1/t) on a smooth wall, q a
 // quadratic form of the place on the unrolled surface, 1 where the dent is half as deep as in its
 // middle. The power s tells round dents (1: a gaussian, where t is nothing) from flats, the tail t
-// how slowly it runs out. What cannot be fitted stays as the cells have it, its depth known to
-// about itself or worse, where its points show one; else it goes. Those that cells hardly show
-// (kDentInCells) are told only where they are fitted, and for certain.
-// The deepest first, each once: cells may have parted one, or taken what is beside it or opposite
-// it for pressed in.
-// `faces`: where the wall was cut; what is seen of them is no wall.
-// `noise_mm`: 1 sigma of a point along the normal.
-// `wall`: how its bends ease and are flattened; places are those of `tube`, whose bends are sharp
-// and round.
+// how slowly it runs out: below nothing it ends, where (1 - 2^t) q^s is 1. What cannot be fitted
+// stays as the cells have it, its depth known to about itself or worse, where its points show one;
+// else it goes. Those that cells hardly show (kDentInCells) are told only where they are fitted,
+// and for certain. The deepest first, each once: cells may have parted one, or taken what is beside
+// it or opposite it for pressed in. `faces`: where the wall was cut; what is seen of them is no
+// wall. `noise_mm`: 1 sigma of a point along the normal. `wall`: how its bends ease and are
+// flattened; places are those of `tube`, whose bends are sharp and round.
 void MeasureDents(const hal::Tube& tube, const WallForm& wall, const TubeEnds& ends,
                   const CutFaces& faces, double noise_mm, std::span<const PointBlock> blocks,
                   std::vector<DentFound>& dents);

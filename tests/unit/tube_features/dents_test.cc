@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <iterator>
 #include <numbers>
 #include <random>
 #include <vector>
@@ -18,6 +19,7 @@ namespace {
 
 using tests::Uniform;
 
+constexpr double kPi = std::numbers::pi;
 constexpr double kPipeRadiusMm = 8, kReachMm = 10, kWallNoiseMm = 0.03;
 
 // The wall about a place; `in_mm`: how far it is pressed in there, `is_seen`: where it has points.
@@ -133,14 +135,19 @@ struct DentErrors {
 };
 
 // A ball presses a gaussian, an edge a flat; a wall that a blow has dragged along is no gaussian
-// further out, and depths of such dents were 6 of their sigmas off, areas 10.
+// further out, and a hard one leaves a rim where the dent ends. Of neither were depths and areas
+// known as well as they said until their tail was fitted: 6 to 12 of their sigmas off.
 TEST(Dents, AreKnownAsWellAsTheySayInEachForm) {
   constexpr int kEach = 40;
   const DentForm forms[] = {
       {"gaussian", [](double q) { return std::exp(-0.5 * q); }, 2 * std::numbers::ln2},
       {"flat", [](double q) { return std::exp(-0.25 * q * q); }, 2 * std::sqrt(std::numbers::ln2)},
-      {"dragged", [](double q) { return 1 / (1 + q * q); }, 1}};
+      {"dragged", [](double q) { return 1 / (1 + q * q); }, 1},
+      {"raised cosine",
+       [](double q) { return q < 4 ? 0.5 + 0.5 * std::cos(0.5 * kPi * std::sqrt(q)) : 0.0; }, 1},
+      {"cap", [](double q) { return std::max(0.0, 1 - 0.5 * q); }, 1}};
   std::mt19937_64 random(11);
+  double all2 = 0;
   for (const DentForm& form : forms) {
     SCOPED_TRACE(form.name);
     DentErrors errors;
@@ -162,10 +169,14 @@ TEST(Dents, AreKnownAsWellAsTheySayInEachForm) {
                  std::numbers::pi * form.half_q * longer * wide_mm * wide_mm);
     }
     for (const double square : {errors.place2, errors.depth2, errors.area2}) {
-      EXPECT_GT(std::sqrt(square / kEach), 0.75);
+      // A gaussian is just what is expected before the scan: off by less than what others are.
+      EXPECT_GT(std::sqrt(square / kEach), 0.6);
       EXPECT_LT(std::sqrt(square / kEach), 1.3);
+      all2 += square / kEach / (3 * std::size(forms));
     }
   }
+  EXPECT_GT(std::sqrt(all2), 0.85);
+  EXPECT_LT(std::sqrt(all2), 1.15);
 }
 
 // The wall of a hole falls at once; that of the flattest flat does not.
