@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pipeline/features/dents.h"
+#include "pipeline/features/dent_fit.h"
 
 #include <gtest/gtest.h>
 
