@@ -190,13 +190,14 @@ class Linker {
     const Vector3d gap = b.end.point - a.end.point;
     const double length = gap.norm();
     if (length <= radius_mm_) return std::nullopt;
+    const bool in_line = AngleDeg(a.end.outward, gap) < kKinkDeg / 10 &&
+                         AngleDeg(b.end.outward, -gap) < kKinkDeg / 10;
+    if (!in_line) return std::nullopt;
+    // Asked last: it looks at all pieces, and engraved text has thousands of ends.
     if (length > 2 * kLongestMissingDiameters * radius_mm_ &&
         !IsCovered(a.end.point, gap / length, length)) {
       return std::nullopt;
     }
-    const bool in_line = AngleDeg(a.end.outward, gap) < kKinkDeg / 10 &&
-                         AngleDeg(b.end.outward, -gap) < kKinkDeg / 10;
-    if (!in_line) return std::nullopt;
     TubePiece piece;
     piece.origin = a.end.point;
     piece.axis = gap / length;

@@ -6,6 +6,7 @@
 #include <BRepBuilderAPI_GTransform.hxx>
 #include <BRepBuilderAPI_MakeEdge.hxx>
 #include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepBuilderAPI_MakePolygon.hxx>
 #include <BRepBuilderAPI_MakeWire.hxx>
 #include <BRepBuilderAPI_NurbsConvert.hxx>
 #include <BRepOffsetAPI_MakePipe.hxx>
@@ -205,6 +206,15 @@ TEST(Systems, NotesOnTheModelAreNoCurves) {
   const auto done = Nominal(noted);
   test::ExpectRows(done, test::DemoTube().program);
   EXPECT_THAT(done.out, Not(HasSubstr("left out")));
+}
+
+// Text that is engraved beside a tube has more ends than any tube, and none of them is one's.
+TEST(Systems, EngravedTextIsNoTube) {
+  BRepBuilderAPI_MakePolygon text;
+  for (int i = 0; i < 1000; ++i) text.Add(gp_Pnt(50 + 0.2 * i, 40 + 3 * (i % 2), 30));
+  const auto done =
+      Nominal(test::WriteStepFile({{"tube", Pipe(test::DemoTube())}, {"text", text.Wire()}}));
+  test::ExpectRows(done, test::DemoTube().program);
 }
 
 // A slot through both walls of an elbow, and dents that are B-splines, leave its bend what it is.
