@@ -22,6 +22,9 @@ struct BurrSettings {
   double beyond = 0.06, least_beyond = 0.2;
   // Samples of a sector that tell how far it stands out there, and by how many sigma.
   double least_of_sector = 6.0, certain = 5.0;
+  // [of the turn], [of its mean height] and [of r_P] What is so much of the turn, differs by no
+  // more than that around it, and is higher, was made: a tool tears no burr as evenly.
+  double made_all = 0.9, made_even = 0.15, made_out = 0.08;
 };
 constexpr BurrSettings kBurr;
 
@@ -78,26 +81,44 @@ BurrHeight HeightOf(std::span<const BurrSums> fits, std::size_t sector, double n
   return {sector, mean, std::sqrt(std::max(0.0, square / all - mean * mean)), per_mm / all};
 }
 
+// What heights have in common: their mean, by how much they differ beyond their sigmas, and the
+// mean square of these.
+struct BurrHeights {
+  explicit BurrHeights(std::span<const BurrHeight> heights) {
+    const auto n = static_cast<double>(heights.size());
+    double spread2 = 0;
+    for (const BurrHeight& height : heights) mean_mm += height.mm / n;
+    for (const BurrHeight& height : heights) {
+      spread2 += std::pow(height.mm - mean_mm, 2) / std::max(1.0, n - 1.0);
+      known2 += height.sigma_mm * height.sigma_mm / n;
+    }
+    differ2 = std::max(0.0, spread2 - known2);
+  }
+  double mean_mm = 0, differ2 = 0, known2 = 0;
+};
+
 // The highest of some. By chance one of many is told too high: as far from their mean as they
 // differ by more than their sigmas say (Efron and Morris 1973).
 BurrHeight HighestOf(std::span<const BurrHeight> heights) {
   const auto n = static_cast<double>(heights.size());
-  double mean = 0, spread2 = 0, known2 = 0;
-  for (const BurrHeight& height : heights) mean += height.mm / n;
-  for (const BurrHeight& height : heights) {
-    spread2 += std::pow(height.mm - mean, 2) / std::max(1.0, n - 1.0);
-    known2 += height.sigma_mm * height.sigma_mm / n;
-  }
-  const double differ2 = std::max(0.0, spread2 - known2);
+  const auto [mean_mm, differ2, known2] = BurrHeights(heights);
   BurrHeight highest;
   for (BurrHeight height : heights) {
     const double sigma2 = height.sigma_mm * height.sigma_mm;
     const double own = n > 1 ? differ2 / (differ2 + sigma2) : 1.0;
-    height.mm = mean + own * (height.mm - mean);
+    height.mm = mean_mm + own * (height.mm - mean_mm);
     height.sigma_mm = std::sqrt(own * sigma2 + (1.0 - own) * (1.0 - own) * known2 / n);
     if (height.mm > highest.mm) highest = height;
   }
   return highest;
+}
+
+// Whether a tool made what stands out, and tore no burr.
+bool IsMade(std::span<const BurrHeight> heights, double r_mm) {
+  const BurrHeights all(heights);
+  return static_cast<double>(heights.size()) > kBurr.made_all * kEndSectors &&
+         all.mean_mm > kBurr.made_out * r_mm &&
+         std::sqrt(all.differ2) < kBurr.made_even * all.mean_mm;
 }
 
 }  // namespace
@@ -123,8 +144,8 @@ std::vector<NearEnd> StandingOut(const SamplesNearEnd& near, const Eigen::Vector
   return out;
 }
 
-std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const BurrTip& tip, double r_mm,
-                                  double noise_mm) {
+std::optional<EndRim> FindRim(const SamplesNearEnd& near, const RimTip& tip, double r_mm,
+                              double noise_mm) {
   const double least_mm = LeastOutMm(r_mm, noise_mm);
   const double longest_mm = kBurr.longest_burr * r_mm;
   std::vector<BurrSample> samples;
@@ -155,10 +176,11 @@ std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const BurrTip& tip
     heights.push_back(height);
   }
   // What stands out further at the end is a flare, of which only the flatter samples were asked.
-  const bool is_flare = std::any_of(heights.begin(), heights.end(), [&](const BurrHeight& height) {
+  const bool is_high = std::any_of(heights.begin(), heights.end(), [&](const BurrHeight& height) {
     return height.mm > kBurr.most_out * r_mm;
   });
-  if (heights.empty() || is_flare) return std::nullopt;
+  if (heights.empty() || is_high) return std::nullopt;
+  if (IsMade(heights, r_mm)) return EndRim{};
   const BurrHeight highest = HighestOf(heights);
   constexpr auto kAll = static_cast<double>(kEndSectors);
   BurrFound burr;
@@ -166,7 +188,7 @@ std::optional<BurrFound> FindBurr(const SamplesNearEnd& near, const BurrTip& tip
   burr.sigma_mm = std::hypot(highest.sigma_mm, highest.per_mm * tip.at_sigma_mm);
   burr.around_deg = std::remainder(360.0 * (static_cast<double>(highest.sector) + 0.5) / kAll, 360);
   burr.part = static_cast<double>(heights.size()) / kAll;
-  return burr;
+  return EndRim{burr};
 }
 
 }  // namespace bendloop::pipeline

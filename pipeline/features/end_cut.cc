@@ -497,7 +497,7 @@ class CutSearch {
       }
       return found;
     }
-    if (const auto burred = WithBurr(near, of_wall_mm)) return burred;
+    if (const auto rimmed = WithRim(near, of_wall_mm)) return rimmed;
     // Beside what stands out, as a flare does, the face is another's.
     const auto out = static_cast<double>(near.outside().size());
     if (search.perhaps_mm > 0 &&
@@ -511,17 +511,17 @@ class CutSearch {
   }
 
  private:
-  std::optional<FoundCut> WithBurr(const SamplesNearEnd& near, const Eigen::Vector3d& of_wall_mm) {
+  std::optional<FoundCut> WithRim(const SamplesNearEnd& near, const Eigen::Vector3d& of_wall_mm) {
     const std::vector<NearEnd> out = StandingOut(near, of_wall_mm, r_mm_, sigma_mm_);
     if (out.empty()) return std::nullopt;
     const SamplesNearEnd whole = near.With(out);
     const auto tip = PlaneOfWall(whole);
     if (!tip) return std::nullopt;
-    const BurrTip ends{NumbersOf(*tip, r_mm_), tip->at_sigma_mm, tip->slope_sigma};
-    const auto burr = FindBurr(whole, ends, r_mm_, sigma_mm_);
-    if (!burr) return std::nullopt;
+    const RimTip ends{NumbersOf(*tip, r_mm_), tip->at_sigma_mm, tip->slope_sigma};
+    const auto rim = FindRim(whole, ends, r_mm_, sigma_mm_);
+    if (!rim) return std::nullopt;
     FoundCut found{*tip, Found(*tip)};
-    found.cut.burr = burr;
+    found.cut.burr = rim->burr;
     return found;
   }
 

@@ -301,6 +301,22 @@ TEST(EndEdge, AFlareIsNoBurr) {
   }
 }
 
+// A tool tears a burr; what stands out evenly all round was made.
+TEST(EndEdge, ASmallFlareIsNoBurrEither) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    hal::TubeFeatures features;
+    features.first_edge.burr_mm = 0.7 + 0.2 * static_cast<double>(seed);
+    features.first_edge.burr_length_mm = features.first_edge.burr_mm;
+    const EdgeScan scan = ScanEdges(seed, features);
+    const bool is_first = scan.truth.first_edge.burr_mm > 0;
+    const auto& found = scan.measured.features;
+    const auto& flared = is_first ? found.first_end : found.last_end;
+    EXPECT_FALSE(flared && flared->burr);
+    EXPECT_FALSE((is_first ? scan.measured.first_end : scan.measured.last_end).profile.empty());
+  }
+}
+
 TEST(EndEdge, ABorderThatNoPlaneIsIsACurve) {
   EdgeErrors border("border"), length("length");
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
