@@ -473,7 +473,7 @@ class EndFit {
 struct FoundCut {
   EndPlane plane;
   EndCutFound cut;
-  bool is_dented = false, may_be_bevelled = false;
+  bool is_dented = false, may_be_bevelled = false, has_rim = false;
 };
 class CutSearch {
  public:
@@ -522,6 +522,7 @@ class CutSearch {
     if (!rim) return std::nullopt;
     FoundCut found{*tip, Found(*tip)};
     found.cut.burr = rim->burr;
+    found.has_rim = true;
     return found;
   }
 
@@ -590,7 +591,7 @@ struct SeenEnd {
     const EndPlane& plane = cut.plane;
     if (plane.slope_sigmas >= kCut.oblique || plane.of_border || is_further) return true;
     // Where the wall comes in, or its border is no plane, its outermost point is not the end.
-    if (cut.cut.bevel || cut.cut.burr || cut.is_dented || cut.may_be_bevelled) return true;
+    if (cut.cut.bevel || cut.has_rim || cut.is_dented || cut.may_be_bevelled) return true;
     if (!plane.border.empty() || plane.in_shadow) return true;
     // Laser lines tell of an end's place at its axis whether it is square or not.
     return plane.of_lines &&

@@ -170,11 +170,12 @@ TEST(EndEdge, ABevelIsFoundBesideTheFace) {
   }
 }
 
-// A cloud of a straight along x: its wall up to 60 mm, a bevel of this length and depth, the face
+// A cloud of a straight along x: its wall up to 60 mm, a bevel (a flare, where its depth is less
+// than nothing) of this length and depth, the face
 // beyond it down to where the wall is 1.6 mm thick, and, where some are, mixed pixels below the
 // bevel.
 struct Bevelled {
-  double length_mm = 1, depth_mm = 1, noise_mm = 0.02, mixed = 0.3;
+  double length_mm = 1, depth_mm = 1, noise_mm = 0.02, mixed = 0.3, face = 0.3;
 };
 std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, const Bevelled& bevel,
                                            std::mt19937_64& random) {
@@ -194,9 +195,9 @@ std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, const Bevelled& bevel,
   using Place = std::pair<double, double>;
   const double per_mm = kPerMm2 * 2 * std::numbers::pi * r_mm;
   add(per_mm, kWallToMm, [](double part) { return Place(kWallToMm * part, 0.0); });
-  add(0.3 * per_mm, std::hypot(bevel_mm, depth_mm),
+  add((depth_mm > 0 ? 0.3 : 1.0) * per_mm, std::hypot(bevel_mm, depth_mm),
       [&](double part) { return Place(kWallToMm + bevel_mm * part, -depth_mm * part); });
-  add(0.3 * per_mm, kThickMm - depth_mm, [&](double part) {
+  add(bevel.face * per_mm, kThickMm - depth_mm, [&](double part) {
     return Place(kWallToMm + bevel_mm, -depth_mm - (kThickMm - depth_mm) * part);
   });
   add(bevel.mixed * per_mm, 1.0, [&](double part) {
@@ -314,6 +315,34 @@ TEST(EndEdge, ASmallFlareIsNoBurrEither) {
     const auto& flared = is_first ? found.first_end : found.last_end;
     EXPECT_FALSE(flared && flared->burr);
     EXPECT_FALSE((is_first ? scan.measured.first_end : scan.measured.last_end).profile.empty());
+    // It is the tube's: the end is its tip.
+    const auto& rows = scan.measured.tube.program.rows;
+    EXPECT_NEAR((is_first ? rows.front() : rows.back()).length_mm, scan.true_length_mm(is_first),
+                0.2);
+  }
+}
+
+// A small flare is the tube's: of a cloud, too, the end is its tip and not where the wall opens.
+TEST(EndEdge, AFlaredEndIsItsTip) {
+  std::mt19937_64 random(3);
+  for (int i = 0; i < 24; ++i) {
+    SCOPED_TRACE(i);
+    const double noise_mm = tests::Uniform(random, 0.02, 0.05);
+    const double high_mm = tests::Uniform(random, 0.5, 0.8);
+    const double long_mm = high_mm * tests::Uniform(random, 1.0, 1.7);
+    auto points = BevelledCloud(5.0, {long_mm, -high_mm, noise_mm, 0, 0}, random);
+    // Laser lines across the tube, which nobody tells of a cloud.
+    constexpr double kLinesMm = 0.4;
+    const double first_mm = tests::Uniform(random, 0, kLinesMm);
+    for (Eigen::Vector3d& point : points) {
+      point.x() = first_mm + kLinesMm * std::floor((point.x() - first_mm) / kLinesMm);
+    }
+    const hal::Tube tube{5.0, {{{62, 0, 0, std::nullopt}}}, {}};
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
+    TubeEnds ends = FindTubeEnds(tube, noise_mm, blocks);
+    FindEndCuts(noise_mm, blocks, ends);
+    const double end_mm = ends.tube.X_WT.position_mm.x() + ends.tube.program.rows.back().length_mm;
+    EXPECT_NEAR(end_mm, 60 + long_mm, kLinesMm);
   }
 }
 
