@@ -124,6 +124,13 @@ class Wall {
     return hal::FrameAt(spine_.segments, along_mm, around_deg, spine_.pieces);
   }
   double length_mm() const { return spine_.length_mm(); }
+  // Of the surface there, in what it measures unrolled: inside a bend it is shorter than the spine.
+  double SurfacePart(const hal::SurfaceFrame& frame, double along_mm) const {
+    const hal::SpineSegment& segment = spine_.segments[hal::SegmentAt(spine_.segments, along_mm)];
+    if (!segment.is_arc()) return 1.0;
+    const Eigen::Vector3d inwards = (segment.center_mm() - frame.spine_mm).normalized();
+    return 1.0 - r_mm_ / segment.bend_radius_mm * frame.outward.dot(inwards);
+  }
 
  private:
   SpineFoot FootOf(const Eigen::Vector3d& point) const {
@@ -304,16 +311,17 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
   }
   if (!in_cells && !IsSureSmall(fitted, r_mm)) return false;
   const double along_mm = std::clamp(middle_mm + fitted.along_mm, 0.0, wall.length_mm());
-  const hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
-  const Eigen::Vector3d outward = UnrolledWall::Carried(
+  hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
+  there.outward = UnrolledWall::Carried(
       Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
       there.tangent);
-  dent.position_mm = there.spine_mm + r_mm * outward;
+  dent.position_mm = there.spine_mm + r_mm * there.outward;
   dent.along_sigma_mm = fitted.along_sigma_mm;
   dent.around_sigma_deg = fitted.around_sigma_mm / r_mm * hal::kDegreesPerRadian;
   dent.depth_mm = fitted.depth_mm, dent.sigma_mm = fitted.depth_sigma_mm;
-  dent.area_mm2 = fitted.area_mm2, dent.area_sigma_mm2 = fitted.area_sigma_mm2;
-  dent.size_mm = 2.0 * std::sqrt(fitted.area_mm2 / std::numbers::pi);
+  const double part = wall.SurfacePart(there, along_mm);
+  dent.area_mm2 = part * fitted.area_mm2, dent.area_sigma_mm2 = part * fitted.area_sigma_mm2;
+  dent.size_mm = 2.0 * std::sqrt(dent.area_mm2 / std::numbers::pi);
   return !IsKnown(dent, known);
 }
 
