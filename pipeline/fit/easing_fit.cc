@@ -23,8 +23,9 @@ struct EasingSettings {
   // After the first step: of what it made chi square less by, so much may be left to the sharp
   // tube's where it led well, and so much more is in sight then (0.012 at most over tubes as the
   // paper's, sharp ones and such that ease over 0.1 to 1.5 r_P; 0.047 where many bends hide it in
-  // radii of their own from a noise of 0.0016 r_P, 0.09 where slight bends do). [variances] With
-  // less in sight there is no easing; nor where a step goes on by less. By trial.
+  // radii of their own from a noise of 0.0016 r_P, up to 0.15, mostly less than 0.1, where slight
+  // bends do). [variances] With less in sight there is no easing; nor where a step goes on by
+  // less. By trial.
   double well_led = 0.1, further = 0.1, in_sight = 12.0, promising = 6.0;
   double hardly = 1.5;  // [of the design effect] The tube follows its samples hardly
 };
