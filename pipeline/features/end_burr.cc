@@ -99,9 +99,9 @@ struct BurrHeights {
 
 // The highest of some. By chance one of many is told too high: as far from their mean as they
 // differ by more than their sigmas say (Efron and Morris 1973).
-BurrHeight HighestOf(std::span<const BurrHeight> heights) {
+BurrHeight HighestOf(std::span<const BurrHeight> heights, const BurrHeights& all) {
   const auto n = static_cast<double>(heights.size());
-  const auto [mean_mm, differ2, known2] = BurrHeights(heights);
+  const auto& [mean_mm, differ2, known2] = all;
   BurrHeight highest;
   for (BurrHeight height : heights) {
     const double sigma2 = height.sigma_mm * height.sigma_mm;
@@ -113,11 +113,9 @@ BurrHeight HighestOf(std::span<const BurrHeight> heights) {
   return highest;
 }
 
-// Whether a tool made what stands out, and tore no burr.
-bool IsMade(std::span<const BurrHeight> heights, double r_mm) {
-  const BurrHeights all(heights);
-  return static_cast<double>(heights.size()) > kBurr.made_all * kEndSectors &&
-         all.mean_mm > kBurr.made_out * r_mm &&
+// Whether a tool made what stands out on this part of the turn, and tore no burr.
+bool IsMade(const BurrHeights& all, double part, double r_mm) {
+  return part > kBurr.made_all && all.mean_mm > kBurr.made_out * r_mm &&
          std::sqrt(all.differ2) < kBurr.made_even * all.mean_mm;
 }
 
@@ -180,14 +178,17 @@ std::optional<EndRim> FindRim(const SamplesNearEnd& near, const RimTip& tip, dou
     return height.mm > kBurr.most_out * r_mm;
   });
   if (heights.empty() || is_high) return std::nullopt;
-  if (IsMade(heights, r_mm)) return EndRim{};
-  const BurrHeight highest = HighestOf(heights);
-  constexpr auto kAll = static_cast<double>(kEndSectors);
+  const BurrHeights all(heights);
+  const double part = static_cast<double>(heights.size()) / static_cast<double>(kEndSectors);
+  if (IsMade(all, part, r_mm)) return EndRim{};
+  const BurrHeight highest = HighestOf(heights, all);
   BurrFound burr;
   burr.height_mm = highest.mm;
   burr.sigma_mm = std::hypot(highest.sigma_mm, highest.per_mm * tip.at_sigma_mm);
-  burr.around_deg = std::remainder(360.0 * (static_cast<double>(highest.sector) + 0.5) / kAll, 360);
-  burr.part = static_cast<double>(heights.size()) / kAll;
+  const double turn =
+      (static_cast<double>(highest.sector) + 0.5) / static_cast<double>(kEndSectors);
+  burr.around_deg = std::remainder(360.0 * turn, 360);
+  burr.part = part;
   return EndRim{burr};
 }
 

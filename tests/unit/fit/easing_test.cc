@@ -237,6 +237,37 @@ TEST(Easing, IsFoundWhereManyBendsHideItInTheirRadii) {
   EXPECT_FALSE(FindEasing(start, blocks, {.reach_mm = 0.6}).easing.empty());
 }
 
+// A tube with eased bends of one radius, and the wider one that a fit of sharp bends finds.
+struct EasedTube {
+  hal::Tube tube;
+  double wide_mm, reach_mm;
+};
+
+// In how many of 24 scans easing of this form is found.
+unsigned FoundIn24(const EasedTube& eased, const tests::Form& form, const tests::RealScan& scan) {
+  SurfaceFit start;
+  start.tube = eased.tube;
+  for (auto& row : start.tube.program.rows) {
+    if (row.bend_radius_mm) row.bend_radius_mm = eased.wide_mm;
+  }
+  unsigned found = 0;
+  for (unsigned seed = 1; seed <= 24; ++seed) {
+    std::mt19937_64 random(seed);
+    const auto cloud = tests::ScanRealTube(eased.tube, form, scan, random);
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+    found += FindEasing(start, blocks, {.reach_mm = eased.reach_mm}).easing.empty() ? 0 : 1;
+  }
+  return found;
+}
+
+EasedTube WideBends() {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 11;
+  tube.program.rows = {
+      {33, 0, 114, 53}, {61, -29, 50, 53}, {96, -148, 49, 53}, {39, 6, 37, 53}, {33, 0, 0, {}}};
+  return {tube, 54, 3};
+}
+
 // Bends hardly longer than what they ease over hide most of it in a wider radius, and the first
 // step shows little: it was found in 16 of these.
 TEST(Easing, IsFoundInSlightBends) {
@@ -244,54 +275,22 @@ TEST(Easing, IsFoundInSlightBends) {
   tube.pipe_radius_mm = 5;
   tube.program.rows = {{42, 0, 30.5, 17},   {26.4, 180, 29.3, 17}, {50.3, 179.5, 26, 17},
                        {20.7, -90, 25, 17}, {35, -90, 48.8, 17},   {22.5, 0, 0, {}}};
-  SurfaceFit start;
-  start.tube = tube;
-  for (auto& row : start.tube.program.rows) {
-    if (row.bend_radius_mm) row.bend_radius_mm = 19;
-  }
-  unsigned found = 0;
-  for (unsigned seed = 1; seed <= 24; ++seed) {
-    std::mt19937_64 random(seed);
-    const auto cloud = tests::ScanRealTube(tube, {.easing_r = 0.5, .ramps = true},
-                                           {.points = 24'000, .noise_mm = 0.09}, random);
-    const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
-    found += FindEasing(start, blocks, {.reach_mm = 1}).easing.empty() ? 0 : 1;
-  }
-  EXPECT_GE(found, 19U);
-}
-
-// In how many of 24 tubes easing over this is found.
-unsigned FoundIn24(double easing_r, const tests::RealScan& scan) {
-  hal::Tube tube;
-  tube.pipe_radius_mm = 11;
-  tube.program.rows = {
-      {33, 0, 114, 53}, {61, -29, 50, 53}, {96, -148, 49, 53}, {39, 6, 37, 53}, {33, 0, 0, {}}};
-  SurfaceFit start;
-  start.tube = tube;
-  for (auto& row : start.tube.program.rows) {
-    if (row.bend_radius_mm) row.bend_radius_mm = 54;
-  }
-  unsigned found = 0;
-  for (unsigned seed = 1; seed <= 24; ++seed) {
-    std::mt19937_64 random(seed);
-    const auto cloud = tests::ScanRealTube(tube, {.easing_r = easing_r}, scan, random);
-    const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
-    found += FindEasing(start, blocks, {.reach_mm = 3}).easing.empty() ? 0 : 1;
-  }
-  return found;
+  EXPECT_GE(FoundIn24({tube, 19, 1}, {.easing_r = 0.5, .ramps = true},
+                      {.points = 24'000, .noise_mm = 0.09}),
+            19U);
 }
 
 // What bends ease over that is not found makes radii and lengths wrong by many of their sigmas.
 // Over 0.13 of the pipe radius at this noise it is worth about 3 sigma: at 4 it was found in 13 of
 // these.
 TEST(Easing, IsMostlyFoundAtThreeSigma) {
-  EXPECT_GE(FoundIn24(0.13, {.points = 8000, .noise_mm = 0.07}), 17U);
+  EXPECT_GE(FoundIn24(WideBends(), {.easing_r = 0.13}, {.points = 8000, .noise_mm = 0.07}), 17U);
 }
 
 // Where 8000 points leave it open more are asked: by those alone it was found in 4 of these.
 TEST(Easing, IsFoundByManyPointsWhereFewLeaveItOpen) {
-  EXPECT_GE(FoundIn24(0.13, {.points = 32'000, .noise_mm = 0.1}), 17U);
-  EXPECT_LE(FoundIn24(0.0, {.points = 32'000, .noise_mm = 0.1}), 1U);
+  EXPECT_GE(FoundIn24(WideBends(), {.easing_r = 0.13}, {.points = 32'000, .noise_mm = 0.1}), 17U);
+  EXPECT_LE(FoundIn24(WideBends(), {}, {.points = 32'000, .noise_mm = 0.1}), 1U);
 }
 
 TEST(Easing, SharpBendsAreCalledSharp) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -171,9 +172,8 @@ TEST(EndEdge, ABevelIsFoundBesideTheFace) {
 }
 
 // A cloud of a straight along x: its wall up to 60 mm, a bevel (a flare, where its depth is less
-// than nothing) of this length and depth, the face
-// beyond it down to where the wall is 1.6 mm thick, and, where some are, mixed pixels below the
-// bevel.
+// than nothing) of this length and depth, the face beyond it down to where the wall is 1.6 mm
+// thick, and, where some are, mixed pixels below the bevel.
 struct Bevelled {
   double length_mm = 1, depth_mm = 1, noise_mm = 0.02, mixed = 0.3, face = 0.3;
 };
@@ -206,6 +206,20 @@ std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, const Bevelled& bevel,
   return points;
 }
 
+// The last end of such a cloud.
+struct CloudEnd {
+  EndCuts cuts;
+  double at_mm = 0, sigma_mm = 0;
+};
+CloudEnd EndOf(std::span<const Eigen::Vector3d> points, double r_mm, double noise_mm) {
+  const hal::Tube tube{r_mm, {{{62, 0, 0, std::nullopt}}}, {}};
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
+  TubeEnds ends = FindTubeEnds(tube, noise_mm, blocks);
+  const EndCuts cuts = FindEndCuts(noise_mm, blocks, ends);
+  return {cuts, ends.tube.X_WT.position_mm.x() + ends.tube.program.rows.back().length_mm,
+          ends.last_sigma_mm};
+}
+
 TEST(EndEdge, ABevelIsFoundBesideMixedPixels) {
   std::mt19937_64 random(1);
   constexpr double kRadiusOfTubeMm = 6;
@@ -215,10 +229,7 @@ TEST(EndEdge, ABevelIsFoundBesideMixedPixels) {
     const double bevel_mm = tests::Uniform(random, 0.7, 1.0);
     const double depth_mm = tests::Uniform(random, 0.9, 1.1);
     const auto points = BevelledCloud(kRadiusOfTubeMm, {bevel_mm, depth_mm}, random);
-    const hal::Tube tube{kRadiusOfTubeMm, {{{62, 0, 0, std::nullopt}}}, {}};
-    const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
-    TubeEnds ends = FindTubeEnds(tube, 0.02, blocks);
-    const EndCuts cuts = FindEndCuts(0.02, blocks, ends);
+    const EndCuts cuts = EndOf(points, kRadiusOfTubeMm, 0.02).cuts;
     ASSERT_TRUE(cuts.last);
     if (!cuts.last->bevel) continue;
     found += 1;
@@ -237,14 +248,10 @@ TEST(EndEdge, AnEndThatMayBeBevelledIsWhereItsFaceLies) {
     const double bevel_mm = tests::Uniform(random, 0.3, 0.7);
     const double depth_mm = bevel_mm * tests::Uniform(random, 0.7, 1.0);
     const auto points = BevelledCloud(5.0, {bevel_mm, depth_mm, noise_mm, 0}, random);
-    const hal::Tube tube{5.0, {{{62, 0, 0, std::nullopt}}}, {}};
-    const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
-    TubeEnds ends = FindTubeEnds(tube, noise_mm, blocks);
-    const EndCuts cuts = FindEndCuts(noise_mm, blocks, ends);
-    ASSERT_TRUE(cuts.last);
-    const double end_mm = ends.tube.X_WT.position_mm.x() + ends.tube.program.rows.back().length_mm;
-    EXPECT_NEAR(end_mm, 60 + bevel_mm, 4 * ends.last_sigma_mm);
-    EXPECT_NEAR(end_mm, 60 + bevel_mm, 0.1);
+    const CloudEnd end = EndOf(points, 5.0, noise_mm);
+    ASSERT_TRUE(end.cuts.last);
+    EXPECT_NEAR(end.at_mm, 60 + bevel_mm, 4 * end.sigma_mm);
+    EXPECT_NEAR(end.at_mm, 60 + bevel_mm, 0.1);
   }
 }
 
@@ -337,12 +344,7 @@ TEST(EndEdge, AFlaredEndIsItsTip) {
     for (Eigen::Vector3d& point : points) {
       point.x() = first_mm + kLinesMm * std::floor((point.x() - first_mm) / kLinesMm);
     }
-    const hal::Tube tube{5.0, {{{62, 0, 0, std::nullopt}}}, {}};
-    const std::vector<PointBlock> blocks = {{Eigen::Vector3d(30, 0, 0), 70, points}};
-    TubeEnds ends = FindTubeEnds(tube, noise_mm, blocks);
-    FindEndCuts(noise_mm, blocks, ends);
-    const double end_mm = ends.tube.X_WT.position_mm.x() + ends.tube.program.rows.back().length_mm;
-    EXPECT_NEAR(end_mm, 60 + long_mm, kLinesMm);
+    EXPECT_NEAR(EndOf(points, 5.0, noise_mm).at_mm, 60 + long_mm, kLinesMm);
   }
 }
 
