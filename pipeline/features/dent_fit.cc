@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "pipeline/features/dent_form.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/product_sums.h"
 #include "pipeline/math/quantiles.h"
@@ -33,12 +34,17 @@ struct DentFitSettings {
   // is in what is looked at. They decide only where points leave it open: where no point lies on a
   // flank, none of them tells place and area.
   double power = 0.5, tail = 0.5, half_axis = 0.7, wall = 0.05, depth = 3.0;
-  // The form that ends soonest falls to its edge as a straight line or less.
-  double least_tail = -0.95;
+  // The form that ends soonest falls to its edge hardly more steeply than a straight line.
+  double least_tail = -1.1;
+  // Of the logarithm of how far its form would go on below a flat bottom, what is expected before
+  // the scan, and 1 sigma.
+  double bottom = -0.4, bottom_sigma = 0.7;
   int most_steps = 40;
   int most_rounds = 4;  // in which points are taken again that may be of it, as it proves deeper
   // Of chi square: a step that makes it less by no more, a thirtieth of a sigma long, is the last.
   double hardly = 1e-3;
+  // [of depth and area] 1 sigma of what a dent may be like that these forms are not.
+  double of_form = 0.004;
   // [of area] 1 sigma of a dent that is known no better was not fitted.
   double vague_area = 0.5;
   // Of what is looked at the fit explains no less, or it is none of this wall.
@@ -56,8 +62,9 @@ struct DentFitSettings {
   int least_deep = 8;
   double flank = 0.25;
   // One whose flanks are certainly steeper, where it is half as deep, than of any flat is not
-  // fitted: the power of a dent without a tail that is as steep, and [sigma] of its logarithm.
-  double step = 3.5, step_sigmas = 2.0;
+  // fitted, if they are steeper than metal is drawn: the power of a dent without a tail or a flat
+  // bottom that is as steep, the tangent of its slope, and [sigma] of their logarithms.
+  double step = 3.5, slope = 1.7, step_sigmas = 2.0;
 };
 constexpr DentFitSettings kDentFit;
 
@@ -71,6 +78,7 @@ enum Unknown : Eigen::Index {
   kAxisV,
   kPower,
   kTail,
+  kBottom,
   kWall,  // of the wall: its radius, its axis aside in two directions, and how that grows along
   kUnknowns = kWall + 5
 };
@@ -106,6 +114,7 @@ class DentFit {
     Take();
     at_[kDepth] = depth_mm;
     at_[kAxisU] = at_[kAxisV] = -std::log(0.5 * size_mm);
+    at_[kBottom] = kDentFit.bottom;
     about_ = at_;
     certainty_[kDepth] = 1.0 / (kDentFit.depth * depth_mm);
     certainty_[kU] = certainty_[kV] = 1.0 / reach_mm;
@@ -113,6 +122,7 @@ class DentFit {
     certainty_[kLean] = 0.5 * size_mm / kDentFit.half_axis;
     certainty_[kPower] = 1.0 / kDentFit.power;
     certainty_[kTail] = 1.0 / kDentFit.tail;
+    certainty_[kBottom] = 1.0 / kDentFit.bottom_sigma;
     certainty_.tail<5>().setConstant(1.0 / (kDentFit.wall * pipe_radius_mm));
   }
 
@@ -129,7 +139,9 @@ class DentFit {
   // The same place, size and form, whatever the points say.
   void Hold() {
     constexpr double kHeld = 1e6;  // [1 / mm, and of what has no unit]
-    for (const Unknown k : {kU, kV, kAxisU, kLean, kAxisV, kPower, kTail}) certainty_[k] = kHeld;
+    for (const Unknown k : {kU, kV, kAxisU, kLean, kAxisV, kPower, kTail, kBottom}) {
+      certainty_[k] = kHeld;
+    }
     rounds_ = 0;
   }
 
@@ -153,6 +165,7 @@ class DentFit {
     });
     if (points_.size() < least) return false;
     normal_ = Solve();
+
     return static_cast<double>(points_.size()) > kDentFit.least_kept * all;
   }
 
@@ -166,11 +179,10 @@ class DentFit {
     FittedDent dent;
     dent.along_mm = at_[kU], dent.along_sigma_mm = sigma(kU);
     dent.around_mm = at_[kV], dent.around_sigma_mm = sigma(kV);
-    dent.depth_mm = at_[kDepth], dent.depth_sigma_mm = sigma(kDepth);
-    dent.area_mm2 = std::numbers::pi * std::exp(-at_[kAxisU] - at_[kAxisV]);
-    const double variance =
-        covariance(kAxisU, kAxisU) + covariance(kAxisV, kAxisV) + 2.0 * covariance(kAxisU, kAxisV);
-    dent.area_sigma_mm2 = dent.area_mm2 * std::sqrt(variance);
+    dent.depth_mm = at_[kDepth];
+    dent.depth_sigma_mm = std::hypot(sigma(kDepth), kDentFit.of_form * dent.depth_mm);
+    dent.area_mm2 = AreaOf(at_);
+    dent.area_sigma_mm2 = std::hypot(SigmaOf(AreaOf, covariance), kDentFit.of_form * dent.area_mm2);
     dent.misfit = misfit;
     dent.is_step = IsStep(covariance);
     return dent;
@@ -199,15 +211,23 @@ class DentFit {
   }
 
  private:
+  // Of what the numbers tell, by how it changes with each.
+  double SigmaOf(double (*value)(const Unknowns&), const Square& covariance) const {
+    constexpr double kStep = 1e-3;  // [sigma]
+    Unknowns by;
+    for (int k = 0; k < kUnknowns; ++k) {
+      const double step = kStep * std::sqrt(covariance(k, k));
+      Unknowns more = at_, less = at_;
+      more[k] += step, less[k] -= step;
+      by[k] = step > 0 ? (value(more) - value(less)) / (2.0 * step) : 0.0;
+    }
+    return std::sqrt(std::max(0.0, by.dot(covariance * by)));
+  }
+
   bool IsStep(const Square& covariance) const {
-    const Shape shape(at_);
-    const double unit = shape.tail * std::numbers::ln2;
-    const double log_steep = at_[kPower] + std::log(-std::expm1(-unit) / unit);
-    const double by_tail = std::numbers::ln2 * (1.0 / std::expm1(unit) - 1.0 / unit);
-    const double variance = covariance(kPower, kPower) + 2.0 * by_tail * covariance(kPower, kTail) +
-                            by_tail * by_tail * covariance(kTail, kTail);
-    return log_steep - kDentFit.step_sigmas * std::sqrt(std::max(0.0, variance)) >
-           std::log(kDentFit.step);
+    const double surely =
+        LogSteepness(at_) - kDentFit.step_sigmas * SigmaOf(LogSteepness, covariance);
+    return surely > std::log(kDentFit.step) && LogSlope(at_) > std::log(kDentFit.slope);
   }
 
   // The points that may be of the dent or of the wall about it.
@@ -223,17 +243,33 @@ class DentFit {
     Square matrix;
     Unknowns right;
   };
+  static DentForm FormOf(const Unknowns& x) {
+    return DentForm({.log_power = x[kPower], .tail = x[kTail], .log_bottom = x[kBottom]});
+  }
+  // [mm2] Where it is half as deep and more.
+  static double AreaOf(const Unknowns& x) {
+    return std::numbers::pi * FormOf(x).HalfQ() * std::exp(-x[kAxisU] - x[kAxisV]);
+  }
+  // Of the power of a flat without a bottom whose flanks are as steep for its size and depth.
+  static double LogSteepness(const Unknowns& x) {
+    const DentForm form = FormOf(x);
+    return std::log(-2.0 / std::numbers::ln2 * form.At(form.HalfQ()).by_log_q);
+  }
+  // Of the tangent of its steepest flank, where it is half as deep.
+  static double LogSlope(const Unknowns& x) {
+    const double u = std::exp(x[kAxisU]), v = std::exp(x[kAxisV]);
+    const double half = 0.5 * (u * u + x[kLean] * x[kLean] + v * v);
+    const double least_axis_mm = std::sqrt(
+        FormOf(x).HalfQ() / (half + std::sqrt(std::max(0.0, half * half - u * u * v * v))));
+    return LogSteepness(x) + std::log(std::numbers::ln2 * std::abs(x[kDepth]) / least_axis_mm);
+  }
+
   // What all points have in common of the numbers.
   struct Shape {
     explicit Shape(const Unknowns& x)
-        : of_u(std::exp(x[kAxisU])),
-          of_v(std::exp(x[kAxisV])),
-          power(std::exp(x[kPower])),
-          tail(std::copysign(std::max(kLeastTail, std::abs(x[kTail])), x[kTail])),
-          twofold(std::expm1(std::numbers::ln2 * tail)) {}
-    static constexpr double kLeastTail = 1e-4;  // as good as none, and no division by it
-    double of_u, of_v, power, tail;
-    double twofold;  // 2^tail - 1
+        : of_u(std::exp(x[kAxisU])), of_v(std::exp(x[kAxisV])), form(FormOf(x)) {}
+    double of_u, of_v;
+    DentForm form;
   };
 
   // How far the point lies out of what the numbers say, and its derivatives to them.
@@ -242,26 +278,17 @@ class DentFit {
     const double u = point.along_mm - x[kU], v = point.around_mm - x[kV];
     const double z_u = shape.of_u * u + x[kLean] * v, z_v = shape.of_v * v;
     const double q = std::max(1e-12, z_u * z_u + z_v * z_v);
-    const double log_q = std::log(q);
-    constexpr double kMost = 600.0;  // beyond, of the logarithm, g would be infinite
-    const double g = std::exp(std::min(kMost, shape.power * log_q));
-    // Beyond where a dent with a tail below nothing ends, all of it is as good as nothing.
-    constexpr double kEnd = 1e-12 - 1.0;
-    const double rises = std::max(kEnd, shape.twofold * g), log_rises = std::log1p(rises);
-    const double f = rises > kEnd ? std::exp(-log_rises / shape.tail) : 0.0;
-    const double share = rises / (1.0 + rises);
-    const double by_q = x[kDepth] * f * share * shape.power / (shape.tail * q);
-    row(kDepth) = -f;
+    const DentForm::Row form = shape.form.At(q);
+    const double in_mm = -x[kDepth], by_q = in_mm * form.by_log_q / q;
+    row(kDepth) = -form.f;
     row(kU) = -2.0 * by_q * z_u * shape.of_u;
     row(kV) = -2.0 * by_q * (z_u * x[kLean] + z_v * shape.of_v);
     row(kAxisU) = 2.0 * by_q * z_u * shape.of_u * u;
     row(kLean) = 2.0 * by_q * z_u * v;
     row(kAxisV) = 2.0 * by_q * z_v * shape.of_v * v;
-    row(kPower) = by_q * q * log_q;
-    row(kTail) = -x[kDepth] * f *
-                 (log_rises / shape.tail -
-                  share * (1.0 + shape.twofold) / shape.twofold * std::numbers::ln2) /
-                 shape.tail;
+    row(kPower) = in_mm * form.by_power;
+    row(kTail) = in_mm * form.by_tail;
+    row(kBottom) = in_mm * form.by_bottom;
     row(kWall) = 1.0;
     row(kWall + 1) = point.cosine;
     row(kWall + 2) = point.sine;
@@ -269,7 +296,7 @@ class DentFit {
     row(kWall + 4) = point.reach * point.sine;
     const double wall = x[kWall] + (x[kWall + 1] + x[kWall + 3] * point.reach) * point.cosine +
                         (x[kWall + 2] + x[kWall + 4] * point.reach) * point.sine;
-    row(kOff) = point.off_mm - (wall - x[kDepth] * f);
+    row(kOff) = point.off_mm - (wall - x[kDepth] * form.f);
   }
 
   struct Off {

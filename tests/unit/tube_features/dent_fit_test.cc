@@ -115,7 +115,7 @@ TEST(Dents, AreAsDeepAsTheyAreHoweverShallowCellsSawThem) {
 
 // How deep a dent of 1 mm is where q is the square of the distance from its middle over its width;
 // half_q: where it is half as deep.
-struct DentForm {
+struct PressedForm {
   const char* name;
   std::function<double(double)> in_mm;
   double half_q;
@@ -139,7 +139,7 @@ struct DentErrors {
 // known as well as they said until their tail was fitted: 6 to 12 of their sigmas off.
 TEST(Dents, AreKnownAsWellAsTheySayInEachForm) {
   constexpr int kEach = 40;
-  const DentForm forms[] = {
+  const PressedForm forms[] = {
       {"gaussian", [](double q) { return std::exp(-0.5 * q); }, 2 * std::numbers::ln2},
       {"flat", [](double q) { return std::exp(-0.25 * q * q); }, 2 * std::sqrt(std::numbers::ln2)},
       {"dragged", [](double q) { return 1 / (1 + q * q); }, 1},
@@ -148,7 +148,7 @@ TEST(Dents, AreKnownAsWellAsTheySayInEachForm) {
       {"cap", [](double q) { return std::max(0.0, 1 - 0.5 * q); }, 1}};
   std::mt19937_64 random(11);
   double all2 = 0;
-  for (const DentForm& form : forms) {
+  for (const PressedForm& form : forms) {
     SCOPED_TRACE(form.name);
     DentErrors errors;
     for (int i = 0; i < kEach; ++i) {
@@ -193,6 +193,29 @@ TEST(Dents, AStepIsNotFitted) {
       fitted([](double from_mm) { return 0.8 * std::exp2(-std::pow(from_mm / 3, 6)); });
   EXPECT_FALSE(flat.is_step);
   EXPECT_TRUE(flat.is_fitted);
+}
+
+// What is pressed in by a block has a flat bottom, and flanks that are as steep as metal is drawn.
+TEST(Dents, WithFlatBottomsAreNoSteps) {
+  constexpr int kEach = 60;
+  std::mt19937_64 random(23);
+  DentErrors errors;
+  for (int i = 0; i < kEach; ++i) {
+    const double wide_mm = Uniform(random, 2, 4), flank_mm = Uniform(random, 0.3, 0.8) * wide_mm;
+    const double slope = Uniform(random, 0.2, 1), deep_mm = slope * flank_mm * 2 / kPi;
+    const auto block = [&](double along, double around) {
+      const double inside = (wide_mm - std::hypot(along, around)) / flank_mm;
+      return deep_mm * (0.5 + 0.5 * std::sin(kPi * std::clamp(inside, -0.5, 0.5)));
+    };
+    const FittedDent dent = FitDent(WallOf(block, Everywhere, random()), kReachMm, 0.7 * deep_mm,
+                                    2 * wide_mm, kPipeRadiusMm, kWallNoiseMm);
+    ASSERT_TRUE(dent.is_fitted) << deep_mm << " mm deep, " << wide_mm << ", slope " << slope;
+    errors.Add(dent, {0, 0}, deep_mm, kPi * wide_mm * wide_mm);
+  }
+  for (const double square : {errors.place2, errors.depth2, errors.area2}) {
+    EXPECT_GT(std::sqrt(square / kEach), 0.6);
+    EXPECT_LT(std::sqrt(square / kEach), 1.3);
+  }
 }
 
 TEST(Dents, WhatIsPressedInIsShown) {
