@@ -7,8 +7,10 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <map>
 #include <numbers>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "pipeline/features/dent_form.h"
@@ -45,6 +47,11 @@ struct DentFitSettings {
   double hardly = 1e-3;
   // [of depth and area] 1 sigma of what a dent may be like that these forms are not.
   double of_form = 0.004;
+  // [sigma] Chi square says that surely that the form is another; and [of its mean radius] points
+  // of a patch so wide lie off together then.
+  double unlike_sigmas = 3.0, patch = 0.5;
+  // [of what it leaves beyond noise, rms] 1 sigma of its depth then.
+  double of_left = 1.2;
   // [of area] 1 sigma of a dent that is known no better was not fitted.
   double vague_area = 0.5;
   // Of what is looked at the fit explains no less, or it is none of this wall.
@@ -142,7 +149,7 @@ class DentFit {
     for (const Unknown k : {kU, kV, kAxisU, kLean, kAxisV, kPower, kTail, kBottom}) {
       certainty_[k] = kHeld;
     }
-    rounds_ = 0;
+    is_held_ = true;
   }
 
   // False: fewer points than `least` tell of it, or the fit explains too few of them.
@@ -151,7 +158,7 @@ class DentFit {
     Solve();
     // Cells have the mean of its middle and its flanks, down to a quarter of its depth: without the
     // points of its middle it would be too shallow, and too large.
-    for (int round = 0; round < rounds_; ++round) {
+    for (int round = 0; !is_held_ && round < kDentFit.most_rounds; ++round) {
       const double off_mm = MostOffWallMm(at_[kDepth], noise_mm_);
       if (!(off_mm > off_mm_)) break;
       off_mm_ = off_mm;
@@ -165,22 +172,25 @@ class DentFit {
     });
     if (points_.size() < least) return false;
     normal_ = Solve();
-
     return static_cast<double>(points_.size()) > kDentFit.least_kept * all;
   }
 
   // After Fit(); whether it is one is for others to say.
   FittedDent Dent() const {
-    // Where the form is not the dent's, the residuals say so.
     const double misfit =
         normal_.cost / static_cast<double>(points_.size() - std::size_t{kUnknowns});
-    const Square covariance = std::max(1.0, misfit) * Inverse(normal_.matrix);
+    const double unlike = is_held_ ? 0.0
+                                   : misfit - 1.0 -
+                                         kDentFit.unlike_sigmas *
+                                             std::sqrt(2.0 / static_cast<double>(points_.size()));
+    const Square covariance = CovarianceOf(misfit, unlike > 0);
     const auto sigma = [&](Unknown k) { return std::sqrt(covariance(k, k)); };
     FittedDent dent;
     dent.along_mm = at_[kU], dent.along_sigma_mm = sigma(kU);
     dent.around_mm = at_[kV], dent.around_sigma_mm = sigma(kV);
     dent.depth_mm = at_[kDepth];
-    dent.depth_sigma_mm = std::hypot(sigma(kDepth), kDentFit.of_form * dent.depth_mm);
+    const double unlike_mm = kDentFit.of_left * noise_mm_ * std::sqrt(std::max(0.0, unlike));
+    dent.depth_sigma_mm = std::hypot(sigma(kDepth), kDentFit.of_form * dent.depth_mm, unlike_mm);
     dent.area_mm2 = AreaOf(at_);
     dent.area_sigma_mm2 = std::hypot(SigmaOf(AreaOf, covariance), kDentFit.of_form * dent.area_mm2);
     dent.misfit = misfit;
@@ -211,6 +221,18 @@ class DentFit {
   }
 
  private:
+  // Where the form is not the dent's, the residuals say so: by how much, and, if they do so
+  // certainly, that neighbours lie off together.
+  Square CovarianceOf(double misfit, bool is_unlike) const {
+    const Square inverse = Inverse(normal_.matrix);
+    const Square covariance = std::max(1.0, misfit) * inverse;
+    if (!is_unlike) return covariance;
+    const Square robust = inverse * Scatter() * inverse;
+    const Unknowns more =
+        (robust.diagonal().array() / covariance.diagonal().array()).max(1.0).sqrt();
+    return more.asDiagonal() * covariance * more.asDiagonal();
+  }
+
   // Of what the numbers tell, by how it changes with each.
   double SigmaOf(double (*value)(const Unknowns&), const Square& covariance) const {
     constexpr double kStep = 1e-3;  // [sigma]
@@ -222,6 +244,26 @@ class DentFit {
       by[k] = step > 0 ? (value(more) - value(less)) / (2.0 * step) : 0.0;
     }
     return std::sqrt(std::max(0.0, by.dot(covariance * by)));
+  }
+
+  // Of the right side, by what patches of the wall add to it: what a form leaves is alike on
+  // neighbours.
+  Square Scatter() const {
+    const Shape shape(at_);
+    const double side_mm = kDentFit.patch * std::sqrt(AreaOf(at_) / std::numbers::pi);
+    const double weight = 1.0 / (noise_mm_ * noise_mm_);
+    std::map<std::pair<int, int>, Unknowns> patches;
+    for (const DentPoint& point : points_) {
+      std::array<double, kUnknowns + 1> row;
+      FindRow(point, at_, shape, [&row](int k) -> double& { return row[k]; });
+      const auto place = std::pair(static_cast<int>(std::floor(point.along_mm / side_mm)),
+                                   static_cast<int>(std::floor(point.around_mm / side_mm)));
+      Unknowns& patch = patches.try_emplace(place, Unknowns::Zero()).first->second;
+      patch += weight * row[kOff] * Eigen::Map<const Unknowns>(row.data());
+    }
+    Square scatter = certainty_.cwiseAbs2().asDiagonal();
+    for (const auto& [place, patch] : patches) scatter += patch * patch.transpose();
+    return scatter;
   }
 
   bool IsStep(const Square& covariance) const {
@@ -362,7 +404,7 @@ class DentFit {
 
   std::vector<DentPoint> all_, points_;
   double noise_mm_, off_mm_;
-  int rounds_ = kDentFit.most_rounds;
+  bool is_held_ = false;
   Normal normal_;
   Unknowns at_ = Unknowns::Zero(), about_ = Unknowns::Zero(), certainty_ = Unknowns::Zero();
 };
