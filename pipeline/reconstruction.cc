@@ -46,6 +46,7 @@
 #include "pipeline/spine/spine_polygon.h"
 #include "pipeline/spine/thin_parts.h"
 #include "pipeline/spine/tube_choice.h"
+#include "pipeline/structure/end_sleeves.h"
 #include "pipeline/structure/neighbour_separation.h"
 #include "pipeline/structure/nominal_along.h"
 #include "pipeline/structure/nominal_radii.h"
@@ -78,6 +79,8 @@ struct ApproximatedTube {
   SpinePolygon polygon;
   std::vector<PointBlock> blocks;  // all points near it
   SurfaceFit structure;
+  std::vector<EndSleeve> sleeves;   // that its ends are in: the polygon and the blocks end there
+  std::vector<PartedBlock> parted;  // what some of the blocks look at
   std::vector<double> left_out_mm;  // lengths of the other pieces
   Registration registration;        // of the scan's passes; the blocks look at its points
 };
@@ -210,6 +213,7 @@ class Reconstruction::Impl {
   hal::Result<ApproximatedTube> Connect(std::span<const SpineNode> nodes) const;
   hal::Result<void> Approximate(ApproximatedTube& tube) const;
   void LookAround(ApproximatedTube& tube) const;
+  void TakeOffSleeves(ApproximatedTube& tube) const;
   BlocksAbout AboutEnds() const {
     return [this](const PlainEnd& end, const EasedSpine& spine, std::size_t row) {
       return AboutEnd(end, spine, row);
@@ -357,15 +361,32 @@ hal::Result<void> Reconstruction::Impl::Approximate(ApproximatedTube& tube) cons
     tube.polygon = std::move(*polygon);
     LookAround(tube);
   }
+  TakeOffSleeves(tube);
   return {};
+}
+
+// Bends that lead into what sits on an end are none.
+void Reconstruction::Impl::TakeOffSleeves(ApproximatedTube& tube) const {
+  for (const bool at_start : {true, false}) {
+    const auto sleeve = FindEndSleeve(tube.structure, at_start, tube.blocks);
+    if (!sleeve) continue;
+    tube.sleeves.push_back(*sleeve);
+    CutAt(*sleeve, at_start, tube.polygon);
+  }
+  if (!tube.sleeves.empty()) LookAround(tube);
 }
 
 // Points near the polygon, and which bends they show.
 void Reconstruction::Impl::LookAround(ApproximatedTube& tube) const {
+  const double r_mm = intake_.pipe_radius_mm();
   tube.blocks = BlocksNear(tube.polygon, true);
+  std::vector<PointBlock> samples = BlocksNear(tube.polygon, false);
+  for (const EndSleeve& sleeve : tube.sleeves) {
+    LeaveOut(sleeve, r_mm, tube.blocks, tube.parted);
+    LeaveOut(sleeve, r_mm, samples, tube.parted);
+  }
   tube.structure =
-      FindStructure(tube.polygon, intake_.pipe_radius_mm(), BlocksNear(tube.polygon, false),
-                    tube.blocks, {.nominal = options_.nominal});
+      FindStructure(tube.polygon, r_mm, samples, tube.blocks, {.nominal = options_.nominal});
 }
 
 std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& polygon,

@@ -78,6 +78,7 @@ const std::vector<RealKind>& Kinds() {
       {.name = "nut", .at_end = kNut},
       {.name = "flange", .at_end = kFlange},
       {.name = "flare", .at_end = kFlare},
+      {.name = "cap", .at_end = kCap},
       {.name = "heavy tails", .heavy_tail = {0.3, 1.0}},
       {.name = "oval 8 %", .easing_r = {0.2, 0.5}, .ovality = {0.08, 0.08}},
       {.name = "compact", .straight_r = {1, 2.5}},

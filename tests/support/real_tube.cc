@@ -19,6 +19,24 @@ constexpr double kWrinkle = 0.6;  // of the pipe radius, from crest to crest
 constexpr double kTable = 8, kMostOfTable = 4, kAslant = 1.2;
 constexpr double kSeamAt = 1.0, kSeamWidth = 0.12;  // [rad]
 
+// What sits on the end as a thicker pipe does, in pipe radii.
+struct Sitting {
+  double length = 0, radius = 0;
+  bool is_closed = false;
+};
+Sitting SittingOf(EndFitting fitting) {
+  switch (fitting) {
+    case EndFitting::kNut:
+      return {2.5, 1.6};
+    case EndFitting::kFlange:
+      return {0.5, 2.5};
+    case EndFitting::kCap:
+      return {2.5, 1.12, true};
+    default:
+      return {};
+  }
+}
+
 double Uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
@@ -300,19 +318,20 @@ class Scanner {
       // Straight flanks of 0.3, and a top between them.
       radius_mm += r_ * std::clamp((0.4 - std::abs(left - 1.2)) / 0.3 * 0.25, 0.0, 0.25);
     }
-    if (form_.at_end == EndFitting::kNut && left < 2.5) radius_mm = 1.6 * r_;
-    if (form_.at_end == EndFitting::kFlange && left < 0.5) radius_mm = 2.5 * r_;
-    // The face of a nut or flange.
-    const double face = form_.at_end == EndFitting::kNut      ? 2.5
-                        : form_.at_end == EndFitting::kFlange ? 0.5
-                                                              : 0;
-    if (face > 0 && left > face && left < face + 0.3) {
-      const double outer = form_.at_end == EndFitting::kNut ? 1.6 : 2.5;
-      if (Uniform(random_, 0, 1) < 0.5) {
-        point = center - (face - left) * r_ * tangent + Uniform(random_, 1.0, outer) * r_ * normal;
-        normal = -tangent;
-        return true;
-      }
+    const Sitting sits = SittingOf(form_.at_end);
+    if (left < sits.length) radius_mm = sits.radius * r_;
+    if (sits.is_closed && left < 0.3 && Uniform(random_, 0, 1) < 0.5) {
+      const double from_axis = sits.radius * std::sqrt(Uniform(random_, 0, 1));
+      point = center + left * r_ * tangent + from_axis * r_ * normal;
+      normal = tangent;
+      return true;
+    }
+    // Its face.
+    const double before = left - sits.length;
+    if (sits.length > 0 && before > 0 && before < 0.3 && Uniform(random_, 0, 1) < 0.5) {
+      point = center + before * r_ * tangent + Uniform(random_, 1.0, sits.radius) * r_ * normal;
+      normal = -tangent;
+      return true;
     }
     point = center + radius_mm * normal;
     return true;

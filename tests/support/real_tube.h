@@ -21,8 +21,9 @@ struct Dent {
 };
 
 // kBead: a ridge all round, 0.25 high, whose flanks' lines meet the plain tube 0.8 and 1.6 from the
-// end. kFlare: a cone from 1.5 before the end on, 0.4 high. In pipe radii.
-enum class EndFitting { kNone, kNut, kFlange, kFlare, kBead };
+// end. kFlare: a cone from 1.5 before the end on, 0.4 high. kCap: closed, 2.5 long and 0.12 thick.
+// In pipe radii.
+enum class EndFitting { kNone, kNut, kFlange, kFlare, kBead, kCap };
 
 // How a real tube differs from its program. Lengths in pipe radii.
 struct Form {

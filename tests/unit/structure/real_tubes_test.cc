@@ -275,6 +275,22 @@ TEST(FittedTube, HasNoBendInWhatSitsOnItsEnd) {
   }
 }
 
+// One that is hardly thicker than the tube lies within reach of its fit: half of the tubes had a
+// bend or two more, or bows, that led into it.
+TEST(FittedTube, HasNoBendInACapOnItsEnd) {
+  const hal::SteadyClock clock;
+  for (std::uint64_t seed = 31'000'001; seed <= 31'000'012; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto cloud = DrawnScan(seed, {.at_end = tests::EndFitting::kCap}, {}, 10);
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    EXPECT_EQ(measured->tube.program.bend_count(), 5U);
+    const double longer_mm = std::max(measured->first_end.length_mm, measured->last_end.length_mm);
+    EXPECT_NEAR(longer_mm, 2.5 * measured->tube.pipe_radius_mm,
+                0.3 * measured->tube.pipe_radius_mm);
+  }
+}
+
 // The angle of the tube's last bend, whichever way round it was found; its angle is no other's.
 struct LastAngle {
   double error_deg, sigma_deg;
