@@ -21,6 +21,8 @@ namespace {
 struct LookSettings {
   // [of r_P] Samples further in are not the wall's; further out nothing hides it.
   double inside = 0.3, outside = 1.0;
+  // Of how far it is looked around a place: so much of the spine its wall goes on along.
+  double along = 1.5;
   // Cameras look at a laser line from so far beside it, along the tube; and how far off parts of
   // the tube are that hide a place. Steps of the search [deg, and of r_P].
   double camera_deg = 45.0, camera_step_deg = 6.0, hides_mm = 400.0, way_step = 0.2;
@@ -132,6 +134,23 @@ Eigen::Vector2d InPlane(const Eigen::Vector3d& point, const hal::SurfaceFrame& f
 
 }  // namespace
 
+std::vector<std::int32_t> LookedAtTube::SegmentsAbout(const hal::SurfaceFrame& frame,
+                                                      double reach_mm) const {
+  std::vector<std::int32_t> about(frames.size());
+  std::iota(about.begin(), about.end(), 0);
+  const SpineFoot foot = NearestFoot(frame.spine_mm, segments, frames, about);
+  if (foot.segment < 0) return about;
+  const double along_mm =
+      segments[static_cast<std::size_t>(foot.segment)].from_start_mm + foot.along_mm;
+  const double far_mm = kLook.along * reach_mm + pipe_radius_mm;
+  std::erase_if(about, [&](std::int32_t i) {
+    const hal::SpineSegment& segment = segments[static_cast<std::size_t>(i)];
+    return segment.from_start_mm > along_mm + far_mm ||
+           segment.from_start_mm + segment.length_mm < along_mm - far_mm;
+  });
+  return about;
+}
+
 Eigen::Vector3d LookedAtTube::OnItsRay(const Eigen::Vector3d& point, SensorDirection to_sensor,
                                        std::int32_t segment) const {
   const std::array<std::int32_t, 1> own = {segment};
@@ -194,6 +213,7 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
   Surroundings around;
   const Eigen::Vector3d middle = frame.spine_mm + r_mm * frame.outward;
   const double ball_mm = std::hypot(reach_mm, (1.0 + kLook.outside) * r_mm);
+  const std::vector<std::int32_t> about = SegmentsAbout(frame, reach_mm);
   std::vector<std::int32_t> candidates;
   std::vector<OffWall> off_present, off_wall;  // of `around.present` and `around.wall`
   std::vector<std::size_t> seen_at;            // of `around.seen`, in `around.wall`
@@ -210,6 +230,12 @@ Surroundings LookedAtTube::LookAt(const hal::SurfaceFrame& frame, double reach_m
       const NearSegment near = NearestSegment(point, frames, candidates);
       const double off_mm = near.distance_mm - r_mm;
       if (off_mm < -kLook.inside * r_mm || off_mm > kLook.outside * r_mm) continue;
+      // Another part of the tube, which lies before the wall or beside it, is not its wall.
+      if (!std::binary_search(about.begin(), about.end(), near.segment)) {
+        around.present.push_back(place);
+        off_present.push_back({place, std::max(0.0, off_mm)});
+        continue;
+      }
       if (off_mm < -wall_mm) {
         around.below.push_back(place);
         continue;

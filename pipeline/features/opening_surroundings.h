@@ -69,6 +69,9 @@ struct LookedAtTube {
   std::span<const SegmentFrame> frames;  // of these
   std::span<const PointBlock> blocks;
 
+  // Those that the wall about a place belongs to, as far as `reach_mm` from it; others are other
+  // parts of the tube.
+  std::vector<std::int32_t> SegmentsAbout(const hal::SurfaceFrame& frame, double reach_mm) const;
   // `wall_mm`: samples of the wall lie so near to the surface.
   Surroundings LookAt(const hal::SurfaceFrame& frame, double reach_mm, double wall_mm) const;
   // `about`: where the opening is about.

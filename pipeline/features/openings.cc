@@ -14,6 +14,7 @@
 #include "pipeline/features/plane_samples.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/features/surface_cells.h"
+#include "pipeline/features/unseen_wall.h"
 #include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
@@ -53,6 +54,9 @@ struct OpeningSettings {
   // [log] How much likelier a cut is than the edge of a shadow, at least, of one that is no wider
   // than gaps beside it; and by how much a shadow may be likelier of others.
   double narrow_odds = 1.3, shadow_odds = 1.5;
+  // [log] How much likelier a cut is, at least, than that no view showed the wall; and of one that
+  // is no wider than gaps beside it.
+  double cut_odds = 11.0, cut_odds_narrow = 16.0;
   // Of what is roughly the border of such a one, so much must be empty.
   double core = 0.6;
   // Samples whose distance to the nearest says how evenly they are scattered.
@@ -190,6 +194,12 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSu
   return passes.are_known || IsCutInCloud(border, around, look, r_mm);
 }
 
+// What a place that cells show turned out to be.
+struct LookedAtPlace {
+  OpeningFound opening;
+  bool may_be_unseen = false;  // nobody knows whether it is one
+};
+
 // One place where cells of the surface are empty, looked at closely.
 class Candidate {
  public:
@@ -202,7 +212,7 @@ class Candidate {
         wall_mm_(std::max(kSampling.on_surface * sigma_mm, kOpening.on_surface_r * r_mm_)) {}
 
   // `frame`: of the place.
-  std::optional<OpeningFound> LookAt(const EmptyPlace& place, hal::SurfaceFrame frame) const {
+  std::optional<LookedAtPlace> LookAt(const EmptyPlace& place, hal::SurfaceFrame frame) const {
     const double size_mm = 0.5 * place.size_mm;
     const double reach_mm = kOpening.look * 2.0 * size_mm + kOpening.look_more * r_mm_;
     for (int round = 0; round < 2; ++round) {
@@ -232,8 +242,8 @@ class Candidate {
 
  private:
   // `around`: with faces. `moves`: so often at most the place is moved to the middle that is found.
-  std::optional<OpeningFound> Fit(const hal::SurfaceFrame& frame, OpeningBorder about,
-                                  const Surroundings& around, const Look& look, int moves) const {
+  std::optional<LookedAtPlace> Fit(const hal::SurfaceFrame& frame, OpeningBorder about,
+                                   const Surroundings& around, const Look& look, int moves) const {
     PassSurroundings passes;
     Surroundings wall;
     FittedOpening fitted;
@@ -265,8 +275,17 @@ class Candidate {
         return found;
       }
     }
-    return Found(frame, fitted,
-                 passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered));
+    const double wider = passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered);
+    // Asked last, as it takes longest.
+    const bool may_be_unseen = !passes.are_known && MayBeUnseen(frame, border, wall, look);
+    return LookedAtPlace{Found(frame, fitted, wider), may_be_unseen};
+  }
+
+  // Whether views that nobody knows may have left out what lies in a border.
+  bool MayBeUnseen(const hal::SurfaceFrame& frame, const OpeningBorder& border,
+                   const Surroundings& around, const Look& look) const {
+    return LogOddsOfCut(tube_, frame, border, around.wall, look.reach_mm) <
+           (IsNarrow(border, look) ? kOpening.cut_odds_narrow : kOpening.cut_odds);
   }
 
   static Surroundings WithoutFace(const Surroundings& around, const OpeningBorder& border,
@@ -358,7 +377,7 @@ std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easi
                                        std::span<const PointBlock> blocks, WallCells cells) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, std::move(cells));
-  std::vector<OpeningFound> openings;
+  std::vector<OpeningFound> openings, may_be_unseen;
   if (places.empty()) return openings;
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
   const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
@@ -366,19 +385,26 @@ std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easi
   const Candidate candidate(looked_at, segments, sigma_mm);
   // The same one is seen at several sizes of cells.
   const auto is_known = [&](const Eigen::Vector3d& position_mm) {
-    return std::any_of(openings.begin(), openings.end(), [&](const OpeningFound& other) {
+    const auto is_there = [&](const OpeningFound& other) {
       return (other.position_mm - position_mm).norm() < 0.5 * other.opening.length_mm;
-    });
+    };
+    return std::any_of(openings.begin(), openings.end(), is_there) ||
+           std::any_of(may_be_unseen.begin(), may_be_unseen.end(), is_there);
   };
   for (const EmptyPlace& place : places) {
     const hal::SurfaceFrame frame = hal::FrameAt(segments, place.along_mm, place.around_deg);
     if (is_known(frame.spine_mm + tube.pipe_radius_mm * frame.outward)) continue;
-    auto found = candidate.LookAt(place, frame);
-    if (!found || is_known(found->position_mm)) continue;
-    const bool from_end = 2.0 * found->opening.along_mm > hal::SpineLength(tube.program);
-    found->sigma.along_mm =
-        std::hypot(found->sigma.along_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
-    openings.push_back(*found);
+    const auto looked = candidate.LookAt(place, frame);
+    if (!looked || is_known(looked->opening.position_mm)) continue;
+    if (looked->may_be_unseen) {
+      may_be_unseen.push_back(looked->opening);
+      continue;
+    }
+    OpeningFound found = looked->opening;
+    const bool from_end = 2.0 * found.opening.along_mm > hal::SpineLength(tube.program);
+    found.sigma.along_mm =
+        std::hypot(found.sigma.along_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
+    openings.push_back(found);
   }
   std::sort(openings.begin(), openings.end(), [](const OpeningFound& a, const OpeningFound& b) {
     return a.opening.along_mm < b.opening.along_mm;
