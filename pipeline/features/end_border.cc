@@ -35,6 +35,9 @@ struct EndBorderSettings {
   std::size_t sectors = 8;
   double in_sector = 120.0;
   double least_scatter = 0.6, most_scatter = 1.5;
+  // The same of small cells: rings about as wide as laser lines lie apart have as many samples
+  // each, and lines that lie aslant leave none but narrow columns uneven.
+  double in_small_cell = 2.0, most_of_small = 1.3;
   // Part of the samples that may lie anywhere.
   double flier = 1e-3;
   // Samples within 2 sigma of noise of the plane: from so many on the likelihood is as a normal
@@ -383,30 +386,10 @@ class BandColumns {
     while (sectors > 1 && samples < kEndBorder.in_sector * static_cast<double>(sectors)) {
       sectors /= 2;
     }
-    const std::size_t together = kEndBorder.columns / sectors;
-    double squares = 0, cells = 0;
-    for (std::size_t sector = 0; sector < sectors; ++sector) {
-      double all = 0;
-      for (std::size_t k = 0; k < together; ++k) all += Deep(sector * together + k);
-      if (all < 10.0 * kEndBorder.in_cell) continue;
-      const double rings =
-          std::floor(std::min(all / kEndBorder.in_cell, deep_mm_ / (2.0 * smear_mm)));
-      if (rings < 4) continue;
-      std::vector<double> count(static_cast<std::size_t>(rings));
-      for (std::size_t k = 0; k < together; ++k) {
-        for (const double below_mm : deep_[sector * together + k]) {
-          const auto ring = static_cast<std::size_t>(below_mm / deep_mm_ * rings);
-          count[std::min(count.size() - 1, ring)] += 1;
-        }
-      }
-      for (const double in_ring : count)
-        squares += std::pow(in_ring - all / rings, 2) * rings / all;
-      cells += rings - 1;
-    }
-    const double scatter = squares / std::max(1.0, cells);
-    const double chance = 4.0 * std::sqrt(2.0 / std::max(1.0, cells));
-    return cells > 20 && scatter < kEndBorder.most_scatter + chance &&
-           scatter > kEndBorder.least_scatter - chance;
+    const double small = kEndBorder.in_small_cell, most = kEndBorder.most_of_small;
+    return AreScatteredIn({sectors, kEndBorder.in_cell, 2.0 * smear_mm, kEndBorder.most_scatter}) &&
+           AreScatteredIn({sectors, small, 0.0, most}) &&
+           AreScatteredIn({kEndBorder.columns, small, 0.0, most});
   }
 
   // How much of their density may be another at the border than behind it: as much as it changes
@@ -452,6 +435,38 @@ class BandColumns {
 
  private:
   double Deep(std::size_t k) const { return static_cast<double>(deep_[k].size()); }
+  // Cells of how many samples, in parts of the turn, and how much their numbers may differ.
+  struct Cells {
+    std::size_t sectors;
+    double in_cell, least_ring_mm, most_scatter;
+  };
+  bool AreScatteredIn(const Cells& in) const {
+    const std::size_t together = kEndBorder.columns / in.sectors;
+    double squares = 0, cells = 0;
+    for (std::size_t sector = 0; sector < in.sectors; ++sector) {
+      double all = 0;
+      for (std::size_t k = 0; k < together; ++k) all += Deep(sector * together + k);
+      if (all < 10.0 * in.in_cell) continue;
+      double rings = std::floor(all / in.in_cell);
+      if (in.least_ring_mm > 0) rings = std::floor(std::min(rings, deep_mm_ / in.least_ring_mm));
+      if (rings < 4) continue;
+      std::vector<double> count(static_cast<std::size_t>(rings));
+      for (std::size_t k = 0; k < together; ++k) {
+        for (const double below_mm : deep_[sector * together + k]) {
+          const auto ring = static_cast<std::size_t>(below_mm / deep_mm_ * rings);
+          count[std::min(count.size() - 1, ring)] += 1;
+        }
+      }
+      for (const double in_ring : count) {
+        squares += std::pow(in_ring - all / rings, 2) * rings / all;
+      }
+      cells += rings - 1;
+    }
+    const double scatter = squares / std::max(1.0, cells);
+    const double chance = 4.0 * std::sqrt(2.0 / std::max(1.0, cells));
+    return cells > 20 && scatter < in.most_scatter + chance &&
+           scatter > kEndBorder.least_scatter - chance;
+  }
   bool IsHidden(std::size_t k) const { return hidden_[k * kEndSectors / kEndBorder.columns]; }
 
   double band_mm_, deep_mm_;

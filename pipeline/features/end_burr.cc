@@ -14,6 +14,7 @@ namespace {
 struct BurrSettings {
   // [sigma] and [of r_P] How far a burr stands out at least; and at most.
   double out_sigmas = 5.0, out = 0.01, most_out = 0.2;
+  double tip_sigmas = 2.0;  // [sigma] so much nearer a cloud's tip may lie; by trial
   // [of r_P] How long one may be along the tube; lengths are tried from a part of it on.
   double longest_burr = 0.3, lengths = 32;
   // Samples that stand out, and how many times as many as in the next as long piece of the wall.
@@ -174,8 +175,10 @@ std::optional<EndRim> FindRim(const SamplesNearEnd& near, const RimTip& tip, dou
     heights.push_back(height);
   }
   // What stands out further at the end is a flare, of which only the flatter samples were asked.
+  // Where nobody knows the passes of laser lines the tip may lie nearer than it was found.
+  const double nearer_mm = near.knows_passes() ? 0.0 : kBurr.tip_sigmas * tip.at_sigma_mm;
   const bool is_high = std::any_of(heights.begin(), heights.end(), [&](const BurrHeight& height) {
-    return height.mm > kBurr.most_out * r_mm;
+    return height.mm - height.per_mm * nearer_mm > kBurr.most_out * r_mm;
   });
   if (heights.empty() || is_high) return std::nullopt;
   const BurrHeights all(heights);

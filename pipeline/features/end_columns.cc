@@ -2,6 +2,7 @@
 #include "pipeline/features/end_columns.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -27,6 +28,12 @@ struct ColumnSettings {
   // Neighbouring columns have their points as far apart as this, in mean gaps: in 0.5 if one does
   // not know of the other, in next to nothing if laser lines cross both.
   double one_line = 0.25;
+  // Rings that are thought of as borders, and what part of the columns they cross at least.
+  int rings = 100, least_rings = 20;
+  double least_crossed = 0.7;
+  // More columns than that say the same, or it is chance: by how near to a ring the nearest of them
+  // stop, and by how their sums differ from ring to ring, which tells it less well.
+  double by_chance = 1.5, sums_by_chance = 2.5;
   std::size_t most_steps = 20'000;  // of a table
   double all_of_it = 9.0;           // [sigma]
 };
@@ -48,7 +55,75 @@ double ApartInGaps(const std::vector<double>& here, const std::vector<double>& n
   return sum / (static_cast<double>(here.size()) * mean_gap_mm);
 }
 
+// How the columns' rarities at many rings differ from those of columns that do not know of each
+// other.
+class RingSums {
+ public:
+  void Begin() {
+    sums_.setZero();
+    count_ = 0;
+    least_.fill(kNone);
+    crossed_.fill(0.0);
+  }
+  // `part`: where around the column is, from 0 to 1.
+  void Add(double rarity, double around_rad, double part) {
+    const double root = std::numbers::sqrt2;
+    sums_ += (rarity - 1.0) *
+             Eigen::Vector3d(1.0, root * std::cos(around_rad), root * std::sin(around_rad));
+    count_ += 1;
+    const auto k = static_cast<std::size_t>(part * static_cast<double>(kParts));
+    least_[k] = std::min(least_[k], rarity);
+    crossed_[k] += 1;
+  }
+  double count() const { return count_; }
+  void End() {
+    rings_ += 1;
+    sums_ /= std::sqrt(count_);
+    mean_ += sums_;
+    square_ += sums_.cwiseAbs2();
+    nearest_ += count_ * *std::min_element(least_.begin(), least_.end());
+    for (std::size_t k = 0; k < kParts; ++k) {
+      if (crossed_[k] > 0) nearest_of_part_ += least_[k] * crossed_[k] / kParts;
+    }
+  }
+  double rings() const { return rings_; }
+  // Columns that say the same; 1: each says its own.
+  double Columns() const {
+    const double by_nearest = std::max(nearest_, nearest_of_part_) / rings_;
+    const Eigen::Vector3d variance = (square_ - mean_.cwiseAbs2() / rings_) / (rings_ - 1.0);
+    const double by_sums = variance.mean();
+    return std::max(by_nearest > kColumns.by_chance ? by_nearest : 1.0,
+                    by_sums > kColumns.sums_by_chance ? by_sums : 1.0);
+  }
+
+ private:
+  static constexpr double kNone = 1e300;
+  static constexpr std::size_t kParts = 8;  // of the turn
+
+  Eigen::Vector3d sums_ = Eigen::Vector3d::Zero();  // of a ring
+  double count_ = 0;
+  std::array<double, kParts> least_{}, crossed_{};
+  double rings_ = 0, nearest_ = 0, nearest_of_part_ = 0;
+  Eigen::Vector3d mean_ = Eigen::Vector3d::Zero(), square_ = Eigen::Vector3d::Zero();
+};
+
 }  // namespace
+
+GapsBeforeBorder::GapsBeforeBorder(std::vector<double> gaps)
+    : gaps_(std::move(gaps)), longer_(gaps_.size() + 1) {
+  std::sort(gaps_.begin(), gaps_.end());
+  for (std::size_t i = gaps_.size(); i > 0; --i) longer_[i - 1] = longer_[i] + gaps_[i - 1];
+}
+
+// A border lies in a longer gap more often, and anywhere in it.
+double GapsBeforeBorder::Rarity(double missing) const {
+  if (missing <= 0 || gaps_.empty()) return 0.0;
+  const auto first = std::upper_bound(gaps_.begin(), gaps_.end(), missing) - gaps_.begin();
+  const auto i = static_cast<std::size_t>(first);
+  const auto count = static_cast<double>(gaps_.size());
+  const double part = (longer_[i] - missing * (count - static_cast<double>(i))) / longer_[0];
+  return -std::log(std::max(part, 0.5 / count));
+}
 
 EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_line, double hidden) {
   std::sort(gaps.begin(), gaps.end());
@@ -107,6 +182,53 @@ EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, dou
     if (mean_gap_mm > 0) apart.push_back(ApartInGaps(at[k], next, mean_gap_mm));
   }
   if (Median(apart) < kColumns.one_line) columns_of_line_ = static_cast<double>(seen_.size());
+  std::erase_if(at, [](const std::vector<double>& column) { return column.empty(); });
+  at_ = std::move(at);
+  gaps_before_ = GapsBeforeBorder(gaps_);
+}
+
+// Lines that lie along the border are shared most by a square one: where it may be the border, too,
+// it is asked.
+void EndColumns::LookAtSharedLines(const Eigen::Vector2d& rise_mm) {
+  std::array<Eigen::Vector2d, 2> rises_mm = {rise_mm, Eigen::Vector2d::Zero()};
+  if (rise_mm.norm() > MeanGapMm()) rises_mm[1] = rise_mm;
+  for (const Eigen::Vector2d& rise : rises_mm) {
+    const auto columns = ColumnsOfLine(rise);
+    if (!columns) continue;
+    columns_of_line_ = std::max(columns_of_line_, *columns);
+  }
+  columns_of_line_ = std::min(columns_of_line_, static_cast<double>(seen_.size()));
+}
+
+// Rings behind the border, parallel to it, are borders of which all is known. Columns that do not
+// know of each other stop before them by chance each; those that the same laser lines cross all
+// stop at the last line, so that the nearest of them stops farther off, and all together differ
+// more from ring to ring. None: there are too few rings.
+std::optional<double> EndColumns::ColumnsOfLine(const Eigen::Vector2d& rise_mm) const {
+  std::vector<double> off_mm;
+  double last_mm = 1e300, first_mm = 1e300;
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
+    const double around = seen_[k].around_rad;
+    off_mm.push_back(rise_mm[0] * std::cos(around) + rise_mm[1] * std::sin(around));
+    last_mm = std::min(last_mm, at_[k].back() - off_mm[k]);
+    first_mm = std::min(first_mm, at_[k].front() - off_mm[k]);
+  }
+  RingSums sums;
+  for (int ring = 0; ring < kColumns.rings; ++ring) {
+    const double ring_mm = last_mm + (first_mm - last_mm) * ring / kColumns.rings;
+    sums.Begin();
+    for (std::size_t k = 0; k < seen_.size(); ++k) {
+      const double here_mm = ring_mm + off_mm[k];
+      const auto next = std::upper_bound(at_[k].begin(), at_[k].end(), here_mm);
+      if (next == at_[k].begin() || next == at_[k].end()) continue;
+      const double missing = (here_mm - *(next - 1)) / seen_[k].mean_gap_mm;
+      sums.Add(gaps_before_.Rarity(missing), seen_[k].around_rad,
+               static_cast<double>(k) / static_cast<double>(seen_.size()));
+    }
+    if (sums.count() >= kColumns.least_crossed * static_cast<double>(seen_.size())) sums.End();
+  }
+  if (sums.rings() < kColumns.least_rings) return std::nullopt;
+  return sums.Columns();
 }
 
 double EndColumns::width_rad() const {

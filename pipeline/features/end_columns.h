@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -19,14 +20,27 @@ struct EndColumn {
   std::optional<LineBracket> lines;  // of laser lines
 };
 
+// How often columns stop so far before a border, in mean gaps, by the gaps between their samples.
+class GapsBeforeBorder {
+ public:
+  GapsBeforeBorder() = default;
+  explicit GapsBeforeBorder(std::vector<double> gaps);
+  // Minus the logarithm of how many stop as far before it or farther: of many that do not know of
+  // each other the mean is 1, the variance, too, and the least of n 1 / n.
+  double Rarity(double missing) const;
+
+ private:
+  std::vector<double> gaps_, longer_;  // in their order, and the sum of each and those after it
+};
+
 // What a column says of a border by how far, in mean gaps, it lies beyond the column's last sample:
 // the logarithm of the likelihood, from a table.
 class EndStops {
  public:
   // `gaps`: between samples. `smear`: 1 sigma by which noise displaces a sample. Both in mean gaps.
   // Columns that the same laser lines cross have the same gaps and tell of their length once,
-  // together; of the longest each. `hidden`: what a column says that stops before it by however
-  // much, as one does that something hides; 0: that denies the border.
+  // `columns_of_line` together; of the longest each. `hidden`: what a column says that stops before
+  // it by however much, as one does that something hides; 0: that denies the border.
   EndStops(std::vector<double> gaps, double smear, double columns_of_line, double hidden = 0);
   // The sum over several columns.
   double Sum(std::span<const double> beyond) const { return table_.Sum(beyond); }
@@ -48,6 +62,11 @@ class EndColumns {
   double width_rad() const;
   bool AreEnough() const;
   double MeanGapMm() const;
+  // What is known when a rough plane is (EndSide): how many columns say the same, as the same laser
+  // lines cross them.
+  void LookAtSharedLines(const Eigen::Vector2d& rise_mm);
+  const GapsBeforeBorder& gaps_before() const { return gaps_before_; }
+  double columns_of_line() const { return columns_of_line_; }
   EndStops MakeStops(double smear_mm, double hidden = 0) const {
     return {gaps_, smear_mm / MeanGapMm(), columns_of_line_, hidden};
   }
@@ -55,10 +74,13 @@ class EndColumns {
  private:
   void Take(std::size_t k, double window_mm, double smear_mm, std::vector<double>& at);
   void Smooth();
+  std::optional<double> ColumnsOfLine(const Eigen::Vector2d& rise_mm) const;
 
   std::size_t count_ = 0;
   std::vector<EndColumn> seen_;
-  std::vector<double> gaps_;  // in mean gaps
+  std::vector<std::vector<double>> at_;  // samples of those that were seen, in their order
+  std::vector<double> gaps_;             // in mean gaps
+  GapsBeforeBorder gaps_before_;
   double columns_of_line_ = 1;
 };
 

@@ -24,7 +24,8 @@ struct CurveSettings {
   // Of the sectors of the turn: so many tell of it, and no more than so many in a row do not.
   double least_seen = 0.75;
   std::size_t most_blind = 3;
-  // Places of one sector say the same as often as not: they count as so many of all.
+  // Places of one sector say the same as often as not where laser lines cross it: they count as so
+  // many of all.
   double independent = 0.5;
   // [of r_P] 1 sigma of the terms of a turn, of two; of more turns as much less.
   double slope = 0.5, wave = 0.3;
@@ -195,8 +196,8 @@ EndEvidence WithoutHidden(EndEvidence evidence, const EndSectors& hidden) {
 
 // The rough curve whose terms the places pay for; order 1: a plane.
 std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughEndPlace> places, double gap_mm,
-                                       double r_mm) {
-  const double count = kCurve.independent * static_cast<double>(places.size());
+                                       double independent, double r_mm) {
+  const double count = independent * static_cast<double>(places.size());
   int best = 1;
   RoughCurve curve = FitRoughly(places, 1, gap_mm, r_mm);
   const double of_plane = curve.Bic(count);
@@ -234,7 +235,10 @@ std::optional<Posterior> FitEndCurve(const EndEvidence& all, const Eigen::Vector
   const EndEvidence evidence = WithoutHidden(all, hidden);
   const std::vector<RoughEndPlace> places = evidence.RoughPlaces();
   if (!(evidence.gap_mm > 0) || !IsSeenAllRound(places)) return std::nullopt;
-  const auto [order, rough] = ChooseOrder(places, evidence.gap_mm, pipe_radius_mm);
+  const bool are_lines =
+      evidence.columns_of_line > 1.0 || evidence.sides.size() > evidence.columns.size();
+  const auto [order, rough] =
+      ChooseOrder(places, evidence.gap_mm, are_lines ? kCurve.independent : 1.0, pipe_radius_mm);
   if (order == 1) return std::nullopt;
   const Eigen::VectorXd certainties = Certainties(order, pipe_radius_mm);
   Posterior curve{rough.x, rough.square * Inverse(rough.matrix)};

@@ -58,6 +58,9 @@ struct EndCutSettings {
   double wrong = 0.1, most_wrong = 0.15;
   // [of its mean gap] A column that stops so far beyond a plane, or before it, contradicts it.
   double stops_beyond = 0.3, stops_before = 6.0;
+  // All others contradict it together where they stop so much rarer before it than by chance: of
+  // the mean, and [sigma].
+  double rarer = 0.4, rarer_sigmas = 4.5;
   // [of their smear] Samples that lie so far beyond a plane, how many of all may, and those of how
   // much of the turn.
   double beyond = 4.0, fliers = 3.0, flier_part = 0.005, beside = 0.25;
@@ -86,6 +89,9 @@ struct EndCutSettings {
   double apart = 3.0;
   // Of scattered samples' columns: so many look like lines by chance.
   double by_chance = 0.2;
+  // Of the noise across the wall: how unsure it makes, along the tube, where columns of a cloud
+  // stop. By trial.
+  double along_of_cloud = 0.5;
 };
 constexpr EndCutSettings kCut;
 
@@ -156,7 +162,8 @@ bool HasMoved(const Posterior& walk, const Posterior& before) {
   return walk.covariance.trace() > kCut.least_moved * before.covariance.trace();
 }
 
-// Mean and spread of all planes; `better`: asked when where about they lie is known.
+// Mean and spread of all planes; `better`: asked when where about they lie is known, which is all
+// that is said where it knows nothing.
 EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, double r_mm,
                     WalkDice& dice, const BetterPlane& better = {}) {
   const double prior_mm = kCut.usual_slope * r_mm;
@@ -187,15 +194,41 @@ EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, doubl
     if (better && walk == kCut.short_walk) {
       Posterior whole = posterior;
       whole.mean.tail<2>() += slope_mm;
-      if (const auto found = better(whole)) return PlaneOf(*found, Eigen::Vector2d::Zero(), r_mm);
+      const auto found = better(whole);
+      return found ? PlaneOf(*found, Eigen::Vector2d::Zero(), r_mm) : plane;
     }
     if (plane.slope_sigmas < kCut.may_be_oblique) break;
   }
   return plane;
 }
 
+// Samples that stop about a plane, but not at it, leave it as unsure as they differ.
+EndPlane AsUnsureAsRagged(EndPlane plane, double r_mm) {
+  if (!(plane.ragged_mm > 0)) return plane;
+  plane.at_sigma_mm = std::hypot(plane.at_sigma_mm, plane.ragged_mm);
+  const double slope_sigma = std::hypot(plane.slope_sigma, plane.ragged_mm / r_mm);
+  plane.slope_sigmas *= plane.slope_sigma / slope_sigma;
+  plane.slope_sigma = slope_sigma;
+  return plane;
+}
+
 Eigen::Vector3d NumbersOf(const EndPlane& plane, double r_mm) {
   return {plane.at_mm, r_mm * plane.cosine, r_mm * plane.sine};
+}
+
+// Whether columns, none of which contradicts a plane by itself, stop too far before it together, as
+// those of a border that waves about it do. `x`: as the evidence counts.
+bool StopTooFarBefore(const Eigen::Vector3d& x, const EndEvidence& evidence) {
+  double rarity = 0, columns = 0;
+  for (const EndStop& stop : evidence.columns) {
+    const double off =
+        (x[0] + stop.cosine * x[1] + stop.sine * x[2] - stop.last_mm) / stop.mean_gap_mm;
+    if (off > kCut.stops_before) continue;
+    rarity += evidence.gaps_before.Rarity(off);
+    columns += 1;
+  }
+  const double sigma = std::sqrt(evidence.columns_of_line * columns);
+  return rarity - columns > std::max(kCut.rarer * columns, kCut.rarer_sigmas * sigma);
 }
 
 // Whether most of the lines and columns stop where the plane is; else they stop at something that
@@ -214,7 +247,9 @@ bool Agrees(const EndPlane& plane, const EndEvidence& evidence, const Eigen::Vec
         return off < -kCut.stops_beyond || off > kCut.stops_before;
       });
   return static_cast<double>(wrong) <
-         kCut.most_wrong * static_cast<double>(evidence.sides.size() + evidence.columns.size());
+             kCut.most_wrong *
+                 static_cast<double>(evidence.sides.size() + evidence.columns.size()) &&
+         !StopTooFarBefore(x, evidence);
 }
 
 // How far along the tube samples reach.
@@ -268,7 +303,9 @@ class EndFit {
     if (border) return UnlessInShadow(*border);
     const EndPlane certain = Certain(plane);
     if (agrees && certain.slope_sigmas < kCut.may_be_oblique) return certain;
-    return UnlessInShadow(certain);
+    const EndPlane seen = UnlessInShadow(certain);
+    const bool is_other = seen.in_shadow || seen.at_mm != certain.at_mm;
+    return agrees || is_other ? seen : Ragged(seen, *columns, slope_mm);
   }
 
  private:
@@ -281,9 +318,9 @@ class EndFit {
   std::optional<EndEvidence> LookAtColumns(Eigen::Vector2d& slope_mm) {
     const std::size_t stride = OfLinesStride();
     const std::size_t left = (all_.count + stride - 1) / stride;
-    const auto samples = all_.every(stride * StrideTo(left, kCut.enough_samples));
-    depth_mm_ = DepthMm(samples);
-    return LookAtEndColumns(samples, r_mm_, window_mm_, smear_mm_, slope_mm);
+    of_columns_ = all_.every(stride * StrideTo(left, kCut.enough_samples));
+    depth_mm_ = DepthMm(of_columns_);
+    return LookAtEndColumns(of_columns_, r_mm_, window_mm_, smear_mm_, slope_mm);
   }
 
   std::optional<EndPlane> OfLines() {
@@ -296,22 +333,31 @@ class EndFit {
     return Bordered(plane, *lines, Eigen::Vector2d::Zero());
   }
 
-  EndPlane OfColumns(const EndEvidence& columns, const Eigen::Vector2d& slope_mm) {
+  // `columns`: is told how many of them say the same where samples are not scattered.
+  EndPlane OfColumns(EndEvidence& columns, const Eigen::Vector2d& slope_mm) {
     // Where laser lines are seen the columns have said all; a few samples look like some by chance.
-    if (columns.sides.size() > columns.columns.size()) {
-      return PlaneAmong(columns, slope_mm, r_mm_, dice_.plane);
+    if (columns.sides.size() <= columns.columns.size()) {
+      RoughEnd rough = Rough();
+      bool of_border = false;
+      const auto better = [&](const Posterior& about) {
+        rough.plane = about;
+        if (!rough.knows_rays) rough.hidden = SectorsInShadow(columns, slope_mm, about.mean);
+        const auto border = FitEndBorder(rough, all_.band, dice_.border);
+        of_border = border.has_value();
+        return border;
+      };
+      EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane, better);
+      plane.of_border = of_border;
+      if (of_border) PlaceOfSquare(rough, plane);
+      if (of_border) return plane;
     }
-    RoughEnd rough = Rough();
-    bool of_border = false;
-    EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane, [&](const Posterior& about) {
-      rough.plane = about;
-      if (!rough.knows_rays) rough.hidden = SectorsInShadow(columns, slope_mm, about.mean);
-      const auto border = FitEndBorder(rough, all_.band, dice_.border);
-      of_border = border.has_value();
-      return border;
-    });
-    plane.of_border = of_border;
-    if (of_border) PlaceOfSquare(rough, plane);
+    const auto lines = EndColumnsAbout(of_columns_, window_mm_, smear_mm_, slope_mm, true);
+    if (lines) columns = *lines;
+    EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane);
+    // Of a cloud nobody knows how far noise moves samples along the tube.
+    if (!all_.knows_passes) {
+      plane.at_sigma_mm = std::hypot(plane.at_sigma_mm, kCut.along_of_cloud * sigma_mm_);
+    }
     return plane;
   }
 
@@ -451,6 +497,24 @@ class EndFit {
     return plane;
   }
 
+  // Where columns stop too far before a plane, but no border explains that better, the end is as
+  // unsure as they differ.
+  EndPlane Ragged(EndPlane plane, const EndEvidence& columns,
+                  const Eigen::Vector2d& slope_mm) const {
+    Eigen::Vector3d x = NumbersOf(plane, r_mm_);
+    x.tail<2>() -= slope_mm;
+    if (!StopTooFarBefore(x, columns)) return plane;
+    const Eigen::Vector3d middle = RoughEndPlane(columns, r_mm_);
+    double square = 0, places = 0;
+    for (const RoughEndPlace& place : columns.RoughPlaces()) {
+      square +=
+          std::pow(place.at_mm - middle.dot(Eigen::Vector3d(1.0, place.cosine, place.sine)), 2);
+      places += 1;
+    }
+    plane.ragged_mm = std::sqrt(square / places);
+    return plane;
+  }
+
   // None: no border explains the samples better than a plane that they contradict.
   std::optional<EndPlane> Bordered(const EndPlane& plane, const EndEvidence& evidence,
                                    const Eigen::Vector2d& slope_mm) const {
@@ -465,6 +529,7 @@ class EndFit {
 
   AllSamples all_;
   double r_mm_, window_mm_, sigma_mm_, smear_mm_;
+  std::vector<EndSample> of_columns_;
   double depth_mm_ = 0;  // along the tube, of the samples of columns
   EndDice& dice_;
 };
@@ -498,6 +563,8 @@ class CutSearch {
       return found;
     }
     if (const auto rimmed = WithRim(near, of_wall_mm)) return rimmed;
+    found.plane = AsUnsureAsRagged(found.plane, r_mm_);
+    found.cut = Found(found.plane);
     // Beside what stands out, as a flare does, the face is another's.
     const auto out = static_cast<double>(near.outside().size());
     if (search.perhaps_mm > 0 &&
@@ -592,7 +659,7 @@ struct SeenEnd {
     if (plane.slope_sigmas >= kCut.oblique || plane.of_border || is_further) return true;
     // Where the wall comes in, or its border is no plane, its outermost point is not the end.
     if (cut.cut.bevel || cut.has_rim || cut.is_dented || cut.may_be_bevelled) return true;
-    if (!plane.border.empty() || plane.in_shadow) return true;
+    if (!plane.border.empty() || plane.in_shadow || plane.ragged_mm > 0) return true;
     // Laser lines tell of an end's place at its axis whether it is square or not.
     return plane.of_lines &&
            (plane.slope_sigmas >= kCut.may_be_oblique || plane.at_sigma_mm < sigma_mm);

@@ -172,10 +172,11 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
 }
 
 std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, double window_mm,
-                                           double smear_mm, const Eigen::Vector2d& slope_mm) {
+                                           double smear_mm, const Eigen::Vector2d& slope_mm,
+                                           bool may_be_lines) {
   std::vector<EndSample> level;
   if (!slope_mm.isZero()) level = Levelled(samples, slope_mm);
-  const EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm);
+  EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm);
   if (!columns.AreEnough()) return std::nullopt;
   EndEvidence evidence;
   for (const EndColumn& column : columns.seen()) {
@@ -188,6 +189,9 @@ std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, d
   }
   evidence.gap_mm = columns.MeanGapMm();
   evidence.width_rad = columns.width_rad();
+  if (may_be_lines) columns.LookAtSharedLines(RoughEndPlane(evidence, window_mm).tail<2>());
+  evidence.gaps_before = columns.gaps_before();
+  evidence.columns_of_line = columns.columns_of_line();
   evidence.stops = columns.MakeStops(smear_mm);
   evidence.stops_or_hidden = columns.MakeStops(smear_mm, -std::log(kEvidence.lost));
   evidence.lines_greatest =

@@ -52,6 +52,8 @@ struct EndEvidence {
   std::vector<EndStop> columns;  // of scattered samples
   std::optional<EndStops> stops;
   std::optional<EndStops> stops_or_hidden;  // the same where something may hide them
+  GapsBeforeBorder gaps_before;             // of columns
+  double columns_of_line = 1;               // that say the same (EndColumns)
   double gap_mm = 0;                        // mean gap between samples
   double width_rad = 0;                     // of a column
 
@@ -72,8 +74,10 @@ std::optional<EndEvidence> LookAtEndColumns(std::span<const EndSample> samples,
                                             double pipe_radius_mm, double window_mm,
                                             double smear_mm, Eigen::Vector2d& slope_mm);
 
-// The same about this slope. None: they are too few, or on too little of the turn.
+// The same about this slope. `may_be_lines`: columns may say the same, which costs a look at them.
+// None: they are too few, or on too little of the turn.
 std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, double window_mm,
-                                           double smear_mm, const Eigen::Vector2d& slope_mm);
+                                           double smear_mm, const Eigen::Vector2d& slope_mm,
+                                           bool may_be_lines = false);
 
 }  // namespace bendloop::pipeline
