@@ -464,8 +464,9 @@ class BandColumns {
     }
     const double scatter = squares / std::max(1.0, cells);
     const double chance = 4.0 * std::sqrt(2.0 / std::max(1.0, cells));
-    return cells > 20 && scatter < in.most_scatter + chance &&
-           scatter > kEndBorder.least_scatter - chance;
+    // Few samples leave no small cells, which say nothing then.
+    if (cells <= 20) return in.in_cell < kEndBorder.in_cell;
+    return scatter < in.most_scatter + chance && scatter > kEndBorder.least_scatter - chance;
   }
   bool IsHidden(std::size_t k) const { return hidden_[k * kEndSectors / kEndBorder.columns]; }
 
