@@ -202,16 +202,6 @@ EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, doubl
   return plane;
 }
 
-// Samples that stop about a plane, but not at it, leave it as unsure as they differ.
-EndPlane AsUnsureAsRagged(EndPlane plane, double r_mm) {
-  if (!(plane.ragged_mm > 0)) return plane;
-  plane.at_sigma_mm = std::hypot(plane.at_sigma_mm, plane.ragged_mm);
-  const double slope_sigma = std::hypot(plane.slope_sigma, plane.ragged_mm / r_mm);
-  plane.slope_sigmas *= plane.slope_sigma / slope_sigma;
-  plane.slope_sigma = slope_sigma;
-  return plane;
-}
-
 Eigen::Vector3d NumbersOf(const EndPlane& plane, double r_mm) {
   return {plane.at_mm, r_mm * plane.cosine, r_mm * plane.sine};
 }
@@ -303,9 +293,7 @@ class EndFit {
     if (border) return UnlessInShadow(*border);
     const EndPlane certain = Certain(plane);
     if (agrees && certain.slope_sigmas < kCut.may_be_oblique) return certain;
-    const EndPlane seen = UnlessInShadow(certain);
-    const bool is_other = seen.in_shadow || seen.at_mm != certain.at_mm;
-    return agrees || is_other ? seen : Ragged(seen, *columns, slope_mm);
+    return UnlessInShadow(certain);
   }
 
  private:
@@ -497,24 +485,6 @@ class EndFit {
     return plane;
   }
 
-  // Where columns stop too far before a plane, but no border explains that better, the end is as
-  // unsure as they differ.
-  EndPlane Ragged(EndPlane plane, const EndEvidence& columns,
-                  const Eigen::Vector2d& slope_mm) const {
-    Eigen::Vector3d x = NumbersOf(plane, r_mm_);
-    x.tail<2>() -= slope_mm;
-    if (!StopTooFarBefore(x, columns)) return plane;
-    const Eigen::Vector3d middle = RoughEndPlane(columns, r_mm_);
-    double square = 0, places = 0;
-    for (const RoughEndPlace& place : columns.RoughPlaces()) {
-      square +=
-          std::pow(place.at_mm - middle.dot(Eigen::Vector3d(1.0, place.cosine, place.sine)), 2);
-      places += 1;
-    }
-    plane.ragged_mm = std::sqrt(square / places);
-    return plane;
-  }
-
   // None: no border explains the samples better than a plane that they contradict.
   std::optional<EndPlane> Bordered(const EndPlane& plane, const EndEvidence& evidence,
                                    const Eigen::Vector2d& slope_mm) const {
@@ -563,8 +533,6 @@ class CutSearch {
       return found;
     }
     if (const auto rimmed = WithRim(near, of_wall_mm)) return rimmed;
-    found.plane = AsUnsureAsRagged(found.plane, r_mm_);
-    found.cut = Found(found.plane);
     // Beside what stands out, as a flare does, the face is another's.
     const auto out = static_cast<double>(near.outside().size());
     if (search.perhaps_mm > 0 &&
@@ -659,7 +627,7 @@ struct SeenEnd {
     if (plane.slope_sigmas >= kCut.oblique || plane.of_border || is_further) return true;
     // Where the wall comes in, or its border is no plane, its outermost point is not the end.
     if (cut.cut.bevel || cut.has_rim || cut.is_dented || cut.may_be_bevelled) return true;
-    if (!plane.border.empty() || plane.in_shadow || plane.ragged_mm > 0) return true;
+    if (!plane.border.empty() || plane.in_shadow) return true;
     // Laser lines tell of an end's place at its axis whether it is square or not.
     return plane.of_lines &&
            (plane.slope_sigmas >= kCut.may_be_oblique || plane.at_sigma_mm < sigma_mm);

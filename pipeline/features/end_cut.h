@@ -41,7 +41,6 @@ struct EndPlane {
   bool of_lines = false;        // told by the laser lines of passes that are known
   bool of_border = false;       // told by all scattered samples beside it (end_border.h)
   bool in_shadow = false;       // on one side samples stop before it (end_shadow.h)
-  double ragged_mm = 0;  // by how much samples stop aside of it, which is no border of theirs
   // Where no plane explains the samples: how far the border lies beyond this one, which is nearest
   // to it all round.
   std::vector<BorderPlace> border;
