@@ -12,6 +12,7 @@
 
 #include "hal/angles.h"
 #include "hal/spine.h"
+#include "hal/tube_features.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/surface_sums.h"
 #include "pipeline/fit/tube_parameters.h"
@@ -52,12 +53,6 @@ struct Foot {
   Eigen::Vector3d node_mm;
   double along_mm = 0;  // of the whole spine
 };
-
-const hal::SpineSegment& SegmentAt(std::span<const hal::SpineSegment> segments, double along_mm) {
-  std::size_t k = 0;
-  while (k + 1 < segments.size() && along_mm > segments[k + 1].from_start_mm) ++k;
-  return segments[k];
-}
 
 // A tube as the numbers that Ceres moves: where it starts (position [mm], quaternion), then length,
 // rotation, angle and radius of each bend as in the program [mm, degrees].
@@ -182,7 +177,7 @@ class NominalOnNodes final : public ceres::EvaluationCallback {
       if (i > 0) along_mm += (polygon[i].position_mm - polygon[i - 1].position_mm).norm();
       if (i % stride != 0 && i + 1 != polygon.size()) continue;
       feet_.push_back({polygon[i].position_mm, along_mm * stretch});
-      const hal::SpineSegment& segment = SegmentAt(segments, feet_.back().along_mm);
+      const hal::SpineSegment& segment = segments[hal::SegmentAt(segments, feet_.back().along_mm)];
       nodes.push_back(polygon[i].position_mm);
       places.push_back(segment.PointAt(feet_.back().along_mm - segment.from_start_mm));
     }
@@ -193,7 +188,7 @@ class NominalOnNodes final : public ceres::EvaluationCallback {
   // the spine is of the bend radius.
   void Slide(Foot& foot) const {
     for (int i = 0; i < 3; ++i) {
-      const hal::SpineSegment& segment = SegmentAt(segments_, foot.along_mm);
+      const hal::SpineSegment& segment = segments_[hal::SegmentAt(segments_, foot.along_mm)];
       const double along_mm = foot.along_mm - segment.from_start_mm;
       foot.along_mm += segment.TangentAt(along_mm).dot(foot.node_mm - segment.PointAt(along_mm));
     }
@@ -222,7 +217,7 @@ class NodeDistances final : public ceres::CostFunction {
     all.setZero();
     for (std::size_t i = 0; i < on_nodes_.feet().size(); ++i) {
       const Foot& foot = on_nodes_.feet()[i];
-      const hal::SpineSegment& segment = SegmentAt(segments, foot.along_mm);
+      const hal::SpineSegment& segment = segments[hal::SegmentAt(segments, foot.along_mm)];
       const double along_mm = foot.along_mm - segment.from_start_mm;
       const Eigen::Vector3d place = segment.PointAt(along_mm);
       const Eigen::Matrix3d axes = segment.axes();  // of the local state: surface_sums.h
