@@ -38,6 +38,10 @@ struct CutTube {
 inline double Uniform(std::mt19937_64& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
+// The logarithm is even.
+inline double LogUniform(std::mt19937_64& random, double low, double high) {
+  return std::exp(Uniform(random, std::log(low), std::log(high)));
+}
 
 inline std::vector<pipeline::EndSample> SampleEnd(const CutTube& tube, double window_mm,
                                                   double per_mm2, double smear_mm,

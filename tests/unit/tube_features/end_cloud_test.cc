@@ -12,20 +12,15 @@
 #include "hal/spine.h"
 #include "pipeline/features/end_cut.h"
 #include "pipeline/fit/tube_ends.h"
+#include "tests/support/cut_walls.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 using Points = std::vector<Eigen::Vector3d>;
 using Random = std::mt19937_64;
-
-double Between(Random& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-// The logarithm is even.
-double AboutBetween(Random& random, double low, double high) {
-  return std::exp(Between(random, std::log(low), std::log(high)));
-}
+using tests::LogUniform;
+using tests::Uniform;
 
 // What a scan of a straight tube is like.
 struct Cloud {
@@ -56,8 +51,8 @@ Points Scan(const Cloud& cloud, Random& random) {
   const double area = 2 * std::numbers::pi * cloud.radius_mm * to_mm;
   Points points;
   for (int i = 0; i < static_cast<int>(cloud.per_mm2 * area); ++i) {
-    const double around = Between(random, -std::numbers::pi, std::numbers::pi);
-    const double at_mm = Between(random, 0, to_mm);
+    const double around = Uniform(random, -std::numbers::pi, std::numbers::pi);
+    const double at_mm = Uniform(random, 0, to_mm);
     const double end_mm = cloud.length_mm() +
                           cloud.radius_mm * cloud.slope * std::cos(around - 0.4) +
                           cloud.wave_mm * std::cos(2 * around);
@@ -119,9 +114,9 @@ TEST_P(SquareEnd, OfACloudIsAsFarOffAsItSays) {
   int oblique = 0;
   for (int i = 0; i < 100; ++i) {
     Cloud cloud;
-    cloud.radius_mm = AboutBetween(random, 3.0, 20.0);
-    cloud.noise_mm = AboutBetween(random, 0.01, 0.1);
-    cloud.per_mm2 = AboutBetween(random, 1.0, 30.0);
+    cloud.radius_mm = LogUniform(random, 3.0, 20.0);
+    cloud.noise_mm = LogUniform(random, 0.01, 0.1);
+    cloud.per_mm2 = LogUniform(random, 1.0, 30.0);
     cloud.along = GetParam();
     const double area = 24 * std::numbers::pi * std::pow(cloud.radius_mm, 2);
     cloud.per_mm2 = std::min(cloud.per_mm2, 60'000 / area);
@@ -150,11 +145,11 @@ TEST(EndInShadow, IsWhereTheOtherSidesEnd) {
   Sigmas errors;
   for (int i = 0; i < 60; ++i) {
     Cloud cloud;
-    cloud.radius_mm = AboutBetween(random, 3.0, 20.0);
-    cloud.per_mm2 = Between(random, 100, 900) / std::pow(cloud.radius_mm, 2);
-    cloud.hidden_part = Between(random, 0.2, 0.65);
-    cloud.hidden_mm = cloud.radius_mm * Between(random, 0.8, 2.5);
-    cloud.steep_mm = cloud.hidden_mm * Between(random, -1, 1);
+    cloud.radius_mm = LogUniform(random, 3.0, 20.0);
+    cloud.per_mm2 = Uniform(random, 100, 900) / std::pow(cloud.radius_mm, 2);
+    cloud.hidden_part = Uniform(random, 0.2, 0.65);
+    cloud.hidden_mm = cloud.radius_mm * Uniform(random, 0.8, 2.5);
+    cloud.steep_mm = cloud.hidden_mm * Uniform(random, -1, 1);
     const FoundEnd end = FindLastEnd(cloud, random);
     EXPECT_FALSE(end.is_oblique) << i;
     EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
@@ -171,12 +166,12 @@ TEST(DentedEnd, IsWhereTheOtherSidesEnd) {
   Sigmas errors;
   for (int i = 0; i < 100; ++i) {
     Cloud cloud;
-    cloud.radius_mm = AboutBetween(random, 3.0, 20.0);
-    cloud.per_mm2 = Between(random, 40, 400) / std::pow(cloud.radius_mm, 2);
-    cloud.dent_mm = cloud.radius_mm * Between(random, 0.1, 0.25);
-    cloud.dent_along_mm = cloud.radius_mm * Between(random, 0.3, 0.6);
-    cloud.dent_around_rad = Between(random, 0.5, 1.0);
-    cloud.dent_before_mm = cloud.radius_mm * Between(random, 0.0, 0.5);
+    cloud.radius_mm = LogUniform(random, 3.0, 20.0);
+    cloud.per_mm2 = Uniform(random, 40, 400) / std::pow(cloud.radius_mm, 2);
+    cloud.dent_mm = cloud.radius_mm * Uniform(random, 0.1, 0.25);
+    cloud.dent_along_mm = cloud.radius_mm * Uniform(random, 0.3, 0.6);
+    cloud.dent_around_rad = Uniform(random, 0.5, 1.0);
+    cloud.dent_before_mm = cloud.radius_mm * Uniform(random, 0.0, 0.5);
     const FoundEnd end = FindLastEnd(cloud, random);
     EXPECT_FALSE(end.is_oblique) << i;
     EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
@@ -190,8 +185,8 @@ TEST(EndInShadow, IsNoneWhereABorderIsCutInWaves) {
   Random random(10);
   for (int i = 0; i < 20; ++i) {
     Cloud cloud;
-    cloud.per_mm2 = Between(random, 150, 900) / std::pow(cloud.radius_mm, 2);
-    cloud.wave_mm = cloud.radius_mm * Between(random, 0.2, 0.8);
+    cloud.per_mm2 = Uniform(random, 150, 900) / std::pow(cloud.radius_mm, 2);
+    cloud.wave_mm = cloud.radius_mm * Uniform(random, 0.2, 0.8);
     EXPECT_LT(std::abs(FindLastEnd(cloud, random).off_mm), 0.05 * cloud.wave_mm) << i;
   }
 }
@@ -202,9 +197,9 @@ TEST(EndInShadow, IsNoneWhereACutIsOblique) {
   Sigmas errors;
   for (int i = 0; i < 60; ++i) {
     Cloud cloud;
-    cloud.radius_mm = AboutBetween(random, 3.0, 20.0);
-    cloud.per_mm2 = Between(random, 40, 900) / std::pow(cloud.radius_mm, 2);
-    cloud.slope = std::tan(Between(random, 10, 50) * hal::kRadiansPerDegree);
+    cloud.radius_mm = LogUniform(random, 3.0, 20.0);
+    cloud.per_mm2 = Uniform(random, 40, 900) / std::pow(cloud.radius_mm, 2);
+    cloud.slope = std::tan(Uniform(random, 10, 50) * hal::kRadiansPerDegree);
     const FoundEnd end = FindLastEnd(cloud, random);
     EXPECT_TRUE(end.is_oblique) << i;
     EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
