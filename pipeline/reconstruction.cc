@@ -79,7 +79,7 @@ struct ApproximatedTube {
   SpinePolygon polygon;
   std::vector<PointBlock> blocks;  // all points near it
   SurfaceFit structure;
-  std::vector<EndSleeve> sleeves;   // that its ends are in: the polygon and the blocks end there
+  std::vector<PlainEnd> sleeves;    // where its ends are in one: polygon and blocks end there
   std::vector<PartedBlock> parted;  // what some of the blocks look at
   std::vector<double> left_out_mm;  // lengths of the other pieces
   Registration registration;        // of the scan's passes; the blocks look at its points
@@ -369,9 +369,7 @@ hal::Result<void> Reconstruction::Impl::Approximate(ApproximatedTube& tube) cons
 void Reconstruction::Impl::TakeOffSleeves(ApproximatedTube& tube) const {
   for (const bool at_start : {true, false}) {
     const auto sleeve = FindEndSleeve(tube.structure, at_start, tube.blocks);
-    if (!sleeve) continue;
-    tube.sleeves.push_back(*sleeve);
-    CutAt(*sleeve, at_start, tube.polygon);
+    if (sleeve && CutAt(*sleeve, at_start, tube.polygon)) tube.sleeves.push_back(*sleeve);
   }
   if (!tube.sleeves.empty()) LookAround(tube);
 }
@@ -381,7 +379,7 @@ void Reconstruction::Impl::LookAround(ApproximatedTube& tube) const {
   const double r_mm = intake_.pipe_radius_mm();
   tube.blocks = BlocksNear(tube.polygon, true);
   std::vector<PointBlock> samples = BlocksNear(tube.polygon, false);
-  for (const EndSleeve& sleeve : tube.sleeves) {
+  for (const PlainEnd& sleeve : tube.sleeves) {
     LeaveOut(sleeve, r_mm, tube.blocks, tube.parted);
     LeaveOut(sleeve, r_mm, samples, tube.parted);
   }

@@ -35,6 +35,8 @@ struct SleeveSettings {
   double rim = 0.1;
   // [of r_P] About its axis its points are left out.
   double cut_wide = 2.0;
+  // Nodes that a tube is followed along.
+  std::ptrdiff_t least_nodes = 3;
   // [of r_P] From its end on its face may be seen.
   double face = 0.5;
   // [sigma] A point on it, or on the tube, is no further off.
@@ -47,6 +49,7 @@ struct SleeveSettings {
 };
 constexpr SleeveSettings kSleeve;
 constexpr unsigned kSleeveSides = 16;
+constexpr auto kFaceBins = static_cast<std::size_t>(kSleeve.face / kSleeve.bin);
 
 struct AxisPoint {
   double out_mm, off_axis_mm;
@@ -55,16 +58,15 @@ struct AxisPoint {
 };
 
 // Points about an axis, by their place along it.
-std::vector<AxisPoint> PointsAbout(const EndSleeve& axis, const SurfaceFit& fit,
+std::vector<AxisPoint> PointsAbout(const PlainEnd& axis, const SurfaceFit& fit,
+                                   std::span<const SegmentFrame> frames,
                                    std::span<const PointBlock> blocks) {
   const double r_mm = fit.tube.pipe_radius_mm;
-  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const auto frames = SegmentFrames(segments, kBeyond * r_mm, fit.flattening);
   const Eigen::Vector3d u = axis.outward.unitOrthogonal(), v = axis.outward.cross(u);
   std::vector<AxisPoint> points;
   std::vector<std::int32_t> near;
   for (const PointBlock& block : blocks) {
-    const Eigen::Vector3d to = block.center_mm - axis.begin_mm;
+    const Eigen::Vector3d to = block.center_mm - axis.position_mm;
     const double along_mm = to.dot(axis.outward), more_mm = block.half_diagonal_mm;
     if (along_mm < -kSleeve.before * r_mm - more_mm || along_mm > kSleeve.beyond * r_mm + more_mm ||
         to.cross(axis.outward).norm() > kSleeve.widest * r_mm + more_mm) {
@@ -72,7 +74,7 @@ std::vector<AxisPoint> PointsAbout(const EndSleeve& axis, const SurfaceFit& fit,
     }
     CandidateSegments(block, frames, kSleeve.widest * r_mm, near);
     for (const Eigen::Vector3d& point : block.points) {
-      const Eigen::Vector3d from = point - axis.begin_mm;
+      const Eigen::Vector3d from = point - axis.position_mm;
       const double x = from.dot(u), y = from.dot(v), out_mm = from.dot(axis.outward);
       const double off_mm = std::hypot(x, y);
       if (out_mm < -kSleeve.before * r_mm || out_mm > kSleeve.beyond * r_mm ||
@@ -122,8 +124,7 @@ std::vector<RadiusBin> RadiiOf(std::span<const AxisPoint> points, double r_mm, d
 
 // The bin that a sleeve begins in; as many as there are: there is none.
 std::size_t BeginOf(std::span<const RadiusBin> bins) {
-  const auto face = static_cast<std::size_t>(kSleeve.face / kSleeve.bin);
-  const std::size_t end = bins.size() - std::min(bins.size(), face);
+  const std::size_t end = bins.size() - std::min(bins.size(), kFaceBins);
   std::size_t begin = end;
   while (begin > 0 && (bins[begin - 1].is_wider || bins[begin - 1].points < kSleeve.least_points)) {
     --begin;
@@ -137,7 +138,6 @@ std::size_t BeginOf(std::span<const RadiusBin> bins) {
 // Whether the points lie on a straight tube with that sleeve, and not on its bends.
 bool IsExplained(std::span<const AxisPoint> points, std::span<const RadiusBin> bins,
                  std::size_t begin, double r_mm, double sigma_mm) {
-  const auto face = static_cast<std::size_t>(kSleeve.face / kSleeve.bin);
   std::size_t all = 0, on_either = 0, on_sleeve = 0, on_bends = 0;
   std::array<bool, kSleeveSides> of_tube{}, of_sleeve{};
   for (const AxisPoint& point : points) {
@@ -146,7 +146,7 @@ bool IsExplained(std::span<const AxisPoint> points, std::span<const RadiusBin> b
       continue;
     }
     const auto at = static_cast<std::size_t>(point.out_mm / (kSleeve.bin * r_mm));
-    if (at + face >= bins.size() || at + 1 == begin) continue;
+    if (at + kFaceBins >= bins.size() || at + 1 == begin) continue;
     const double radius_mm = at < begin ? r_mm : bins[at].median_mm;
     const bool is_on = std::abs(point.off_axis_mm - radius_mm) < kSleeve.on_sigmas * sigma_mm;
     all += 1, on_either += is_on ? 1 : 0;
@@ -183,9 +183,8 @@ double FaceMm(std::span<const AxisPoint> points, std::span<const RadiusBin> bins
 // Whether a fit of the straight that it is on may take it for tube: it is no thicker than the fit
 // looks for points, and of one radius.
 bool MayPull(std::span<const RadiusBin> bins, std::size_t begin, double r_mm) {
-  const auto face = static_cast<std::size_t>(kSleeve.face / kSleeve.bin);
   double least_mm = 1e9, most_mm = 0;
-  for (std::size_t i = begin + 1; i + face < bins.size(); ++i) {
+  for (std::size_t i = begin + 1; i + kFaceBins < bins.size(); ++i) {
     if (bins[i].points < kSleeve.least_points) continue;
     least_mm = std::min(least_mm, bins[i].median_mm - r_mm);
     most_mm = std::max(most_mm, bins[i].median_mm - r_mm);
@@ -195,48 +194,50 @@ bool MayPull(std::span<const RadiusBin> bins, std::size_t begin, double r_mm) {
 
 }  // namespace
 
-std::optional<EndSleeve> FindEndSleeve(const SurfaceFit& fit, bool at_start,
-                                       std::span<const PointBlock> blocks) {
+std::optional<PlainEnd> FindEndSleeve(const SurfaceFit& fit, bool at_start,
+                                      std::span<const PointBlock> blocks) {
   const double r_mm = fit.tube.pipe_radius_mm;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
+  const auto frames = SegmentFrames(segments, kBeyond * r_mm, fit.flattening);
   const std::size_t bends = fit.tube.program.bend_count();
   for (std::size_t i = 0; i <= std::min(bends, kSleeve.most_bends); ++i) {
     const hal::SpineSegment& straight = segments[2 * (at_start ? i : bends - i)];
     if (straight.length_mm < r_mm) continue;
     // Its end, or where a sleeve on it begins at the earliest.
     const double inside_mm = i == 0 ? std::min(straight.length_mm, kSleeve.longest * r_mm) : 0.0;
-    EndSleeve sleeve{straight.PointAt(at_start ? inside_mm : straight.length_mm - inside_mm),
-                     at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent};
-    const auto points = PointsAbout(sleeve, fit, blocks);
+    PlainEnd end{straight.PointAt(at_start ? inside_mm : straight.length_mm - inside_mm),
+                 at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent};
+    const auto points = PointsAbout(end, fit, frames, blocks);
     const auto bins = RadiiOf(points, r_mm, fit.sigma_mm);
     const std::size_t begin = BeginOf(bins);
     if (begin >= bins.size() || !IsExplained(points, bins, begin, r_mm, fit.sigma_mm)) continue;
     if (i == 0 && !MayPull(bins, begin, r_mm)) continue;
-    sleeve.begin_mm += FaceMm(points, bins, begin, r_mm) * sleeve.outward;
-    return sleeve;
+    end.position_mm += FaceMm(points, bins, begin, r_mm) * end.outward;
+    return end;
   }
   return std::nullopt;
 }
 
-void CutAt(const EndSleeve& sleeve, bool at_start, SpinePolygon& polygon) {
+bool CutAt(const PlainEnd& begin, bool at_start, SpinePolygon& polygon) {
   const auto is_beyond = [&](const auto& node) {
-    return (node.position_mm - sleeve.begin_mm).dot(sleeve.outward) > 0;
+    return (node.position_mm - begin.position_mm).dot(begin.outward) > 0;
   };
-  if (at_start) {
-    polygon.erase(polygon.begin(), std::find_if_not(polygon.begin(), polygon.end(), is_beyond));
-  } else {
-    polygon.erase(std::find_if_not(polygon.rbegin(), polygon.rend(), is_beyond).base(),
-                  polygon.end());
-  }
+  const auto first =
+      at_start ? std::find_if_not(polygon.begin(), polygon.end(), is_beyond) : polygon.begin();
+  const auto last = at_start ? polygon.end()
+                             : std::find_if_not(polygon.rbegin(), polygon.rend(), is_beyond).base();
+  if (std::distance(first, last) < kSleeve.least_nodes) return false;
+  polygon = SpinePolygon(first, last);
+  return true;
 }
 
-void LeaveOut(const EndSleeve& sleeve, double pipe_radius_mm, std::vector<PointBlock>& blocks,
+void LeaveOut(const PlainEnd& begin, double pipe_radius_mm, std::vector<PointBlock>& blocks,
               std::vector<PartedBlock>& parted) {
   const auto is_of_sleeve = [&](const Eigen::Vector3d& point, double more_mm) {
-    const Eigen::Vector3d from = point - sleeve.begin_mm;
-    const double out_mm = from.dot(sleeve.outward);
+    const Eigen::Vector3d from = point - begin.position_mm;
+    const double out_mm = from.dot(begin.outward);
     return out_mm > -more_mm && out_mm < kSleeve.beyond * pipe_radius_mm + more_mm &&
-           from.cross(sleeve.outward).norm() < kSleeve.cut_wide * pipe_radius_mm + more_mm;
+           from.cross(begin.outward).norm() < kSleeve.cut_wide * pipe_radius_mm + more_mm;
   };
   for (PointBlock& block : blocks) {
     if (!is_of_sleeve(block.center_mm, block.half_diagonal_mm)) continue;
