@@ -179,10 +179,9 @@ class DentFit {
   FittedDent Dent() const {
     const double misfit =
         normal_.cost / static_cast<double>(points_.size() - std::size_t{kUnknowns});
-    const double unlike = is_held_ ? 0.0
-                                   : misfit - 1.0 -
-                                         kDentFit.unlike_sigmas *
-                                             std::sqrt(2.0 / static_cast<double>(points_.size()));
+    const double by_chance =
+        kDentFit.unlike_sigmas * std::sqrt(2.0 / static_cast<double>(points_.size()));
+    const double unlike = is_held_ ? 0.0 : misfit - 1.0 - by_chance;
     const Square covariance = CovarianceOf(misfit, unlike > 0);
     const auto sigma = [&](Unknown k) { return std::sqrt(covariance(k, k)); };
     FittedDent dent;

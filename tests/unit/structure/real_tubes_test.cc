@@ -275,8 +275,8 @@ TEST(FittedTube, HasNoBendInWhatSitsOnItsEnd) {
   }
 }
 
-// One that is hardly thicker than the tube lies within reach of its fit: half of the tubes had a
-// bend or two more, or bows, that led into it.
+// One that is hardly thicker than the tube lies within reach of its fit: four of these had a
+// bend more that led into it.
 TEST(FittedTube, HasNoBendInACapOnItsEnd) {
   const hal::SteadyClock clock;
   for (std::uint64_t seed = 31'000'001; seed <= 31'000'012; ++seed) {

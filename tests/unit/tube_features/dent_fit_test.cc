@@ -219,7 +219,7 @@ TEST(Dents, WithFlatBottomsAreNoSteps) {
 }
 
 // A jaw leaves a flat: a plane across, as long as the jaw is wide, and no ellipse. Before what it
-// leaves of its points was looked at patch by patch, places were 3 of their sigmas off.
+// leaves of its points was looked at patch by patch, places were 3.7 of their sigmas off.
 TEST(Dents, OfJawsAreNotSureOfTheirForm) {
   constexpr int kEach = 60;
   std::mt19937_64 random(31);
