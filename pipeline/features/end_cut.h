@@ -5,7 +5,6 @@
 #include <span>
 #include <vector>
 
-#include "pipeline/features/end_lines.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
 #include "pipeline/tube/tube_features.h"
@@ -31,24 +30,5 @@ struct EndCuts {
 // likelihood of where the plane is, and the mean over all planes (posterior.h) is the estimate.
 // `sigma_mm`: noise of the points, which tells those on the surface.
 EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnds& ends);
-
-// Where the plane is: beyond_mm = at_mm + pipe radius (cosine cos(around) + sine sin(around)).
-struct EndPlane {
-  double at_mm = 0, at_sigma_mm = 0;
-  double cosine = 0, sine = 0;  // the slope, towards where the tube is longest
-  double slope_sigma = 0;       // of either
-  double slope_sigmas = 0;      // how many sigma it is from a square cut
-  bool of_lines = false;        // told by the laser lines of passes that are known
-  bool of_border = false;       // told by all scattered samples beside it (end_border.h)
-  bool in_shadow = false;       // on one side samples stop before it (end_shadow.h)
-  // Where no plane explains the samples: how far the border lies beyond this one, which is nearest
-  // to it all round.
-  std::vector<BorderPlace> border;
-  int border_terms = 3;  // numbers that it and the plane take
-};
-// `samples`: from `window_mm` before the end on; `knows_passes`: whether theirs is known. None: too
-// few.
-std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
-                                    double window_mm, double sigma_mm, bool knows_passes = true);
 
 }  // namespace bendloop::pipeline

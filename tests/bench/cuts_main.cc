@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "hal/tube_features.h"
+#include "pipeline/features/end_plane_fit.h"
 #include "tests/bench/bench_table.h"
 #include "tests/bench/cut_scan.h"
 #include "tests/bench/live_cuts.h"

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "hal/angles.h"
-#include "pipeline/features/end_cut.h"
+#include "pipeline/features/end_lines.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/math/dense_solve.h"
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "hal/angles.h"
-#include "pipeline/features/end_cut.h"
+#include "pipeline/features/end_plane_fit.h"
 #include "tests/support/cut_walls.h"
 
 namespace bendloop::pipeline::tilted_lines {

@@ -34,7 +34,7 @@ std::vector<Eigen::Vector2d> Wall(const OpeningBorder& opening, double per_mm2, 
   return samples;
 }
 
-// As in end_cut_test.cc each mm of border tells 0.903 n / s of where it is: of a circle's radius
+// As in end_plane_test.cc each mm of border tells 0.903 n / s of where it is: of a circle's radius
 // all of it, of either coordinate of its middle half.
 TEST(OpeningBorder, OfAHoleIsAsSureAsItsSamplesLet) {
   constexpr double kDensity = 8, kSmearMm = 0.05, kDiameterMm = 6;

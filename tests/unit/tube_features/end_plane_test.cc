@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Planes of tube ends: their error against the bound of the sampled border, and whether 1 sigma is
 // what it says.
-#include "pipeline/features/end_cut.h"
+#include "pipeline/features/end_plane_fit.h"
 
 #include <gtest/gtest.h>
 
