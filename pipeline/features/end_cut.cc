@@ -31,6 +31,9 @@ struct EndCutSettings {
   // Of how far the face of the cut lies beyond the wall's border, where no bevel is certain between
   // them: the tube ends there to 1 sigma of this part.
   double perhaps_bevelled = 0.3;
+  // Columns tell an end better than the outermost point where that is so many times as unsure: what
+  // stands out before the end parts the wall into pieces, whose distance is none of its samples.
+  double much_surer = 4.0;
   // A slope that is known no better may be of any end.
   double unsure_slope = 0.3;
   // [of r_P] From the border into the tube: where the gaps between samples are looked at.
@@ -173,6 +176,7 @@ struct SeenEnd {
     // Where the wall comes in, or its border is no plane, its outermost point is not the end.
     if (cut.cut.bevel || cut.has_rim || cut.is_dented || cut.may_be_bevelled) return true;
     if (!plane.border.empty() || plane.in_shadow) return true;
+    if (plane.of_columns && kCut.much_surer * plane.at_sigma_mm < sigma_mm) return true;
     // Laser lines tell of an end's place at its axis whether it is square or not.
     return plane.of_lines && (plane.MayBeOblique() || plane.at_sigma_mm < sigma_mm);
   }
@@ -208,8 +212,13 @@ class EndSearch {
     const auto& rows = tube_.program.rows;
     const double straight_mm = at_start_ ? rows.front().length_mm : rows.back().length_mm;
     const double r_mm = tube_.pipe_radius_mm;
-    const double window_mm = std::min(kCut.window * r_mm, straight_mm);
-    const SamplesNearEnd near(tube_, at_start_, axis, sigma_mm_, window_mm, blocks_);
+    double window_mm = std::min(kCut.window * r_mm, straight_mm);
+    SamplesNearEnd near(tube_, at_start_, axis, sigma_mm_, window_mm, blocks_);
+    // A bead parts the wall: samples before it tell nothing of how those of the end lie.
+    if (const auto begins_mm = near.WallBeginsMm(); begins_mm && *begins_mm < 0) {
+      near.LeaveOutWallBefore(*begins_mm);
+      window_mm = std::min(window_mm, -*begins_mm);
+    }
     const auto cut = CutSearch(r_mm, window_mm, sigma_mm_, dice_).Find(near);
     if (!cut) return std::nullopt;
     return SeenEnd{*cut, near.knows_passes(), false};

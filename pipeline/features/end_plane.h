@@ -34,6 +34,7 @@ struct EndPlane {
   double slope_sigmas = 0;      // how many sigma it is from a square cut
   bool of_lines = false;        // told by the laser lines of passes that are known
   bool of_border = false;       // told by all scattered samples beside it (end_border.h)
+  bool of_columns = false;      // told by narrow columns of samples, which agree with it
   bool in_shadow = false;       // on one side samples stop before it (end_shadow.h)
   // Where no plane explains the samples: how far the border lies beyond this one, which is nearest
   // to it all round.

@@ -77,7 +77,8 @@ class EndFit {
     const bool agrees = Agrees(plane, *columns, slope_mm, r_mm_);
     const auto border = agrees ? std::nullopt : Bordered(plane, *columns, slope_mm);
     if (border) return UnlessInShadow(*border);
-    const EndPlane certain = Certain(plane);
+    EndPlane certain = Certain(plane);
+    certain.of_columns = agrees;
     if (agrees && !certain.MayBeOblique()) return certain;
     return UnlessInShadow(certain);
   }

@@ -127,6 +127,25 @@ std::vector<RadiusAt> Radii(std::span<const EndPoint> points, double r_mm, doubl
   return radii;
 }
 
+// A place's radius is that of its middle, and not the mean of a wall that curves; and no surer than
+// the end is that it is counted from. `radii`: one after the other, means.
+void TakeToMiddles(double end_sigma_mm, std::vector<RadiusAt>& radii) {
+  std::vector<RadiusAt> means = radii;
+  for (std::size_t i = 0; i < radii.size(); ++i) {
+    const RadiusAt& at = means[i];
+    const RadiusAt& before = means[i > 0 ? i - 1 : i];
+    const RadiusAt& after = means[std::min(i + 1, means.size() - 1)];
+    const double up_mm = after.radius_mm - at.radius_mm, down_mm = at.radius_mm - before.radius_mm;
+    const double steepest =
+        std::max(std::abs(up_mm) / std::max(1e-9, after.from_end_mm - at.from_end_mm),
+                 std::abs(down_mm) / std::max(1e-9, at.from_end_mm - before.from_end_mm));
+    // Beside a kink, as where a flare begins, it curves by anything up to that.
+    const double curved_mm = (up_mm - down_mm) / 24.0;
+    radii[i].radius_mm -= curved_mm;
+    radii[i].sigma_mm = std::hypot(std::hypot(at.sigma_mm, curved_mm), steepest * end_sigma_mm);
+  }
+}
+
 struct Crossing {
   double at_mm = 0, sigma_mm = 0;
 };
@@ -199,6 +218,7 @@ void MeasureEndProfile(const PlainEnd& end, double pipe_radius_mm, double noise_
   }
   form.profile.assign(
       radii.begin(), radii.begin() + static_cast<std::ptrdiff_t>(std::min(last + 2, radii.size())));
+  TakeToMiddles(end_sigma_mm, form.profile);
 }
 
 }  // namespace bendloop::pipeline

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <numbers>
 
 #include "hal/tube_features.h"
@@ -21,6 +22,12 @@ struct NearSettings {
   double before = 1.0, innermost = 0.4, outermost = 2.0;
   // Samples above the wall of a sector, that they hide it.
   int hide = 3;
+  // [of r_P] Of the slices in which the wall may be missing all round, and how long it is then;
+  // and so many times as long as the next longest such places but one.
+  double slice = 0.01, least_gap = 0.15, times_others = 5.0;
+  // Of the sectors that the wall has before a gap: so many it has beyond it; and [of its samples in
+  // as long a piece] so many of them.
+  double beyond_sectors = 0.75, beyond_samples = 0.3;
 };
 constexpr NearSettings kNear;
 
@@ -163,6 +170,60 @@ EndSectors SamplesNearEnd::Hidden(const Eigen::Vector3d& plane_mm) const {
   EndSectors hidden{};
   for (std::size_t i = 0; i < kEndSectors; ++i) hidden[i] = above[i] >= kNear.hide;
   return hidden;
+}
+
+std::optional<double> SamplesNearEnd::WallBeginsMm() const {
+  if (wall_.empty()) return std::nullopt;
+  const auto [first, last] =
+      std::minmax_element(wall_.begin(), wall_.end(),
+                          [](const NearEnd& a, const NearEnd& b) { return a.at_mm < b.at_mm; });
+  const double from_mm = first->at_mm, slice_mm = kNear.slice * r_mm_;
+  const auto slice_of = [&](const NearEnd& near) {
+    return static_cast<std::size_t>((near.at_mm - from_mm) / slice_mm);
+  };
+  std::vector<double> count(slice_of(*last) + 1, 0.0);
+  for (const NearEnd& near : wall_) count[slice_of(near)] += 1;
+  // Empty slices in a row: the longest, and where it ends.
+  std::array<std::size_t, 3> longest{};
+  std::size_t row = 0, behind = 0;
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    if (count[i] == 0) {
+      ++row;
+      continue;
+    }
+    if (row > longest[0]) behind = i;
+    if (row > longest[2]) longest[2] = row;
+    std::sort(longest.begin(), longest.end(), std::greater<>());
+    row = 0;
+  }
+  const auto gap = static_cast<double>(longest[0]);
+  if (gap < kNear.least_gap / kNear.slice ||
+      gap < kNear.times_others * static_cast<double>(longest[2])) {
+    return std::nullopt;
+  }
+  EndSectors before{}, beyond{};
+  double samples_before = 0, samples_beyond = 0;
+  const std::size_t all = count.size(), reach = std::min(behind - longest[0], all - behind);
+  for (const NearEnd& near : wall_) {
+    const std::size_t slice = slice_of(near);
+    const bool is_beyond = slice >= behind;
+    (is_beyond ? beyond : before)[EndSectorOf(near.AroundRad())] = true;
+    if (is_beyond ? slice < behind + reach : slice + longest[0] + reach >= behind) {
+      (is_beyond ? samples_beyond : samples_before) += 1;
+    }
+  }
+  const auto sectors = [](const EndSectors& of) {
+    return static_cast<double>(std::count(of.begin(), of.end(), true));
+  };
+  if (sectors(beyond) < kNear.beyond_sectors * sectors(before) ||
+      samples_beyond < kNear.beyond_samples * samples_before) {
+    return std::nullopt;
+  }
+  return from_mm + static_cast<double>(behind) * slice_mm;
+}
+
+void SamplesNearEnd::LeaveOutWallBefore(double at_mm) {
+  std::erase_if(wall_, [at_mm](const NearEnd& near) { return near.at_mm < at_mm; });
 }
 
 SamplesNearEnd SamplesNearEnd::With(std::span<const NearEnd> more) const {

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -52,6 +53,10 @@ class SamplesNearEnd {
   // Right before and beyond the end, nearer to the axis than the wall, and farther from it.
   const std::vector<NearEnd>& inside() const { return inside_; }
   const std::vector<NearEnd>& outside() const { return outside_; }
+  // Beyond the end: from where the wall leads to it without a gap that goes all round, as a bead
+  // leaves one. None: there is no gap.
+  std::optional<double> WallBeginsMm() const;
+  void LeaveOutWallBefore(double at_mm);
   // The same with some more on the wall, which has come in or stands out there.
   SamplesNearEnd With(std::span<const NearEnd> more) const;
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "pipeline/math/circle_sectors.h"
@@ -27,8 +29,9 @@ struct EndFormSettings {
   // those that show the tube right behind it, another tube that passes its end on fewer.
   int least_sides = 6;
   double of_tubes_sides = 0.6;
-  // [of r_P] What sticks out no further than this along the tube is a burr.
-  double least_length = 0.15;
+  // [of r_P] What sticks out no further than this along the tube is a burr, unless it does so on so
+  // many of the tube's sides, and further than points lie apart: then it was made.
+  double least_length = 0.15, made_sides = 0.9, made_gaps = 4.0;
 
   // [of r_P] Of the steps beyond the end, and of the ball about each in which points go on.
   double step = 2.0, ball = 2.2;
@@ -50,12 +53,13 @@ constexpr unsigned kEndSides = 16;
 
 // Points about an end by their place along its axis.
 struct AlongAxis {
-  std::vector<double> out_mm;               // beyond the end, of points that stand out
-  std::vector<double> standing_mm;          // how far, of the same points
-  std::vector<unsigned> side;               // of the turn, of the same points
-  std::array<bool, kEndSides> tube_side{};  // of the turn: where the plain tube is seen
-  double on_tube_per_mm = 0;                // points of the plain tube
-  double last_per_mm = 0;                   // of its last piece, however short its straight is
+  std::vector<std::pair<double, unsigned>> on;  // of the wall beyond the end: where, and the side
+  std::vector<double> out_mm;                   // beyond the end, of points that stand out
+  std::vector<double> standing_mm;              // how far, of the same points
+  std::vector<unsigned> side;                   // of the turn, of the same points
+  std::array<bool, kEndSides> tube_side{};      // of the turn: where the plain tube is seen
+  double on_tube_per_mm = 0;                    // points of the plain tube
+  double last_per_mm = 0;                       // of its last piece, however short its straight is
 };
 
 AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
@@ -75,6 +79,9 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
       if (is_on && at_mm < -r_mm) on_tube += 1;
       if (is_on) along.tube_side[AzimuthSector<kEndSides>(x, y)] = true;
       if (is_on && at_mm > -kEndForms.last_piece * r_mm) last += 1;
+      if (std::abs(off_mm) < out_mm && at_mm >= 0) {
+        along.on.emplace_back(at_mm, AzimuthSector<kEndSides>(x, y));
+      }
       if (off_mm < out_mm || off_mm > (kEndForms.widest - 1.0) * r_mm) continue;
       if (at_mm < -kEndForms.overlap * r_mm) continue;
       along.out_mm.push_back(at_mm);
@@ -87,51 +94,110 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
   return along;
 }
 
-// From the plain end on, as long as enough points stand out.
-FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
-  const double bin_mm = kEndForms.bin * r_mm;
-  const auto bins =
-      static_cast<std::size_t>((kEndFormReach + kEndForms.overlap) / kEndForms.bin) + 1;
-  const auto bin_of = [&](double at_mm) {
-    return std::min(bins - 1,
-                    static_cast<std::size_t>((at_mm + kEndForms.overlap * r_mm) / bin_mm));
-  };
-  std::vector<double> count(bins, 0.0);
-  for (const double at_mm : along.out_mm) count[bin_of(at_mm)] += 1;
-  const double least = std::max(4.0, kEndForms.least_part * along.on_tube_per_mm * bin_mm);
-  const auto most_gap = static_cast<std::size_t>(kEndForms.gap / kEndForms.bin);
-  const std::size_t at_end = bin_of(0.0);
-  std::size_t last = 0, since = 0;
-  bool any = false;
-  for (std::size_t i = 0; i < bins && (since <= most_gap || i <= at_end + most_gap); ++i) {
-    since = count[i] >= least ? 0 : since + 1;
-    if (since == 0) last = i, any = true;
+// Bins along an end's axis, from the overlap on.
+class EndBins {
+ public:
+  explicit EndBins(double r_mm)
+      : r_mm_(r_mm),
+        count_(static_cast<std::size_t>((kEndFormReach + kEndForms.overlap) / kEndForms.bin) + 1) {}
+  std::size_t Of(double at_mm) const {
+    return std::min(count_ - 1,
+                    static_cast<std::size_t>((at_mm + kEndForms.overlap * r_mm_) / length_mm()));
   }
-  FoundEnd found;
-  if (!any) return found;
-  std::vector<double> ends;
-  std::array<bool, kEndSides> seen{};
-  double standing_mm = 0;
-  for (std::size_t i = 0; i < along.out_mm.size(); ++i) {
-    if (bin_of(along.out_mm[i]) > last + 1) continue;
-    ends.push_back(along.out_mm[i]);
-    seen[along.side[i]] = true;
-    standing_mm = std::max(standing_mm, along.standing_mm[i]);
+  std::size_t count() const { return count_; }
+  double length_mm() const { return kEndForms.bin * r_mm_; }
+  // Points that a fitting has in a bin, at least.
+  double Least(const AlongAxis& along) const {
+    return std::max(4.0, kEndForms.least_part * along.on_tube_per_mm * length_mm());
   }
+  static std::size_t MostGap() { return static_cast<std::size_t>(kEndForms.gap / kEndForms.bin); }
+
+ private:
+  double r_mm_;
+  std::size_t count_;
+};
+
+// Whether what is seen on these sides is seen all round: on this part of the tube's sides.
+bool IsAllRound(const std::array<bool, kEndSides>& seen, const AlongAxis& along,
+                double part = kEndForms.of_tubes_sides) {
   const auto sides = std::count(seen.begin(), seen.end(), true);
   const auto of_tube = std::count(along.tube_side.begin(), along.tube_side.end(), true);
-  if (sides < kEndForms.least_sides ||
-      static_cast<double>(sides) < kEndForms.of_tubes_sides * static_cast<double>(of_tube)) {
-    return found;
+  return sides >= kEndForms.least_sides &&
+         static_cast<double>(sides) >= part * static_cast<double>(of_tube);
+}
+
+// The last bin in which enough points stand out, from the plain end on without wide gaps.
+std::optional<std::size_t> LastBin(const AlongAxis& along, const EndBins& bins) {
+  std::vector<double> count(bins.count(), 0.0);
+  for (const double at_mm : along.out_mm) count[bins.Of(at_mm)] += 1;
+  const std::size_t at_end = bins.Of(0.0);
+  std::optional<std::size_t> last;
+  std::size_t since = 0;
+  for (std::size_t i = 0;
+       i < bins.count() && (since <= EndBins::MostGap() || i <= at_end + EndBins::MostGap()); ++i) {
+    since = count[i] >= bins.Least(along) ? 0 : since + 1;
+    if (since == 0) last = i;
   }
-  // The outermost few may be fliers. The third from the end lies three gaps before it, to the root
-  // of three, as points are spread by chance.
-  const std::size_t beyond = std::min<std::size_t>(2, ends.size() - 1);
-  std::nth_element(ends.begin(), ends.end() - 1 - static_cast<std::ptrdiff_t>(beyond), ends.end());
-  const double end_mm = ends[ends.size() - 1 - beyond];
-  if (end_mm < kEndForms.least_length * r_mm) return found;
-  const double per_point_mm =
-      (end_mm + kEndForms.overlap * r_mm) / static_cast<double>(ends.size());
+  return last;
+}
+
+// Beyond a bead the plain tube goes on: places of its points there, as far as they have no wide
+// gap.
+std::vector<double> WallBeyond(const AlongAxis& along, const EndBins& bins, std::size_t last_bin) {
+  std::vector<double> count(bins.count(), 0.0);
+  for (const auto& [at_mm, side] : along.on) count[bins.Of(at_mm)] += 1;
+  std::size_t last = last_bin, i = last_bin;
+  for (; i < bins.count() && i <= last + EndBins::MostGap(); ++i) {
+    if (count[i] >= bins.Least(along)) last = i;
+  }
+  std::array<bool, kEndSides> seen{};
+  std::vector<double> places_mm;
+  for (const auto& [at_mm, side] : along.on) {
+    if (bins.Of(at_mm) < last_bin || bins.Of(at_mm) > last + 1) continue;
+    places_mm.push_back(at_mm);
+    seen[side] = true;
+  }
+  return IsAllRound(seen, along) ? places_mm : std::vector<double>();
+}
+
+// The outermost few may be fliers. The third from the end lies three gaps before it, to the root of
+// three, as points are spread by chance.
+double ThirdFromEnd(std::vector<double>& places_mm) {
+  const std::size_t outer = std::min<std::size_t>(2, places_mm.size() - 1);
+  const auto at = places_mm.end() - 1 - static_cast<std::ptrdiff_t>(outer);
+  std::nth_element(places_mm.begin(), at, places_mm.end());
+  return *at;
+}
+
+// From the plain end on, as long as enough points stand out.
+FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
+  const EndBins bins(r_mm);
+  FoundEnd found;
+  const auto last = LastBin(along, bins);
+  if (!last) return found;
+  std::vector<double> ends;
+  std::array<bool, kEndSides> seen{}, beyond{};
+  double standing_mm = 0;
+  for (std::size_t i = 0; i < along.out_mm.size(); ++i) {
+    if (bins.Of(along.out_mm[i]) > *last + 1) continue;
+    ends.push_back(along.out_mm[i]);
+    seen[along.side[i]] = true;
+    if (along.out_mm[i] > 0) beyond[along.side[i]] = true;
+    standing_mm = std::max(standing_mm, along.standing_mm[i]);
+  }
+  if (!IsAllRound(seen, along)) return found;
+  double end_mm = ThirdFromEnd(ends);
+  double per_point_mm = (end_mm + kEndForms.overlap * r_mm) / static_cast<double>(ends.size());
+  const bool is_made = IsAllRound(beyond, along, kEndForms.made_sides) &&
+                       end_mm > kEndForms.made_gaps * per_point_mm;
+  if (end_mm < kEndForms.least_length * r_mm && !is_made) return found;
+  if (auto wall = WallBeyond(along, bins, *last); wall.size() > 2) {
+    const double wall_mm = ThirdFromEnd(wall);
+    if (wall_mm > end_mm) {
+      per_point_mm = (wall_mm - end_mm) / static_cast<double>(wall.size());
+      end_mm = wall_mm;
+    }
+  }
   found.form.length_mm = end_mm + 3.0 * per_point_mm;
   found.form.outside_mm = standing_mm;
   found.sigma_mm = std::hypot(std::sqrt(3.0) * per_point_mm, noise_mm);

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// Beads and flares of clouds: where the tube ends, and its radius place by place.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "hal/clock.h"
+#include "pipeline/reconstruction.h"
+#include "tests/support/cut_walls.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// A straight tube along x whose wall stands out before its last end.
+struct FormedTube {
+  double r_mm = 5, length_mm = 80, noise_mm = 0.02, per_mm2 = 6;
+  bool even = false;                                 // samples keep their distance from each other
+  std::function<double(double from_end_mm)> out_mm;  // how far
+};
+
+std::vector<Eigen::Vector3d> CloudOf(const FormedTube& tube, std::mt19937_64& random) {
+  std::normal_distribution<double> noise(0, tube.noise_mm);
+  const double cell_mm = 1 / std::sqrt(tube.per_mm2);
+  const int across = static_cast<int>(2 * std::numbers::pi * tube.r_mm / cell_mm);
+  const int rows = static_cast<int>(tube.length_mm / cell_mm);
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < across * rows; ++i) {
+    double along = tests::Uniform(random, 0, 1), around = tests::Uniform(random, 0, 1);
+    if (tube.even) {
+      along = (i / across + along) / rows;
+      around = (i % across + around) / across;
+    }
+    const double x_mm = tube.length_mm * along, phi = 2 * std::numbers::pi * around;
+    const double radius_mm = tube.r_mm + tube.out_mm(tube.length_mm - x_mm) + noise(random);
+    points.emplace_back(x_mm, radius_mm * std::cos(phi), radius_mm * std::sin(phi));
+  }
+  return points;
+}
+
+// Squares of errors over their sigmas.
+struct Squares {
+  double sum = 0, count = 0, greatest = 0;
+  void Add(double error, double sigma) {
+    sum += std::pow(error / sigma, 2);
+    count += 1;
+    greatest = std::max(greatest, std::abs(error / sigma));
+  }
+  double Rms() const { return std::sqrt(sum / count); }
+};
+
+struct FormErrors {
+  Squares length, radii, begins;
+};
+
+// `foot_mm`: from the end, where the form begins.
+void Measure(const FormedTube& tube, double foot_mm, std::mt19937_64& random, FormErrors& errors) {
+  const hal::ManualClock clock;
+  const auto found = Reconstruct(CloudOf(tube, random), {}, clock);
+  ASSERT_TRUE(found) << found.error().message;
+  ASSERT_EQ(found->tube.program.rows.size(), 1U);
+  errors.length.Add(found->tube.program.rows[0].length_mm - tube.length_mm,
+                    found->sigma.rows[0].length_mm);
+  const bool at_first = !found->first_end.profile.empty();
+  const EndForm& form = at_first ? found->first_end : found->last_end;
+  EXPECT_TRUE((at_first ? found->last_end : found->first_end).profile.empty());
+  ASSERT_FALSE(form.profile.empty());
+  for (const RadiusAt& at : form.profile) {
+    errors.radii.Add(at.radius_mm - tube.r_mm - tube.out_mm(at.from_end_mm), at.sigma_mm);
+  }
+  errors.begins.Add(form.begins_mm - foot_mm, form.begins_sigma_mm);
+}
+
+void ExpectAsSureAsTheySay(const FormErrors& errors) {
+  EXPECT_LT(errors.length.Rms(), 1.5);
+  EXPECT_LT(errors.radii.Rms(), 1.5);
+  EXPECT_LT(errors.begins.Rms(), 1.5);
+  EXPECT_LT(errors.length.greatest, 5);
+  EXPECT_LT(errors.radii.greatest, 6);
+  EXPECT_LT(errors.begins.greatest, 5);
+}
+
+// Rolled into the wall, which goes on beyond them.
+TEST(EndProfile, OfBeadsIsAsSureAsItSays) {
+  std::mt19937_64 random(1);
+  FormErrors errors;
+  for (int i = 0; i < 24; ++i) {
+    SCOPED_TRACE(i);
+    FormedTube tube;
+    tube.r_mm = tests::LogUniform(random, 4, 20);
+    tube.even = i % 2 == 0;
+    tube.length_mm = 16 * tube.r_mm;
+    tube.noise_mm = tests::LogUniform(random, 0.01, 0.08);
+    tube.per_mm2 = tests::LogUniform(random, 300, 3000) / (tube.r_mm * tube.r_mm);
+    const double high_mm = tests::Uniform(random, 0.06, 0.2) * tube.r_mm;
+    const double wide_mm = tests::Uniform(random, 4, 7) * high_mm;
+    const double middle_mm = 0.5 * wide_mm + tests::Uniform(random, 0.2, 0.8) * tube.r_mm;
+    tube.out_mm = [=](double from_end_mm) {
+      const double off = (from_end_mm - middle_mm) / wide_mm;
+      return std::abs(off) < 0.5 ? 0.5 * high_mm * (1 + std::cos(2 * std::numbers::pi * off)) : 0;
+    };
+    // The line through a raised cosine's flank meets the wall 0.418 of its width from the middle.
+    Measure(tube, middle_mm + 0.418 * wide_mm, random, errors);
+  }
+  ExpectAsSureAsTheySay(errors);
+}
+
+TEST(EndProfile, OfFlaresIsAsSureAsItSays) {
+  std::mt19937_64 random(2);
+  FormErrors errors;
+  for (int i = 0; i < 24; ++i) {
+    SCOPED_TRACE(i);
+    FormedTube tube;
+    tube.r_mm = tests::LogUniform(random, 4, 20);
+    tube.even = i % 2 == 0;
+    tube.length_mm = 16 * tube.r_mm;
+    tube.noise_mm = tests::LogUniform(random, 0.01, 0.08);
+    tube.per_mm2 = tests::LogUniform(random, 300, 3000) / (tube.r_mm * tube.r_mm);
+    const double high_mm = tests::Uniform(random, 0.12, 0.35) * tube.r_mm;
+    const double long_mm = high_mm / std::tan(tests::Uniform(random, 0.35, 0.78));
+    tube.out_mm = [=](double from_end_mm) {
+      return high_mm * std::max(0.0, 1 - from_end_mm / long_mm);
+    };
+    Measure(tube, long_mm, random, errors);
+  }
+  ExpectAsSureAsTheySay(errors);
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
