@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "hal/angles.h"
+#include "pipeline/features/end_series.h"
 #include "pipeline/math/dense_solve.h"
 #include "pipeline/math/quantiles.h"
 
@@ -27,8 +28,6 @@ struct CurveSettings {
   // Places of one sector say the same as often as not where laser lines cross it: they count as so
   // many of all.
   double independent = 0.5;
-  // [of r_P] 1 sigma of the terms of a turn, of two; of more turns as much less.
-  double slope = 0.5, wave = 0.3;
   // [of the mean gap] Sides are blurred by so much, one after the other: a series is no border of
   // its own, so none is taken for sharper than the last.
   std::array<double, 3> blurs = {0.3, 0.1, 0.05};
@@ -37,33 +36,6 @@ struct CurveSettings {
   std::size_t places = 72;
 };
 constexpr CurveSettings kCurve;
-
-// cos and sin of all turns, after 1. Of its own: where GCC 12 sees that order 1 has three numbers
-// it warns of Eigen's packets of two.
-[[gnu::noinline]] Eigen::VectorXd TermsAt(double cosine, double sine, int order) {
-  Eigen::VectorXd terms(1 + 2 * order);
-  terms[0] = 1.0;
-  double c = 1.0, s = 0.0;
-  for (int k = 1; k <= order; ++k) {
-    const double next = c * cosine - s * sine;
-    s = s * cosine + c * sine;
-    c = next;
-    terms[2 * k - 1] = c;
-    terms[2 * k] = s;
-  }
-  return terms;
-}
-
-// 1 / 1 sigma of each number before the scan [1/mm].
-Eigen::VectorXd Certainties(int order, double r_mm) {
-  Eigen::VectorXd certainties(1 + 2 * order);
-  certainties[0] = 0.0;
-  for (int k = 1; k <= order; ++k) {
-    const double sigma = k == 1 ? kCurve.slope : kCurve.wave * std::pow(2.0 / k, 1.5);
-    certainties.segment<2>(2 * k - 1).setConstant(1.0 / (sigma * r_mm));
-  }
-  return certainties;
-}
 
 // Least squares that leave out what lies far off.
 struct RoughCurve {
@@ -78,7 +50,7 @@ struct RoughCurve {
 [[gnu::noinline]] RoughCurve FitRoughly(std::span<const RoughEndPlace> places, int order,
                                         double gap_mm, double r_mm) {
   RoughCurve curve;
-  const Eigen::VectorXd certainties = Certainties(order, r_mm);
+  const Eigen::VectorXd certainties = SeriesCertainties(order, r_mm);
   const double least = gap_mm * gap_mm / 12.0;
   double reach_mm = 2.0 * r_mm;
   curve.x = Eigen::VectorXd::Zero(1 + 2 * order);
@@ -92,7 +64,7 @@ struct RoughCurve {
     double weights = 0;
     curve.square = 0;
     for (const RoughEndPlace& place : places) {
-      const Eigen::VectorXd terms = TermsAt(place.cosine, place.sine, order);
+      const Eigen::VectorXd terms = SeriesAt(place.cosine, place.sine, order);
       const double residual = place.at_mm - terms.dot(curve.x);
       off.push_back(std::abs(residual));
       const double weight = std::pow(std::max(0.0, 1.0 - std::pow(residual / reach_mm, 2)), 2);
@@ -122,7 +94,7 @@ class CurveLikelihood {
     const auto add = [&](const std::vector<const EndSide*>& sides, double way, Lanes& lanes) {
       lanes = Lanes(1 + 2 * order, static_cast<Eigen::Index>(sides.size()));
       for (std::size_t i = 0; i < sides.size(); ++i) {
-        lanes.Set(static_cast<Eigen::Index>(i), TermsAt(sides[i]->cosine, sides[i]->sine, order),
+        lanes.Set(static_cast<Eigen::Index>(i), SeriesAt(sides[i]->cosine, sides[i]->sine, order),
                   sides[i]->at_mm, way / std::max(sides[i]->sigma_mm, blur_mm));
       }
     };
@@ -131,8 +103,8 @@ class CurveLikelihood {
     stops_ = Lanes(1 + 2 * order, static_cast<Eigen::Index>(evidence.columns.size()));
     for (std::size_t i = 0; i < evidence.columns.size(); ++i) {
       const EndStop& stop = evidence.columns[i];
-      stops_.Set(static_cast<Eigen::Index>(i), TermsAt(stop.cosine, stop.sine, order), stop.last_mm,
-                 1.0 / stop.mean_gap_mm);
+      stops_.Set(static_cast<Eigen::Index>(i), SeriesAt(stop.cosine, stop.sine, order),
+                 stop.last_mm, 1.0 / stop.mean_gap_mm);
     }
   }
   double Log(const Eigen::VectorXd& x) {
@@ -222,7 +194,7 @@ std::vector<BorderPlace> PlacesOf(const Posterior& curve) {
   for (std::size_t i = 0; i < kCurve.places; ++i) {
     const double around_deg = 360.0 * static_cast<double>(i) / static_cast<double>(kCurve.places);
     const double around = around_deg * hal::kRadiansPerDegree;
-    Eigen::VectorXd terms = TermsAt(std::cos(around), std::sin(around), order);
+    Eigen::VectorXd terms = SeriesAt(std::cos(around), std::sin(around), order);
     terms.head<3>().setZero();
     places.push_back({std::remainder(around_deg, 360.0), terms.dot(curve.mean),
                       std::sqrt(std::max(0.0, terms.dot(curve.covariance * terms)))});
@@ -240,7 +212,7 @@ std::optional<Posterior> FitEndCurve(const EndEvidence& all, const Eigen::Vector
   const auto [order, rough] =
       ChooseOrder(places, evidence.gap_mm, are_lines ? kCurve.independent : 1.0, pipe_radius_mm);
   if (order == 1) return std::nullopt;
-  const Eigen::VectorXd certainties = Certainties(order, pipe_radius_mm);
+  const Eigen::VectorXd certainties = SeriesCertainties(order, pipe_radius_mm);
   Posterior curve{rough.x, rough.square * Inverse(rough.matrix)};
   const int walk = kCurve.walk_of_number * static_cast<int>(rough.x.size());
   WalkDice dice(rough.x.size());

@@ -65,12 +65,14 @@ class CutSearch {
       : r_mm_(pipe_radius_mm), window_mm_(window_mm), sigma_mm_(sigma_mm), dice_(dice) {}
 
   std::optional<FoundCut> Find(const SamplesNearEnd& near) {
-    const auto plane = PlaneOfWall(near);
-    if (!plane) return std::nullopt;
+    const auto planes = PlanesOfWall(near);
+    if (!planes) return std::nullopt;
+    const EndPlane* plane = &planes->plane;
     FoundCut found{*plane, Found(*plane)};
     // What is pressed in is on one side: neither a shadow there nor the flank of a bevel.
     if (const auto dented = UnlessDented(near, *plane)) return dented;
-    if (plane->in_shadow) return found;
+    const auto ragged = [&] { return FoundCut{*planes->ragged, Found(*planes->ragged)}; };
+    if (plane->in_shadow) return planes->ragged ? ragged() : found;
     const Eigen::Vector3d of_wall_mm = plane->Numbers(r_mm_);
     // Where the wall comes in or stands out, it ends before the tube does.
     const BevelSearch search = FindBevel(near, of_wall_mm, r_mm_, sigma_mm_);
@@ -89,6 +91,8 @@ class CutSearch {
       found.plane.at_sigma_mm =
           std::hypot(found.plane.at_sigma_mm, kCut.perhaps_bevelled * search.perhaps_mm);
       found.may_be_bevelled = true;
+    } else if (planes->ragged) {
+      return ragged();
     }
     return found;
   }
@@ -150,13 +154,18 @@ class CutSearch {
   }
 
   std::optional<EndPlane> PlaneOfWall(const SamplesNearEnd& near) {
+    const auto planes = PlanesOfWall(near);
+    return planes ? std::optional(planes->plane) : std::nullopt;
+  }
+
+  std::optional<EndPlanes> PlanesOfWall(const SamplesNearEnd& near) {
     SamplesAboutEnd all{near.size(), near.knows_passes(),
                         [&](std::size_t stride) { return near.Every(stride); },
                         [&](const Eigen::Vector3d& plane_mm, double below_mm, double above_mm) {
                           return near.Band(plane_mm, below_mm, above_mm);
                         },
                         [&](const Eigen::Vector3d& plane_mm) { return near.Hidden(plane_mm); }};
-    return FitEndPlane(std::move(all), r_mm_, window_mm_, sigma_mm_, dice_);
+    return FitEndPlanes(std::move(all), r_mm_, window_mm_, sigma_mm_, dice_);
   }
 
   double r_mm_, window_mm_, sigma_mm_;

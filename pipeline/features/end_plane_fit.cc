@@ -6,9 +6,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "hal/angles.h"
 #include "pipeline/features/end_curve.h"
 #include "pipeline/features/end_evidence.h"
 #include "pipeline/features/end_plane_walk.h"
+#include "pipeline/features/end_ragged.h"
 #include "pipeline/features/end_shadow.h"
 #include "pipeline/features/sampling.h"
 
@@ -32,6 +34,8 @@ struct EndFitSettings {
   // The same of a border that no plane is, of each column. By trial: of shadows -0.5 and more, of
   // waves that were cut -1 and less.
   double shadow_of_curve = 0.2, perhaps_of_curve = 0.8;
+  // [of r_P] A border that is no further from the plane of a shadow may as well be ragged.
+  double deep_shadow = 0.5;
   // [of their 1 sigma, together] Planes that are nearer to each other are one.
   double apart = 3.0;
   // Of scattered samples' columns: so many look like lines by chance.
@@ -63,30 +67,42 @@ class EndFit {
         smear_mm_(kSampling.SmearMm(sigma_mm, pipe_radius_mm)),
         dice_(dice) {}
 
-  std::optional<EndPlane> Fit() {
+  std::optional<EndPlanes> Fit() {
     // Where nobody knows passes, columns say at less cost whether there are lines at all.
     Eigen::Vector2d slope_mm = Eigen::Vector2d::Zero();
     std::optional<EndEvidence> columns;
     if (!all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns || MayBeLines(*columns)) {
-      if (auto plane = OfLines()) return all_.knows_passes ? plane : UnlessScattered(*plane);
+      if (auto plane = OfLines()) {
+        return EndPlanes{all_.knows_passes ? *plane : UnlessScattered(*plane), std::nullopt};
+      }
     }
     if (all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns) return std::nullopt;
     const EndPlane plane = OfColumns(*columns, slope_mm);
+    is_scattered_ = columns->columns_of_line <= 1.0 && !AreLines(*columns);
     const bool agrees = Agrees(plane, *columns, slope_mm, r_mm_);
     const auto border = agrees ? std::nullopt : Bordered(plane, *columns, slope_mm);
-    if (border) return UnlessInShadow(*border);
+    if (border) {
+      const bool is_deep =
+          DeepestMm(*border, border->Numbers(r_mm_)) > 0.5 * kFit.deep_shadow * r_mm_;
+      return EndPlanes{UnlessInShadow(*border), is_deep ? std::nullopt : Ragged(plane, agrees)};
+    }
     EndPlane certain = Certain(plane);
     certain.of_columns = agrees;
-    if (agrees && !certain.MayBeOblique()) return certain;
-    return UnlessInShadow(certain);
+    EndPlanes planes{certain, Ragged(plane, agrees)};
+    if (!agrees || certain.MayBeOblique()) planes.plane = UnlessInShadow(certain);
+    return planes;
   }
 
  private:
   static bool MayBeLines(const EndEvidence& columns) {
     const double with_lines = 0.5 * static_cast<double>(columns.sides.size());
     return with_lines > kFit.by_chance * (with_lines + static_cast<double>(columns.columns.size()));
+  }
+
+  static bool AreLines(const EndEvidence& columns) {
+    return columns.sides.size() > columns.columns.size();
   }
 
   std::size_t OfLinesStride() const { return StrideTo(all_.count, kFit.enough_of_lines); }
@@ -111,7 +127,7 @@ class EndFit {
   // `columns`: is told how many of them say the same where samples are not scattered.
   EndPlane OfColumns(EndEvidence& columns, const Eigen::Vector2d& slope_mm) {
     // Where laser lines are seen the columns have said all; a few samples look like some by chance.
-    if (columns.sides.size() <= columns.columns.size()) {
+    if (!AreLines(columns)) {
       RoughEnd rough = Rough();
       bool of_border = false;
       const auto better = [&](const Posterior& about) {
@@ -245,13 +261,32 @@ class EndFit {
     if (shadowed->likelier < perhaps) return plane;
     const double apart_mm = std::abs(shadowed->plane.mean[0] - plane.at_mm);
     if (apart_mm < kFit.apart * (shadowed->plane.Sigma(0) + plane.at_sigma_mm)) return plane;
-    if (shadowed->likelier > sure) return BesideShadow(*shadowed, samples);
+    if (is_scattered_) {
+      RaggedAbout about = AboutRagged(plane);
+      about.plane_mm = shadowed->plane.mean;
+      if (MissesSamplesAllRound(all_.every(OfLinesStride()), about, r_mm_)) return plane;
+    }
+    const bool is_deep =
+        !is_curve || DeepestMm(plane, shadowed->plane.mean) > kFit.deep_shadow * r_mm_;
+    if (shadowed->likelier > sure && is_deep) return BesideShadow(*shadowed, samples);
     EndPlane either = plane;
     either.at_sigma_mm = std::hypot(plane.at_sigma_mm, apart_mm);
     either.slope_sigma = std::max(plane.slope_sigma, plane.Slope());
     either.slope_sigmas = 0;
     either.in_shadow = true;
     return either;
+  }
+
+  // How far a border lies before a plane, where most.
+  double DeepestMm(const EndPlane& border, const Eigen::Vector3d& plane_mm) const {
+    double deepest_mm = 0;
+    for (const BorderPlace& place : border.border) {
+      const double around_rad = place.around_deg * hal::kRadiansPerDegree;
+      const Eigen::Vector3d row(1.0, std::cos(around_rad), std::sin(around_rad));
+      const double off_mm = row.dot(plane_mm - border.Numbers(r_mm_)) - place.beyond_mm;
+      deepest_mm = std::max(deepest_mm, off_mm);
+    }
+    return deepest_mm;
   }
 
   EndPlane BesideShadow(const ShadowedEnd& end, std::span<const EndSample> samples) const {
@@ -278,23 +313,53 @@ class EndFit {
     const EndSectors hidden = all_.hidden(plane.Numbers(r_mm_));
     const auto curve = FitEndCurve(evidence, slope_mm, hidden, r_mm_);
     if (!curve) return std::nullopt;
-    EndPlane of_curve = PlaneOf(*curve, Eigen::Vector2d::Zero(), r_mm_);
-    of_curve.border = PlacesOf(*curve);
-    of_curve.border_terms = static_cast<int>(curve->mean.size());
-    return of_curve;
+    return OfSeries(Eigen::Vector3d::Zero(), *curve, 0.0);
+  }
+
+  RaggedAbout AboutRagged(const EndPlane& plane) const {
+    RaggedAbout about;
+    about.plane_mm = plane.Numbers(r_mm_);
+    about.window_mm = std::min(window_mm_, depth_mm_);
+    about.smear_mm = std::max(smear_mm_, sigma_mm_);
+    about.hidden = all_.hidden(about.plane_mm);
+    return about;
+  }
+
+  // None: the plane explains all samples.
+  std::optional<EndPlane> Ragged(const EndPlane& plane, bool agrees) const {
+    if (!is_scattered_) return std::nullopt;
+    const RaggedAbout about = AboutRagged(plane);
+    if (agrees && !MissesSamplesBefore(of_columns_, about, r_mm_)) return std::nullopt;
+    const auto ragged = FitRaggedBorder(all_.every(OfLinesStride()), about, r_mm_);
+    if (!ragged) return std::nullopt;
+    const EndPlane found = OfSeries(about.plane_mm, ragged->series, ragged->ragged_mm);
+    return ragged->all_round ? found : UnlessInShadow(found);
+  }
+
+  // `ragged_mm`: of the border beside its series.
+  EndPlane OfSeries(const Eigen::Vector3d& from_mm, Posterior series, double ragged_mm) const {
+    series.mean.head<3>() += from_mm;
+    EndPlane found = PlaneOf(series, Eigen::Vector2d::Zero(), r_mm_);
+    found.border = PlacesOf(series);
+    for (BorderPlace& place : found.border) {
+      place.sigma_mm = std::hypot(place.sigma_mm, ragged_mm);
+    }
+    found.border_terms = static_cast<int>(series.mean.size());
+    return found;
   }
 
   SamplesAboutEnd all_;
   double r_mm_, window_mm_, sigma_mm_, smear_mm_;
   std::vector<EndSample> of_columns_;
+  bool is_scattered_ = false;
   double depth_mm_ = 0;  // along the tube, of the samples of columns
   EndDice& dice_;
 };
 
 }  // namespace
 
-std::optional<EndPlane> FitEndPlane(SamplesAboutEnd samples, double pipe_radius_mm,
-                                    double window_mm, double sigma_mm, EndDice& dice) {
+std::optional<EndPlanes> FitEndPlanes(SamplesAboutEnd samples, double pipe_radius_mm,
+                                      double window_mm, double sigma_mm, EndDice& dice) {
   return EndFit(std::move(samples), pipe_radius_mm, window_mm, sigma_mm, dice).Fit();
 }
 
@@ -320,9 +385,10 @@ std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double p
   if (samples.empty()) return std::nullopt;
   const auto hidden = [](const Eigen::Vector3d&) { return EndSectors{}; };
   EndDice dice;
-  return EndFit({samples.size(), knows_passes, every, band, hidden}, pipe_radius_mm, window_mm,
-                sigma_mm, dice)
-      .Fit();
+  const auto planes = FitEndPlanes({samples.size(), knows_passes, every, band, hidden},
+                                   pipe_radius_mm, window_mm, sigma_mm, dice);
+  if (!planes) return std::nullopt;
+  return planes->ragged ? planes->ragged : planes->plane;
 }
 
 }  // namespace bendloop::pipeline

@@ -31,11 +31,18 @@ struct SamplesAboutEnd {
   std::function<EndSectors(const Eigen::Vector3d& plane_mm)> hidden;
 };
 
-// The plane of an end, or a border that none is where lines and columns say so; none: too few
-// samples. `samples`: from `window_mm` before the end on; `sigma_mm`: noise across the wall.
-std::optional<EndPlane> FitEndPlane(SamplesAboutEnd samples, double pipe_radius_mm,
-                                    double window_mm, double sigma_mm, EndDice& dice);
-// `knows_passes`: whether theirs is known.
+// The plane of an end, or a border that none is where lines and columns say so.
+struct EndPlanes {
+  EndPlane plane;
+  // The same of a border that is ragged (end_ragged.h), where samples are missing before the plane
+  // by more than chance: for what is found beside the end, as a bevel, is no reason.
+  std::optional<EndPlane> ragged;
+};
+// None: too few samples. `samples`: from `window_mm` before the end on; `sigma_mm`: noise across
+// the wall.
+std::optional<EndPlanes> FitEndPlanes(SamplesAboutEnd samples, double pipe_radius_mm,
+                                      double window_mm, double sigma_mm, EndDice& dice);
+// The ragged one, if any. `knows_passes`: whether theirs is known.
 std::optional<EndPlane> FitEndPlane(std::span<const EndSample> samples, double pipe_radius_mm,
                                     double window_mm, double sigma_mm, bool knows_passes = true);
 

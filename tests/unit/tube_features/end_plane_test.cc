@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Planes of tube ends: their error against the bound of the sampled border, and whether 1 sigma is
 // what it says.
-#include "pipeline/features/end_plane_fit.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,6 +9,7 @@
 #include <vector>
 
 #include "hal/angles.h"
+#include "pipeline/features/end_plane_fit.h"
 
 namespace bendloop::pipeline {
 namespace {
