@@ -20,6 +20,7 @@ struct EndFormSettings {
   double widest = 3.0;
   // [of r_P] Of the places along the axis that are looked at one by one.
   double bin = 0.25;
+  std::size_t together = 3;  // of them that show the sides of one place
   // [of r_P] A fitting begins no further than this before the plain tube's end, and has no longer
   // gaps than this.
   double overlap = 1.0, gap = 0.75;
@@ -117,11 +118,15 @@ class EndBins {
   std::size_t count_;
 };
 
-// Whether what is seen on these sides is seen all round: on this part of the tube's sides.
+// Whether what is seen on these sides is seen all round: on this part of the tube's sides. On
+// others a table may lie.
 bool IsAllRound(const std::array<bool, kEndSides>& seen, const AlongAxis& along,
                 double part = kEndForms.of_tubes_sides) {
-  const auto sides = std::count(seen.begin(), seen.end(), true);
-  const auto of_tube = std::count(along.tube_side.begin(), along.tube_side.end(), true);
+  int sides = 0, of_tube = 0;
+  for (unsigned i = 0; i < kEndSides; ++i) {
+    of_tube += along.tube_side[i] ? 1 : 0;
+    sides += along.tube_side[i] && seen[i] ? 1 : 0;
+  }
   return sides >= kEndForms.least_sides &&
          static_cast<double>(sides) >= part * static_cast<double>(of_tube);
 }
@@ -160,6 +165,20 @@ std::vector<double> WallBeyond(const AlongAxis& along, const EndBins& bins, std:
   return IsAllRound(seen, along) ? places_mm : std::vector<double>();
 }
 
+// Whether what stands out does so all round at one place, and not on one side here and on another
+// there, as a table does that the end leans against.
+bool IsAllRoundSomewhere(const AlongAxis& along, const EndBins& bins, std::size_t last_bin) {
+  std::vector<std::array<bool, kEndSides>> seen(bins.count());
+  for (std::size_t i = 0; i < along.out_mm.size(); ++i) {
+    const std::size_t bin = bins.Of(along.out_mm[i]);
+    for (std::size_t near = bin; near < std::min(bin + kEndForms.together, bins.count()); ++near) {
+      seen[near][along.side[i]] = true;
+    }
+  }
+  return std::any_of(seen.begin(), seen.begin() + static_cast<std::ptrdiff_t>(last_bin) + 1,
+                     [&](const auto& sides) { return IsAllRound(sides, along); });
+}
+
 // The outermost few may be fliers. The third from the end lies three gaps before it, to the root of
 // three, as points are spread by chance.
 double ThirdFromEnd(std::vector<double>& places_mm) {
@@ -185,7 +204,7 @@ FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
     if (along.out_mm[i] > 0) beyond[along.side[i]] = true;
     standing_mm = std::max(standing_mm, along.standing_mm[i]);
   }
-  if (!IsAllRound(seen, along)) return found;
+  if (!IsAllRound(seen, along) || !IsAllRoundSomewhere(along, bins, *last)) return found;
   double end_mm = ThirdFromEnd(ends);
   double per_point_mm = (end_mm + kEndForms.overlap * r_mm) / static_cast<double>(ends.size());
   const bool is_made = IsAllRound(beyond, along, kEndForms.made_sides) &&

@@ -212,6 +212,54 @@ TEST(EndForms, WhatPassesAnEndIsNoFitting) {
   }
 }
 
+// The tube lies on a table, which is seen beside it on its lower sides, where the tube is not.
+TEST(EndForms, ATableBelowAnEndIsNoFitting) {
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> part(0, 1);
+  constexpr double kTubeMm = 5;
+  for (int seen_deg = 180; seen_deg <= 240; seen_deg += 10) {
+    SCOPED_TRACE(seen_deg);
+    std::vector<Eigen::Vector3d> points;
+    const double seen = seen_deg * std::numbers::pi / 180;
+    for (int i = 0; i < 6000; ++i) {
+      const double around = 0.5 * std::numbers::pi + (part(random) - 0.5) * seen;
+      points.emplace_back(-40 * part(random), kTubeMm * std::cos(around),
+                          kTubeMm * std::sin(around));
+      // Its shadow lies between.
+      const double x = 80 * part(random) - 40, y = 40 * part(random) - 20;
+      if (x < 0 && std::abs(y) < kTubeMm) continue;
+      points.emplace_back(x, y, -kTubeMm);
+    }
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 60, points}};
+    const FoundEnd found =
+        FindFitting({Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitX()}, kTubeMm, 0.03, blocks);
+    EXPECT_EQ(found.form.length_mm, 0);
+  }
+}
+
+// Its end leans against the table: that passes on one side before the end, and on the other beyond.
+TEST(EndForms, ATableThatAnEndLeansAgainstIsNoFitting) {
+  std::mt19937_64 random(2);
+  std::uniform_real_distribution<double> part(0, 1);
+  constexpr double kTubeMm = 5;
+  for (const double slope : {0.3, 0.6, 1.0, 1.5}) {
+    SCOPED_TRACE(slope);
+    std::vector<Eigen::Vector3d> points;
+    for (int i = 0; i < 6000; ++i) {
+      const double around = std::numbers::pi * (1.4 * part(random) - 0.2);
+      points.emplace_back(-40 * part(random), kTubeMm * std::cos(around),
+                          kTubeMm * std::sin(around));
+      const double x = 60 * part(random) - 30, y = 40 * part(random) - 20;
+      const double z = slope * (x - 0.5 * kTubeMm);  // crosses the axis beyond the end
+      if (x > 0 || std::hypot(y, z) > kTubeMm) points.emplace_back(x, y, z);
+    }
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 60, points}};
+    const FoundEnd found =
+        FindFitting({Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitX()}, kTubeMm, 0.03, blocks);
+    EXPECT_EQ(found.form.length_mm, 0);
+  }
+}
+
 // Where bows are not found a slight bend may stand for them, and be as uncertain as it is slight.
 TEST(ReportQuality, ABendThatIsHardlyKnownIsToldToBeDoubtful) {
   Measurement measurement;
