@@ -87,14 +87,16 @@ void SpreadBeside(const OpeningBorder& border, double reach_mm, double step_mm, 
   const double round_mm = 0.5 * border.width_mm;
   const double around_mm =
       2.0 * (std::numbers::pi * round_mm + border.length_mm - border.width_mm) / kBeside.around;
-  // A lean makes an oval of it.
-  const double to_mm = (round_mm + reach_mm) * std::sqrt(1.0 + border.lean.squaredNorm());
+  // A lean makes an oval of it, and more where the wall turns away.
+  const double most_mm = border.lean.isZero() ? round_mm + reach_mm : 4.0 * (round_mm + reach_mm);
   const double from_mm = round_mm - step_mm * std::floor(round_mm / step_mm);
   for (double i = 0.5; i < kBeside.around; i += 1.0) {
     const WayOut out = WayOutAt(border, i / kBeside.around);
-    for (double off_mm = from_mm + 0.5 * step_mm; off_mm < to_mm; off_mm += step_mm) {
+    for (double off_mm = from_mm + 0.5 * step_mm; off_mm < most_mm; off_mm += step_mm) {
       const double wide_mm = out.is_round ? around_mm * off_mm / round_mm : around_mm;
-      take(Eigen::Vector2d(out.from_mm + off_mm * out.way), wide_mm * step_mm);
+      const Eigen::Vector2d place = out.from_mm + off_mm * out.way;
+      if (off_mm > round_mm && border.DistanceMm(place) > reach_mm) break;
+      take(place, wide_mm * step_mm);
     }
   }
 }

@@ -91,6 +91,28 @@ TEST(LogOddsOfShadow, TellACutFromAnEdge) {
   }
 }
 
+// What a drill leaves that leans is longer than wide, and longer still where the wall turns away.
+TEST(LogOddsOfShadow, OfAHoleThatLeansAreThoseOfACut) {
+  std::mt19937_64 random(3);
+  constexpr double kRadiusOfTubeMm = 8;
+  for (const double part : {0.6, 0.8, 1.1}) {
+    for (int i = 0; i < 12; ++i) {
+      SCOPED_TRACE(testing::Message() << part << " pipe radii, " << i);
+      OpeningBorder hole;
+      hole.length_mm = hole.width_mm = part * kRadiusOfTubeMm;
+      const double towards = 0.5 * i, lean = 0.1 * (2 + i % 4);
+      hole.lean = lean * Eigen::Vector2d(std::cos(towards), std::sin(towards));
+      hole.pipe_radius_mm = kRadiusOfTubeMm;
+      const auto wall = PlaneOf(14, 80, random, [&](const Eigen::Vector2d& place) {
+        const double side = place.y() / kRadiusOfTubeMm;
+        if (hole.DistanceMm(place) < 0 || std::abs(side) > 0.9) return 0.0;
+        return 0.4 / std::sqrt(1 - side * side);
+      });
+      EXPECT_LT(LogOddsOfShadow(hole, wall, 0.3, kRadiusOfTubeMm), -5);
+    }
+  }
+}
+
 TEST(IsLikeItsSurroundings, OnlyBetweenLines) {
   std::mt19937_64 random(3);
   for (int i = 0; i < 20; ++i) {
