@@ -54,9 +54,10 @@ struct OpeningSettings {
   // [log] How much likelier a cut is than the edge of a shadow, at least, of one that is no wider
   // than gaps beside it; and by how much a shadow may be likelier of others.
   double narrow_odds = 1.3, shadow_odds = 1.5;
-  // [log] How much likelier a cut is, at least, than that no view showed the wall; and of one that
-  // is no wider than gaps beside it.
-  double cut_odds = 11.0, cut_odds_narrow = 16.0;
+  // [log] How much likelier a cut is, at least, than that no view showed the wall; of one that
+  // is no wider than gaps beside it; and of one beside which samples become fewer as at the edge of
+  // a shadow, as they also do where another view ends beside a hole.
+  double cut_odds = 11.0, cut_odds_narrow = 16.0, cut_odds_in_shadow = 200.0;
   // Of what is roughly the border of such a one, so much must be empty.
   double core = 0.6;
   // Samples whose distance to the nearest says how evenly they are scattered.
@@ -153,13 +154,17 @@ bool MayBeNarrow(const OpeningBorder& rough, const Surroundings& around, const L
          !IsLikeItsSurroundings(rough, around.present, look.reach_mm, r_mm);
 }
 
-// Where nobody knows who looked: whether samples beside it end as they do at a cut, and not as at
-// the edge of what no view showed.
-bool IsCutInCloud(const OpeningBorder& border, const Surroundings& around, const Look& look,
-                  double r_mm) {
-  if (!border.is_hole() && border.width_mm > kOpening.widest_slot * r_mm) return false;
-  const double odds = LogOddsOfShadow(border, around.wall, look.gap_mm, r_mm);
-  return odds < (IsNarrow(border, look) ? -kOpening.narrow_odds : kOpening.shadow_odds);
+// Where nobody knows who looked: how much likelier a cut must be than wall that no view showed
+// [log]; none: samples beside it do not end as at a cut.
+std::optional<double> LeastOddsOfCut(const OpeningBorder& border, const Surroundings& around,
+                                     const Look& look, double r_mm) {
+  if (!border.is_hole() && border.width_mm > kOpening.widest_slot * r_mm) return std::nullopt;
+  const double shadow = LogOddsOfShadow(border, around.wall, look.gap_mm, r_mm);
+  if (!IsNarrow(border, look)) {
+    return shadow < kOpening.shadow_odds ? kOpening.cut_odds : kOpening.cut_odds_in_shadow;
+  }
+  if (shadow < -kOpening.narrow_odds) return kOpening.cut_odds_narrow;
+  return std::nullopt;
 }
 
 // Whether passes that are known looked through enough of it.
@@ -174,7 +179,7 @@ bool IsLookedThrough(const OpeningBorder& border, const PassSurroundings& passes
 // Whether an opening with this border leaves these samples: none in it, and some on all its sides
 // but one, no further from it than they are from each other.
 bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSurroundings& passes,
-           const Look& look, double r_mm) {
+           const Look& look) {
   if (passes.are_known && !IsLookedThrough(border, passes)) return false;
   const bool are_scattered = passes.are_known && !passes.has_lines;
   const double missing =
@@ -190,8 +195,7 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSu
   // Where rays are known to have passed, sides need be no shorter than lines lie apart.
   const BorderSides sides = SidesOf(border, around.all, clear_mm, 2.0 * look.gap_mm + clear_mm,
                                     passes.are_known ? 2.0 * look.gap_mm : 0.0);
-  if (sides.with_samples + 1 < sides.all) return false;
-  return passes.are_known || IsCutInCloud(border, around, look, r_mm);
+  return sides.with_samples + 1 >= sides.all;
 }
 
 // What a place that cells show turned out to be.
@@ -259,7 +263,10 @@ class Candidate {
     }
     const OpeningBorder& border = fitted.border;
     if (border.AreaMm2() > kOpening.most_larger * look.void_mm2) return std::nullopt;
-    if (!IsCut(border, wall, passes, look, r_mm_)) return std::nullopt;
+    if (!IsCut(border, wall, passes, look)) return std::nullopt;
+    const std::optional<double> least_odds =
+        passes.are_known ? 0.0 : LeastOddsOfCut(border, wall, look, r_mm_);
+    if (!least_odds) return std::nullopt;
     // Its drill goes across the wall at its own middle: from beside, its border lies further aside
     // where the wall is lower.
     const double low_mm = border.length_mm * border.length_mm / (8.0 * r_mm_);
@@ -277,15 +284,9 @@ class Candidate {
     }
     const double wider = passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered);
     // Asked last, as it takes longest.
-    const bool may_be_unseen = !passes.are_known && MayBeUnseen(frame, border, wall, look);
+    const bool may_be_unseen = !passes.are_known && LogOddsOfCut(tube_, frame, border, wall.wall,
+                                                                 look.reach_mm) < *least_odds;
     return LookedAtPlace{Found(frame, fitted, wider), may_be_unseen};
-  }
-
-  // Whether views that nobody knows may have left out what lies in a border.
-  bool MayBeUnseen(const hal::SurfaceFrame& frame, const OpeningBorder& border,
-                   const Surroundings& around, const Look& look) const {
-    return LogOddsOfCut(tube_, frame, border, around.wall, look.reach_mm) <
-           (IsNarrow(border, look) ? kOpening.cut_odds_narrow : kOpening.cut_odds);
   }
 
   static Surroundings WithoutFace(const Surroundings& around, const OpeningBorder& border,

@@ -159,5 +159,32 @@ TEST(UnseenWall, IsNotWhereAViewSeesTheWallAllAround) {
   EXPECT_EQ(found, holes);
 }
 
+// Beside a hole as wide as the pipe radius views begin and end, and samples become fewer as they do
+// at the edge of a shadow: of many it is certain all the same.
+TEST(UnseenWall, IsNotWhereSamplesAroundAWideHoleAreMany) {
+  std::mt19937_64 random(3);
+  int found = 0;
+  constexpr int kHoles = 8;
+  for (int i = 0; i < kHoles; ++i) {
+    const hal::Tube tube{10, {{{150, 0, 0, std::nullopt}}}, {}};
+    const Seen seen(tube);
+    const hal::SurfaceFrame middle = hal::FrameAt(seen.segments(), 75, Uniform(random, -180, 180));
+    const double wide_mm = tube.pipe_radius_mm * Uniform(random, 1.0, 1.2);
+    const auto is_drilled = [&](const Eigen::Vector3d& point) {
+      const Eigen::Vector3d off = point - middle.spine_mm;
+      const double out_mm = off.dot(middle.outward);
+      return out_mm > 0 && (off - out_mm * middle.outward).norm() < 0.5 * wide_mm;
+    };
+    // One looks into it, the others begin a little beside it on either side.
+    std::vector<Eigen::Vector3d> ways;
+    for (const double turn_deg : {0, 105, 105, 105, -105, -105, -105}) {
+      const Eigen::AngleAxisd turn(turn_deg * hal::kRadiansPerDegree, Eigen::Vector3d::UnitX());
+      ways.push_back(turn * middle.outward);
+    }
+    found += OpeningsOf(CloudOf(tube, 120'000, ways, random, is_drilled)).size() == 1 ? 1 : 0;
+  }
+  EXPECT_EQ(found, kHoles);
+}
+
 }  // namespace
 }  // namespace bendloop::pipeline
