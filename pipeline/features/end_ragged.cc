@@ -6,6 +6,9 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "pipeline/features/end_series.h"
@@ -32,9 +35,9 @@ struct RaggedSettings {
   double no_step_mm = 1e-5;
   // Places of a sector at which the border's area is summed.
   int places = 4;
-  // Twice the logarithm of the odds that a plane and noise do not explain the samples; and of those
-  // on a third of the turn.
-  double certain = 0.0, certain_of_third = 6.0;
+  // Twice the logarithm of the odds that a plane and noise do not explain the samples on a third of
+  // the turn.
+  double certain_of_third = 6.0;
   // [of the raggedness] The border reaches so far below its series.
   double below = 2.5;
   std::size_t arcs = 12;  // of a third of the turn, that are looked at
@@ -44,6 +47,8 @@ struct RaggedSettings {
   double by_noise = 0.4;  // [of the noise] So much of the wall before a plane noise leaves empty.
 };
 constexpr RaggedSettings kRagged;
+
+using SectorCounts = std::array<double, kEndSectors>;
 
 struct RaggedSample {
   std::size_t sector;
@@ -69,8 +74,8 @@ LogPhi LogPhiAt(double z) {
 // how many there are.
 class RaggedLikelihood {
  public:
-  RaggedLikelihood(std::vector<RaggedSample> samples, const std::array<double, kEndSectors>& count,
-                   double window_mm, double r_mm)
+  RaggedLikelihood(std::vector<RaggedSample> samples, const SectorCounts& count, double window_mm,
+                   double r_mm)
       : samples_(About(std::move(samples), r_mm)),
         terms_(1 + 2 * kRagged.orders.back(), static_cast<Eigen::Index>(samples_.size())),
         count_(count),
@@ -156,11 +161,9 @@ class RaggedLikelihood {
 
   std::vector<RaggedSample> samples_;
   Eigen::MatrixXd terms_, of_sectors_;  // of the longest series: of each sample, means of sectors
-  std::array<double, kEndSectors> count_;
+  SectorCounts count_;
   double window_mm_, r_mm_;
 };
-
-using SectorCounts = std::array<double, kEndSectors>;
 
 // The wall before a plane, without what is hidden.
 struct RaggedWall {
@@ -332,6 +335,7 @@ bool MissesSamplesAllRound(std::span<const EndSample> samples, const RaggedAbout
   }
   return true;
 }
+
 std::optional<RaggedBorder> FitRaggedBorder(std::span<const EndSample> samples,
                                             const RaggedAbout& about, double pipe_radius_mm) {
   const RaggedWall wall(samples, about);
@@ -343,8 +347,7 @@ std::optional<RaggedBorder> FitRaggedBorder(std::span<const EndSample> samples,
   const auto least_mm = [&](double numbers) {
     return std::max(about.smear_mm, kRagged.of_number * numbers / per_mm);
   };
-  const double of_plane = -2.0 * likelihood.Climb(least_mm(3.0), plane).log - kRagged.certain;
-  double best = of_plane, log_samples = 0;
+  double best = -2.0 * likelihood.Climb(least_mm(3.0), plane).log, log_samples = 0;
   std::optional<RaggedBorder> border;
   for (const int order : kRagged.orders) {
     const Likeliest any =
@@ -352,7 +355,7 @@ std::optional<RaggedBorder> FitRaggedBorder(std::span<const EndSample> samples,
     // Those about the border tell where it is.
     if (order == 1) log_samples = std::log(SamplesAbout(wall, any));
     const double bic = -2.0 * any.at.log + (2.0 * order - 1.0) * log_samples;
-    if (bic >= best) continue;
+    if (!(bic < best)) continue;
     best = bic;
     border = RaggedBorder{{any.series, Inverse(any.at.information), 0.0}, any.ragged_mm};
   }

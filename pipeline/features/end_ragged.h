@@ -28,8 +28,7 @@ struct RaggedAbout {
   EndSectors hidden{};                                 // where samples stop at something else
 };
 
-// Whether samples are missing right before a plane, more than by chance: 4 sigma of their number,
-// or what noise leaves away.
+// Whether samples are missing right before a plane, more than chance and noise leave away.
 bool MissesSamplesBefore(std::span<const EndSample> samples, const RaggedAbout& about,
                          double pipe_radius_mm);
 
