@@ -34,6 +34,11 @@ struct EndCutSettings {
   // Columns tell an end better than the outermost point where that is so many times as unsure: what
   // stands out before the end parts the wall into pieces, whose distance is none of its samples.
   double much_surer = 4.0;
+  // [sigma] Samples of a cloud that lie so near to its plane below the wall, so many, are of the
+  // face; those that noise lifts so far above the wall are asked alone then, if the face lies no
+  // further beyond the plane that they tell. By trial.
+  double near_face = 4.0, above_face = 0.7, face_beyond = 1.0;
+  double least_of_face = 12.0;
   // A slope that is known no better may be of any end.
   double unsure_slope = 0.3;
   // [of r_P] From the border into the tube: where the gaps between samples are looked at.
@@ -91,6 +96,8 @@ class CutSearch {
       found.plane.at_sigma_mm =
           std::hypot(found.plane.at_sigma_mm, kCut.perhaps_bevelled * search.perhaps_mm);
       found.may_be_bevelled = true;
+    } else if (const auto cut = WithoutFace(near, *plane)) {
+      return cut;
     } else if (planes->ragged) {
       return ragged();
     }
@@ -98,6 +105,21 @@ class CutSearch {
   }
 
  private:
+  // Noise along the tube moves samples of the face beyond the border: most lie below the wall.
+  // None: no face is seen, or it does not lie where the wall ends without it.
+  std::optional<FoundCut> WithoutFace(const SamplesNearEnd& near, const EndPlane& with_face) {
+    const double near_mm = kCut.near_face * sigma_mm_;
+    const auto face_mm = [&](const EndPlane& plane) {
+      return near.FaceBeyondMm(plane.Numbers(r_mm_), near_mm, kCut.least_of_face);
+    };
+    if (near.knows_passes() || !with_face.of_border || !face_mm(with_face)) return std::nullopt;
+    const auto plane = PlaneOfWall(near.Above(r_mm_ + kCut.above_face * sigma_mm_));
+    if (!plane) return std::nullopt;
+    const auto beyond_mm = face_mm(*plane);
+    if (!beyond_mm || *beyond_mm > kCut.face_beyond * sigma_mm_) return std::nullopt;
+    return FoundCut{*plane, Found(*plane)};
+  }
+
   std::optional<FoundCut> WithRim(const SamplesNearEnd& near, const Eigen::Vector3d& of_wall_mm) {
     const std::vector<NearEnd> out = StandingOut(near, of_wall_mm, r_mm_, sigma_mm_);
     if (out.empty()) return std::nullopt;

@@ -226,6 +226,26 @@ void SamplesNearEnd::LeaveOutWallBefore(double at_mm) {
   std::erase_if(wall_, [at_mm](const NearEnd& near) { return near.at_mm < at_mm; });
 }
 
+std::optional<double> SamplesNearEnd::FaceBeyondMm(const Eigen::Vector3d& plane_mm, double near_mm,
+                                                   double least) const {
+  double sum_mm = 0, count = 0;
+  for (const NearEnd& near : inside_) {
+    const double beyond_mm = near.BeyondMm(plane_mm);
+    if (std::abs(beyond_mm) > near_mm) continue;
+    sum_mm += beyond_mm;
+    count += 1;
+  }
+  return count < least ? std::nullopt : std::optional(sum_mm / count);
+}
+
+SamplesNearEnd SamplesNearEnd::Above(double radius_mm) const {
+  SamplesNearEnd above = *this;
+  std::erase_if(above.wall_, [radius_mm](const NearEnd& near) {
+    return near.x * near.x + near.y * near.y <= radius_mm * radius_mm;
+  });
+  return above;
+}
+
 SamplesNearEnd SamplesNearEnd::With(std::span<const NearEnd> more) const {
   SamplesNearEnd with = *this;
   for (NearEnd sample : more) {

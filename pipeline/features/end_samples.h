@@ -57,6 +57,12 @@ class SamplesNearEnd {
   // leaves one. None: there is no gap.
   std::optional<double> WallBeginsMm() const;
   void LeaveOutWallBefore(double at_mm);
+  // How far the face that a cut left lies beyond a plane: mean of at least so many samples below
+  // the wall that lie so near to it. None: fewer do.
+  std::optional<double> FaceBeyondMm(const Eigen::Vector3d& plane_mm, double near_mm,
+                                     double least) const;
+  // The same without those on the wall that lie no farther from the axis than this.
+  SamplesNearEnd Above(double radius_mm) const;
   // The same with some more on the wall, which has come in or stands out there.
   SamplesNearEnd With(std::span<const NearEnd> more) const;
 

@@ -255,6 +255,26 @@ TEST(EndEdge, AnEndThatMayBeBevelledIsWhereItsFaceLies) {
   }
 }
 
+// Noise in all directions moves samples of the face of a square cut, half of them beyond it: ends
+// were 11 of their sigmas too long.
+TEST(EndEdge, AnEndWhoseFaceIsSeenIsWhereItWasCut) {
+  std::mt19937_64 random(4);
+  double square = 0;
+  constexpr int kEnds = 32;
+  for (int i = 0; i < kEnds; ++i) {
+    SCOPED_TRACE(i);
+    const double noise_mm = tests::Uniform(random, 0.02, 0.08);
+    auto points = BevelledCloud(6.0, {0, 0, noise_mm, 0, 1.5}, random);
+    std::normal_distribution<double> along(0, noise_mm);
+    for (Eigen::Vector3d& point : points) point.x() += along(random);
+    const CloudEnd end = EndOf(points, 6.0, noise_mm);
+    const double off = (end.at_mm - 60) / end.sigma_mm;
+    EXPECT_LT(std::abs(off), 6);
+    square += off * off;
+  }
+  EXPECT_LT(std::sqrt(square / kEnds), 2.5);
+}
+
 TEST(EndEdge, ABurrIsToldWhereItStandsOut) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
     SCOPED_TRACE(seed);
