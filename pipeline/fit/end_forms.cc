@@ -195,16 +195,15 @@ FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
   const auto last = LastBin(along, bins);
   if (!last) return found;
   std::vector<double> ends;
-  std::array<bool, kEndSides> seen{}, beyond{};
+  std::array<bool, kEndSides> beyond{};
   double standing_mm = 0;
   for (std::size_t i = 0; i < along.out_mm.size(); ++i) {
     if (bins.Of(along.out_mm[i]) > *last + 1) continue;
     ends.push_back(along.out_mm[i]);
-    seen[along.side[i]] = true;
     if (along.out_mm[i] > 0) beyond[along.side[i]] = true;
     standing_mm = std::max(standing_mm, along.standing_mm[i]);
   }
-  if (!IsAllRound(seen, along) || !IsAllRoundSomewhere(along, bins, *last)) return found;
+  if (!IsAllRoundSomewhere(along, bins, *last)) return found;
   double end_mm = ThirdFromEnd(ends);
   double per_point_mm = (end_mm + kEndForms.overlap * r_mm) / static_cast<double>(ends.size());
   const bool is_made = IsAllRound(beyond, along, kEndForms.made_sides) &&

@@ -7,7 +7,6 @@
 #include <functional>
 #include <numbers>
 #include <random>
-#include <string>
 #include <vector>
 
 #include "hal/clock.h"
@@ -23,6 +22,17 @@ struct FormedTube {
   bool even = false;                                 // samples keep their distance from each other
   std::function<double(double from_end_mm)> out_mm;  // how far
 };
+
+// Of any size, noise and density; nothing stands out of it yet.
+FormedTube AnyTube(bool even, std::mt19937_64& random) {
+  FormedTube tube;
+  tube.r_mm = tests::LogUniform(random, 4, 20);
+  tube.even = even;
+  tube.length_mm = 16 * tube.r_mm;
+  tube.noise_mm = tests::LogUniform(random, 0.01, 0.08);
+  tube.per_mm2 = tests::LogUniform(random, 300, 3000) / (tube.r_mm * tube.r_mm);
+  return tube;
+}
 
 std::vector<Eigen::Vector3d> CloudOf(const FormedTube& tube, std::mt19937_64& random) {
   std::normal_distribution<double> noise(0, tube.noise_mm);
@@ -91,12 +101,7 @@ TEST(EndProfile, OfBeadsIsAsSureAsItSays) {
   FormErrors errors;
   for (int i = 0; i < 24; ++i) {
     SCOPED_TRACE(i);
-    FormedTube tube;
-    tube.r_mm = tests::LogUniform(random, 4, 20);
-    tube.even = i % 2 == 0;
-    tube.length_mm = 16 * tube.r_mm;
-    tube.noise_mm = tests::LogUniform(random, 0.01, 0.08);
-    tube.per_mm2 = tests::LogUniform(random, 300, 3000) / (tube.r_mm * tube.r_mm);
+    FormedTube tube = AnyTube(i % 2 == 0, random);
     const double high_mm = tests::Uniform(random, 0.06, 0.2) * tube.r_mm;
     const double wide_mm = tests::Uniform(random, 4, 7) * high_mm;
     const double middle_mm = 0.5 * wide_mm + tests::Uniform(random, 0.2, 0.8) * tube.r_mm;
@@ -115,12 +120,7 @@ TEST(EndProfile, OfFlaresIsAsSureAsItSays) {
   FormErrors errors;
   for (int i = 0; i < 24; ++i) {
     SCOPED_TRACE(i);
-    FormedTube tube;
-    tube.r_mm = tests::LogUniform(random, 4, 20);
-    tube.even = i % 2 == 0;
-    tube.length_mm = 16 * tube.r_mm;
-    tube.noise_mm = tests::LogUniform(random, 0.01, 0.08);
-    tube.per_mm2 = tests::LogUniform(random, 300, 3000) / (tube.r_mm * tube.r_mm);
+    FormedTube tube = AnyTube(i % 2 == 0, random);
     const double high_mm = tests::Uniform(random, 0.12, 0.35) * tube.r_mm;
     const double long_mm = high_mm / std::tan(tests::Uniform(random, 0.35, 0.78));
     tube.out_mm = [=](double from_end_mm) {
