@@ -181,7 +181,8 @@ EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, dou
     const double mean_gap_mm = (at[k].back() - at[k].front()) / static_cast<double>(at[k].size());
     if (mean_gap_mm > 0) apart.push_back(ApartInGaps(at[k], next, mean_gap_mm));
   }
-  if (Median(apart) < kColumns.one_line) columns_of_line_ = static_cast<double>(seen_.size());
+  share_lines_ = Median(apart) < kColumns.one_line;
+  if (share_lines_) columns_of_line_ = static_cast<double>(seen_.size());
   std::erase_if(at, [](const std::vector<double>& column) { return column.empty(); });
   at_ = std::move(at);
   gaps_before_ = GapsBeforeBorder(gaps_);
@@ -190,14 +191,13 @@ EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, dou
 // Lines that lie along the border are shared most by a square one: where it may be the border, too,
 // it is asked.
 void EndColumns::LookAtSharedLines(const Eigen::Vector2d& rise_mm) {
-  std::array<Eigen::Vector2d, 2> rises_mm = {rise_mm, Eigen::Vector2d::Zero()};
-  if (rise_mm.norm() > MeanGapMm()) rises_mm[1] = rise_mm;
-  for (const Eigen::Vector2d& rise : rises_mm) {
-    const auto columns = ColumnsOfLine(rise);
-    if (!columns) continue;
-    columns_of_line_ = std::max(columns_of_line_, *columns);
+  auto columns = ColumnsOfLine(rise_mm);
+  if (rise_mm.norm() < MeanGapMm()) {
+    if (const auto square = ColumnsOfLine(Eigen::Vector2d::Zero())) {
+      columns = std::max(columns.value_or(1.0), *square);
+    }
   }
-  columns_of_line_ = std::min(columns_of_line_, static_cast<double>(seen_.size()));
+  if (columns) columns_of_line_ = std::min(*columns, static_cast<double>(seen_.size()));
 }
 
 // Rings behind the border, parallel to it, are borders of which all is known. Columns that do not

@@ -67,6 +67,8 @@ class EndColumns {
   void LookAtSharedLines(const Eigen::Vector2d& rise_mm);
   const GapsBeforeBorder& gaps_before() const { return gaps_before_; }
   double columns_of_line() const { return columns_of_line_; }
+  // Samples of neighbours lie beside each other, as those of a laser line do.
+  bool share_lines() const { return share_lines_; }
   EndStops MakeStops(double smear_mm, double hidden = 0) const {
     return {gaps_, smear_mm / MeanGapMm(), columns_of_line_, hidden};
   }
@@ -82,6 +84,7 @@ class EndColumns {
   std::vector<double> gaps_;             // in mean gaps
   GapsBeforeBorder gaps_before_;
   double columns_of_line_ = 1;
+  bool share_lines_ = false;
 };
 
 }  // namespace bendloop::pipeline

@@ -19,9 +19,9 @@ struct CurveSettings {
   // Turns of the last terms that are tried.
   std::array<int, 8> orders = {2, 3, 4, 5, 6, 8, 10, 12};
   // Twice the logarithm of the odds that it is no plane.
-  double certain = 20.0;
+  double certain = 8.0;
   // [sigma] and [of the mean gap] How far it leaves the plane somewhere.
-  double leaves_sigmas = 4.0, leaves_gaps = 0.4;
+  double leaves_sigmas = 5.0, leaves_gaps = 0.4;
   // Of the sectors of the turn: so many tell of it, and no more than so many in a row do not.
   double least_seen = 0.75;
   std::size_t most_blind = 3;
@@ -166,15 +166,16 @@ EndEvidence WithoutHidden(EndEvidence evidence, const EndSectors& hidden) {
   return evidence;
 }
 
-// The rough curve whose terms the places pay for; order 1: a plane.
-std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughEndPlace> places, double gap_mm,
-                                       double independent, double r_mm) {
+// The rough curve whose terms the places pay for, of so many turns or more; order 1: a plane.
+std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughEndPlace> places, int least_order,
+                                       double gap_mm, double independent, double r_mm) {
   const double count = independent * static_cast<double>(places.size());
-  int best = 1;
-  RoughCurve curve = FitRoughly(places, 1, gap_mm, r_mm);
-  const double of_plane = curve.Bic(count);
-  double least = of_plane;
+  int best = least_order;
+  RoughCurve curve = FitRoughly(places, least_order, gap_mm, r_mm);
+  const double of_least = curve.Bic(count);
+  double least = of_least;
   for (const int order : kCurve.orders) {
+    if (order <= least_order) continue;
     if (2.0 * (1 + 2 * order) > count) break;
     RoughCurve more = FitRoughly(places, order, gap_mm, r_mm);
     if (more.Bic(count) >= least) continue;
@@ -182,11 +183,23 @@ std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughEndPlace> places, do
     best = order;
     curve = std::move(more);
   }
-  if (of_plane - least < kCurve.certain) best = 1;
+  if (best > least_order && of_least - least < kCurve.certain) {
+    return {least_order, FitRoughly(places, least_order, gap_mm, r_mm)};
+  }
   return {best, std::move(curve)};
 }
 
 }  // namespace
+
+double SteepestMm(const Posterior& curve) {
+  const std::vector<BorderPlace> places = PlacesOf(curve);
+  const double apart_rad = 2.0 * std::numbers::pi / static_cast<double>(places.size());
+  double rise_mm = std::abs(places.front().beyond_mm - places.back().beyond_mm);
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    rise_mm = std::max(rise_mm, std::abs(places[i].beyond_mm - places[i - 1].beyond_mm));
+  }
+  return rise_mm / apart_rad;
+}
 
 std::vector<BorderPlace> PlacesOf(const Posterior& curve) {
   const int order = static_cast<int>(curve.mean.size() - 1) / 2;
@@ -202,15 +215,16 @@ std::vector<BorderPlace> PlacesOf(const Posterior& curve) {
   return places;
 }
 
-std::optional<Posterior> FitEndCurve(const EndEvidence& all, const Eigen::Vector2d& slope_mm,
+std::optional<Posterior> FitEndCurve(const EndEvidence& all, const Eigen::VectorXd& about_mm,
                                      const EndSectors& hidden, double pipe_radius_mm) {
   const EndEvidence evidence = WithoutHidden(all, hidden);
   const std::vector<RoughEndPlace> places = evidence.RoughPlaces();
   if (!(evidence.gap_mm > 0) || !IsSeenAllRound(places)) return std::nullopt;
-  const bool are_lines =
-      evidence.columns_of_line > 1.0 || evidence.sides.size() > evidence.columns.size();
+  const bool are_lines = evidence.share_lines || evidence.columns_of_line > 1.0 ||
+                         evidence.sides.size() > evidence.columns.size();
   const auto [order, rough] =
-      ChooseOrder(places, evidence.gap_mm, are_lines ? kCurve.independent : 1.0, pipe_radius_mm);
+      ChooseOrder(places, static_cast<int>(about_mm.size() - 1) / 2, evidence.gap_mm,
+                  are_lines ? kCurve.independent : 1.0, pipe_radius_mm);
   if (order == 1) return std::nullopt;
   const Eigen::VectorXd certainties = SeriesCertainties(order, pipe_radius_mm);
   Posterior curve{rough.x, rough.square * Inverse(rough.matrix)};
@@ -219,17 +233,18 @@ std::optional<Posterior> FitEndCurve(const EndEvidence& all, const Eigen::Vector
   for (const double blur : kCurve.blurs) {
     CurveLikelihood likelihood(evidence, order, blur * evidence.gap_mm);
     curve = SamplePosterior(curve, walk, dice, [&](const Eigen::VectorXd& x) {
-      return likelihood.Log(x) - 0.5 * x.cwiseProduct(certainties).squaredNorm();
+      Eigen::VectorXd whole = x;
+      whole.head(about_mm.size()) += about_mm;
+      return likelihood.Log(x) - 0.5 * whole.cwiseProduct(certainties).squaredNorm();
     });
   }
+  curve.mean.head(about_mm.size()) += about_mm;
   const std::vector<BorderPlace> border = PlacesOf(curve);
   const bool leaves = std::any_of(border.begin(), border.end(), [&](const BorderPlace& place) {
     return std::abs(place.beyond_mm) > kCurve.leaves_sigmas * place.sigma_mm &&
            std::abs(place.beyond_mm) > kCurve.leaves_gaps * evidence.gap_mm;
   });
-  if (!leaves) return std::nullopt;
-  curve.mean.segment<2>(1) += slope_mm;
-  return curve;
+  return leaves ? std::optional(curve) : std::nullopt;
 }
 
 }  // namespace bendloop::pipeline

@@ -19,10 +19,13 @@ namespace bendloop::pipeline {
 // round.
 //
 // None: a plane explains the samples, or lines and columns say too little of some part of the turn.
-// `slope_mm`: of the plane that the evidence counts from. `hidden`: where samples stop at something
-// that lies above the wall.
-std::optional<Posterior> FitEndCurve(const EndEvidence& evidence, const Eigen::Vector2d& slope_mm,
+// `about_mm`: the series that the evidence counts from, of a plane or of such a border, which has
+// as many terms then, at least. `hidden`: where samples stop at something that lies above the wall.
+std::optional<Posterior> FitEndCurve(const EndEvidence& evidence, const Eigen::VectorXd& about_mm,
                                      const EndSectors& hidden, double pipe_radius_mm);
+
+// How steeply it rises at most, but for its plane [mm of the tube over a radian around it].
+double SteepestMm(const Posterior& curve);
 
 // How far it lies beyond its plane, place by place.
 std::vector<BorderPlace> PlacesOf(const Posterior& curve);

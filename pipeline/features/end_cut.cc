@@ -39,6 +39,9 @@ struct EndCutSettings {
   // further beyond the plane that they tell. By trial.
   double near_face = 4.0, above_face = 0.7, face_beyond = 1.0;
   double least_of_face = 12.0;
+  // Odds before the scan that an end is not square, and how many times the least slope that is not
+  // is the greatest.
+  double oblique_odds = 0.25, slopes = 100.0;
   // A slope that is known no better may be of any end.
   double unsure_slope = 0.3;
   // [of r_P] From the border into the tube: where the gaps between samples are looked at.
@@ -211,7 +214,33 @@ struct SeenEnd {
     // Laser lines tell of an end's place at its axis whether it is square or not.
     return plane.of_lines && (plane.MayBeOblique() || plane.at_sigma_mm < sigma_mm);
   }
+  // Of an end that is not square for sure the outermost samples lie beyond where it meets the axis;
+  // all samples beside the border have said so already.
+  bool MayMeetAxisElsewhere() const {
+    const EndPlane& plane = cut.plane;
+    return !plane.of_border && (plane.of_columns || plane.MayBeOblique());
+  }
 };
+
+// Where an end meets the axis, from where it was found at its outermost samples.
+struct EndPlace {
+  double at_mm = 0, sigma_mm = 0;
+};
+
+// That of a square end, or of one that was cut as oblique as its plane says, by their odds: of
+// slopes within `slopes` each power of ten is as likely, so that one of z sigma was expected within
+// its sigma with the probability 1 / (z^2 ln slopes).
+EndPlace OfEither(const EndPlace& square, const EndPlane& plane) {
+  const double z2 = std::max(1.0, plane.slope_sigmas * plane.slope_sigmas);
+  const double log_odds = std::log(kCut.oblique_odds / (z2 * std::log(kCut.slopes))) +
+                          0.5 * plane.slope_sigmas * plane.slope_sigmas;
+  const double part = 1.0 / (1.0 + std::exp(-log_odds));  // of the oblique one
+  const double apart_mm = plane.at_mm - square.at_mm;
+  return {square.at_mm + part * apart_mm,
+          std::sqrt(part * plane.at_sigma_mm * plane.at_sigma_mm +
+                    (1.0 - part) * square.sigma_mm * square.sigma_mm +
+                    part * (1.0 - part) * apart_mm * apart_mm)};
+}
 
 class EndSearch {
  public:
@@ -276,18 +305,19 @@ EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnd
     const EndPlane& plane = end->cut.plane;
     (at_start ? cuts.first : cuts.last) = end->cut.cut;
     double& sigma_of_end_mm = at_start ? ends.first_sigma_mm : ends.last_sigma_mm;
+    EndPlace place{plane.at_mm, plane.at_sigma_mm};
     if (!end->IsSurerThan(sigma_of_end_mm)) {
       // Where noise has moved them are the outermost samples of a cloud, by which it was found.
-      if (!end->knows_passes) sigma_of_end_mm = std::hypot(sigma_of_end_mm, sigma_mm);
-      continue;
+      place = {0.0, end->knows_passes ? sigma_of_end_mm : std::hypot(sigma_of_end_mm, sigma_mm)};
+      if (end->MayMeetAxisElsewhere()) place = OfEither(place, plane);
     }
-    sigma_of_end_mm = plane.at_sigma_mm;
+    sigma_of_end_mm = place.sigma_mm;
     auto& rows = ends.tube.program.rows;
     double& length_mm = at_start ? rows.front().length_mm : rows.back().length_mm;
-    length_mm = std::max(0.0, length_mm + plane.at_mm);
+    length_mm = std::max(0.0, length_mm + place.at_mm);
     if (at_start) {
       ends.tube.X_WT.position_mm -=
-          plane.at_mm * (ends.tube.X_WT.orientation * Eigen::Vector3d::UnitX());
+          place.at_mm * (ends.tube.X_WT.orientation * Eigen::Vector3d::UnitX());
     }
   }
   return cuts;

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "pipeline/features/end_samples.h"
+#include "pipeline/features/end_series.h"
 #include "pipeline/features/even_table.h"
 #include "pipeline/features/sampling.h"
 #include "pipeline/math/dense_solve.h"
@@ -55,13 +56,13 @@ double GreatestError(double columns) {
   return low;
 }
 
-// The samples without what a slope puts them further out.
+// The samples without what a series puts them further out.
 std::vector<EndSample> Levelled(std::span<const EndSample> samples,
-                                const Eigen::Vector2d& slope_mm) {
+                                const Eigen::VectorXd& series_mm) {
   std::vector<EndSample> level(samples.begin(), samples.end());
   for (EndSample& sample : level) {
     sample.beyond_mm -=
-        slope_mm[0] * std::cos(sample.around_rad) + slope_mm[1] * std::sin(sample.around_rad);
+        SeriesOf(series_mm, std::cos(sample.around_rad), std::sin(sample.around_rad));
   }
   return level;
 }
@@ -174,8 +175,15 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
 std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, double window_mm,
                                            double smear_mm, const Eigen::Vector2d& slope_mm,
                                            bool may_be_lines) {
+  return EndColumnsAlong(samples, window_mm, smear_mm,
+                         Eigen::Vector3d(0.0, slope_mm[0], slope_mm[1]), may_be_lines);
+}
+
+std::optional<EndEvidence> EndColumnsAlong(std::span<const EndSample> samples, double window_mm,
+                                           double smear_mm, const Eigen::VectorXd& series_mm,
+                                           bool may_be_lines) {
   std::vector<EndSample> level;
-  if (!slope_mm.isZero()) level = Levelled(samples, slope_mm);
+  if (!series_mm.isZero()) level = Levelled(samples, series_mm);
   EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm);
   if (!columns.AreEnough()) return std::nullopt;
   EndEvidence evidence;
@@ -192,6 +200,7 @@ std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, d
   if (may_be_lines) columns.LookAtSharedLines(RoughEndPlane(evidence, window_mm).tail<2>());
   evidence.gaps_before = columns.gaps_before();
   evidence.columns_of_line = columns.columns_of_line();
+  evidence.share_lines = columns.share_lines();
   evidence.stops = columns.MakeStops(smear_mm);
   evidence.stops_or_hidden = columns.MakeStops(smear_mm, -std::log(kEvidence.lost));
   evidence.lines_greatest =

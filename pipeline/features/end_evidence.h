@@ -54,8 +54,9 @@ struct EndEvidence {
   std::optional<EndStops> stops_or_hidden;  // the same where something may hide them
   GapsBeforeBorder gaps_before;             // of columns
   double columns_of_line = 1;               // that say the same (EndColumns)
-  double gap_mm = 0;                        // mean gap between samples
-  double width_rad = 0;                     // of a column
+  bool share_lines = false;
+  double gap_mm = 0;     // mean gap between samples
+  double width_rad = 0;  // of a column
 
   void AddLines(const LineBracket& lines);
   std::vector<RoughEndPlace> RoughPlaces() const;
@@ -78,6 +79,10 @@ std::optional<EndEvidence> LookAtEndColumns(std::span<const EndSample> samples,
 // None: they are too few, or on too little of the turn.
 std::optional<EndEvidence> EndColumnsAbout(std::span<const EndSample> samples, double window_mm,
                                            double smear_mm, const Eigen::Vector2d& slope_mm,
+                                           bool may_be_lines = false);
+// The same about a border that is this series (end_series.h).
+std::optional<EndEvidence> EndColumnsAlong(std::span<const EndSample> samples, double window_mm,
+                                           double smear_mm, const Eigen::VectorXd& series_mm,
                                            bool may_be_lines = false);
 
 }  // namespace bendloop::pipeline

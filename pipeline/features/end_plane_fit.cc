@@ -39,10 +39,12 @@ struct EndFitSettings {
   // [of their 1 sigma, together] Planes that are nearer to each other are one.
   double apart = 3.0;
   // Of scattered samples' columns: so many look like lines by chance.
-  double by_chance = 0.2;
+  double by_chance = 0.12;
   // Of the noise across the wall: how unsure it makes, along the tube, where columns of a cloud
   // stop. By trial.
   double along_of_cloud = 0.5;
+  // [of the mean gap] A border that rises by less across a column is level in it.
+  double level = 0.25;
 };
 constexpr EndFitSettings kFit;
 
@@ -80,7 +82,8 @@ class EndFit {
     if (all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns) return std::nullopt;
     const EndPlane plane = OfColumns(*columns, slope_mm);
-    is_scattered_ = columns->columns_of_line <= 1.0 && !AreLines(*columns);
+    is_scattered_ =
+        !columns->share_lines && columns->columns_of_line <= 1.0 && !MayBeLines(*columns);
     const bool agrees = Agrees(plane, *columns, slope_mm, r_mm_);
     const auto border = agrees ? std::nullopt : Bordered(plane, *columns, slope_mm);
     if (border) {
@@ -311,9 +314,21 @@ class EndFit {
   std::optional<EndPlane> Bordered(const EndPlane& plane, const EndEvidence& evidence,
                                    const Eigen::Vector2d& slope_mm) const {
     const EndSectors hidden = all_.hidden(plane.Numbers(r_mm_));
-    const auto curve = FitEndCurve(evidence, slope_mm, hidden, r_mm_);
+    auto curve =
+        FitEndCurve(evidence, Eigen::Vector3d(0.0, slope_mm[0], slope_mm[1]), hidden, r_mm_);
     if (!curve) return std::nullopt;
+    if (const auto level = LevelColumns(*curve, evidence)) {
+      if (const auto better = FitEndCurve(*level, curve->mean, hidden, r_mm_)) curve = better;
+    }
     return OfSeries(Eigen::Vector3d::Zero(), *curve, 0.0);
+  }
+
+  // Where a border rises across a column its samples stop where it is furthest out, not in its
+  // middle. None: it is level enough.
+  std::optional<EndEvidence> LevelColumns(const Posterior& curve,
+                                          const EndEvidence& evidence) const {
+    if (SteepestMm(curve) * evidence.width_rad < kFit.level * evidence.gap_mm) return std::nullopt;
+    return EndColumnsAlong(of_columns_, window_mm_, smear_mm_, curve.mean, true);
   }
 
   RaggedAbout AboutRagged(const EndPlane& plane) const {

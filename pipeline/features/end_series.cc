@@ -29,6 +29,17 @@ constexpr SeriesSettings kSeries;
   return terms;
 }
 
+double SeriesOf(const Eigen::VectorXd& series, double cosine, double sine) {
+  double at = series[0], c = 1.0, s = 0.0;
+  for (Eigen::Index i = 1; i + 1 < series.size(); i += 2) {
+    const double next = c * cosine - s * sine;
+    s = s * cosine + c * sine;
+    c = next;
+    at += c * series[i] + s * series[i + 1];
+  }
+  return at;
+}
+
 Eigen::VectorXd SeriesCertainties(int order, double pipe_radius_mm) {
   Eigen::VectorXd certainties(1 + 2 * order);
   certainties[0] = 0.0;

@@ -9,6 +9,9 @@ namespace bendloop::pipeline {
 // and so on, up to `order` turns. The first three are a plane.
 Eigen::VectorXd SeriesAt(double cosine, double sine, int order);
 
+// Where such a border lies.
+double SeriesOf(const Eigen::VectorXd& series, double cosine, double sine);
+
 // 1 / 1 sigma of each number of such a series before the scan [1/mm].
 Eigen::VectorXd SeriesCertainties(int order, double pipe_radius_mm);
 

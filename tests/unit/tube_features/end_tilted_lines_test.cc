@@ -23,8 +23,10 @@ using Random = std::mt19937_64;
 // A cut: how far it rises towards where the tube is longest, and a wave in it.
 struct Cut {
   double r_mm = 8, at_mm = 0, slope = 0, to_rad = 0, wave_mm = 0;
+  int waves = 3;  // in a turn
+  double WaveMm(double around) const { return wave_mm * std::cos(waves * around); }
   double At(double around) const {
-    return at_mm + r_mm * slope * std::cos(around - to_rad) + wave_mm * std::cos(3 * around);
+    return at_mm + r_mm * slope * std::cos(around - to_rad) + WaveMm(around);
   }
 };
 
@@ -87,7 +89,7 @@ std::optional<EndPlane> PlaneOfScan(const Scanned& any) {
 // (Some ends were 15 sigma off.)
 TEST(TiltedLines, OfACloudTellAnEndAsWellAsTheySay) {
   for (const double slope_deg : {0.0, 8.0}) {
-    double at = 0, slopes = 0, count = 0;
+    double at = 0, sum = 0, slopes = 0, count = 0;
     for (unsigned seed = 2001; seed <= 2120; ++seed) {
       SCOPED_TRACE(seed);
       const Scanned any = AnyScan(seed, slope_deg);
@@ -99,10 +101,12 @@ TEST(TiltedLines, OfACloudTellAnEndAsWellAsTheySay) {
       EXPECT_LT(std::abs(off), 6);
       EXPECT_LT(std::hypot(c, s) / plane->slope_sigma, 8);
       at += off * off;
+      sum += off;
       slopes += 0.5 * (c * c + s * s) / std::pow(plane->slope_sigma, 2);
       count += 1;
     }
     ASSERT_GT(count, 110);
+    EXPECT_LT(std::abs(sum / count), 3 / std::sqrt(count)) << slope_deg;
     EXPECT_LT(std::sqrt(at / count), 1.3) << slope_deg;
     EXPECT_GT(std::sqrt(at / count), 0.7) << slope_deg;
     EXPECT_LT(std::sqrt(slopes / count), 1.3) << slope_deg;
@@ -125,6 +129,34 @@ TEST(TiltedLines, OfAWavyEndAreNoPlane) {
     curves += plane->border.empty() ? 0 : 1;
   }
   EXPECT_GE(curves, 0.85 * ends);
+}
+
+// Where the border is steep a column's last line ends within it, further out than its middle does.
+TEST(TiltedLines, OfAWavyEndTellItsPlaceAsWellAsTheySay) {
+  double at = 0, sum = 0, count = 0, places = 0, of_places = 0;
+  for (unsigned seed = 4001; seed <= 4060; ++seed) {
+    SCOPED_TRACE(seed);
+    Scanned any = AnyScan(seed, 0);
+    Random random(seed);
+    any.cut.waves = 2 + static_cast<int>(seed % 3);
+    any.cut.wave_mm = Uniform(random, 0.06, 0.25) * any.cut.r_mm;
+    any.samples = ScanLines(any.cut, any.scan, random);
+    const auto plane = PlaneOfScan(any);
+    if (!plane || plane->border.empty()) continue;
+    const double off = (plane->at_mm - any.cut.at_mm) / plane->at_sigma_mm;
+    at += off * off;
+    sum += off;
+    count += 1;
+    for (const BorderPlace& place : plane->border) {
+      const double wave_mm = any.cut.WaveMm(place.around_deg * hal::kRadiansPerDegree);
+      places += std::pow((place.beyond_mm - wave_mm) / place.sigma_mm, 2);
+      of_places += 1;
+    }
+  }
+  ASSERT_GT(count, 45);
+  EXPECT_LT(std::abs(sum / count), 3 / std::sqrt(count));
+  EXPECT_LT(std::sqrt(at / count), 1.3);
+  EXPECT_LT(std::sqrt(places / of_places), 1.3);
 }
 
 }  // namespace
