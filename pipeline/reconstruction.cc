@@ -193,6 +193,10 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
     Widen(tube.registration.covariance, final.options.free_pipe_radius, final.fit);
   }
   final.noise_mm = final.weights.certainties.empty() ? final.fit.sigma_mm : final.weights.noise_mm;
+  if (final.seam) {
+    final.seam = MeasureSeam(*final.seam, final.bowed, final.fit.tube, final.noise_mm, tube.blocks,
+                             final.options.reach_mm);
+  }
   return final;
 }
 

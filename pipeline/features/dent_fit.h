@@ -30,7 +30,8 @@ struct FittedDent {
 // D (1 + (2^t - 1) q^s)^(-1/t) on a smooth wall, q a quadratic form of the place on the unrolled
 // surface, 1 where the dent is half as deep as in its middle. The power s tells round dents (1: a
 // gaussian, where t is nothing) from flats, the tail t how slowly it runs out: below nothing it
-// ends, where (1 - 2^t) q^s is 1.
+// ends, where (1 - 2^t) q^s is 1. What is certainly no ellipse may be a jaw's flat, the product of
+// two such depths along and around the tube (dent_shapes.h).
 // `points`: within `reach_mm` of a place where it is about `depth_mm` deep and `size_mm` wide.
 FittedDent FitDent(std::span<const WallPoint> points, double reach_mm, double depth_mm,
                    double size_mm, double pipe_radius_mm, double noise_mm);

@@ -49,13 +49,14 @@ class DentForm {
     return row;
   }
 
-  // Where f is 1/2.
-  double HalfQ() const {
-    // Of g^p there: 2^-p / (1 + m^p - m^p 2^-p).
-    const double half = std::exp2(-kSharp);
-    const double log_g = -std::numbers::ln2 - (log_cut_ + std::log1p(-cut_ * half)) / kSharp;
-    return std::exp((std::log(std::expm1(-t_ * log_g) / twofold_)) / s_);
+  // Where f is so much, of 0 to 1.
+  double QAt(double f) const {
+    // Of g^p there: f^p / (1 + m^p - m^p f^p).
+    const double log_g =
+        std::log(f) - (log_cut_ + std::log1p(-cut_ * std::pow(f, kSharp))) / kSharp;
+    return std::pow(std::max(0.0, std::expm1(-t_ * log_g) / twofold_), 1.0 / s_);
   }
+  double HalfQ() const { return QAt(0.5); }
 
  private:
   static constexpr double kLeastTail = 1e-4;  // as good as none, and no division by it

@@ -6,33 +6,44 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <numbers>
+#include <numeric>
+#include <utility>
 #include <vector>
 
 #include "hal/angles.h"
 #include "hal/spine.h"
 #include "pipeline/fit/place_sums.h"
+#include "pipeline/fit/seam_fit.h"
 #include "pipeline/fit/surface_pass.h"
+#include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
 namespace {
 
 constexpr double kWholeTurn = 2.0 * std::numbers::pi;
 constexpr double kFullWidth = 2.3548200450309493;  // [sigma] where a Gaussian is half as high
-constexpr int kBins = 144, kParts = 8;             // of the turn, and of the spine's length
+// Of the turn, a third as wide as the narrowest ridge; and of the spine's length.
+constexpr int kBins = 720, kParts = 8;
 
 // By trial where nothing else is said.
 struct SeamSettings {
-  // Points that tell of one; their design effect without a seam of a noise's height is less.
+  // Points that tell of one. Without a seam of a noise's height their design effect is less, and so
+  // is, [of the points], what a narrow one that is many noises high leaves out of the fit.
   std::size_t enough_points = 40'000;
-  double design_effect = 1.3;
+  double design_effect = 1.15, left_out = 0.004;
+  // And that tell its numbers.
+  std::size_t many_points = 400'000;
   // [rad] 1 sigma of a Gaussian across: flash of two to six tenths of a wall.
-  std::array<double, 5> widths = {0.05, 0.08, 0.12, 0.16, 0.2};
-  // [rad] To both sides of its middle: the wall beside it that is looked at.
-  double beside = 1.0;
-  // Points of a bin that tell of it, and bins of either flank's outer half that do.
-  double few = 3;
-  int flank_bins = 3;
+  std::array<double, 7> widths = {0.025, 0.035, 0.05, 0.075, 0.11, 0.15, 0.2};
+  // [of its width] Between places where one is looked for.
+  double step = 0.35;
+  // [of the bins] Of either flank's outer half that tell of it.
+  double flank_bins = 0.1;
+  // [sigma] So far below the wall lies what is none of it, as the inner wall seen through an
+  // opening.
+  double below = 5.0;
   // [sigma] From which on there is a ridge, and from which on a part of the tube can tell of it.
   double insist = 8.0, tells = 3.0;
   // [of the noise] A lower one may be where the edges of passes meet that drift.
@@ -41,7 +52,16 @@ struct SeamSettings {
   // much of its height beside noise.
   int least_parts = 4;
   double agree = 0.75, about = 0.35, noise_sigmas = 3.0;
-  int steps = 6;  // of the fit of its place and width
+  // [of its height] Half of them see more: what one alone sees raises the height of all.
+  double usual = 0.6;
+  // [of r_P] Of a piece of the tube that has its own wall beside it.
+  double piece = 3.0;
+  // [of the square of noise over width] Noise of a flank's points is along the wall, too, and blurs
+  // the ridge: by so much it is lower and wider, as noise is along the normal (1) or along rays (a
+  // half at most), and 1 sigma of that.
+  double blurs = 0.7, blurs_sigma = 0.4;
+  // [of its height] 1 sigma of what a seam may be like that a Gaussian is not.
+  double of_form = 0.004;
   // [of r_P] From the spine: what is further away is in no fit.
   double reach = 1.5;
   // [of the noise] So high the ridge may still be where points begin to count.
@@ -49,12 +69,11 @@ struct SeamSettings {
 };
 constexpr SeamSettings kSeam;
 
-// An angle around that stays the same all along a tube which is not twisted, counted from the first
-// bend's normal, right-handed about the feed. Segment by segment.
+// An angle around that stays the same all along a tube which is not twisted, counted from a
+// direction across its first segment, right-handed about the feed. Segment by segment.
 class Untwisted {
  public:
-  explicit Untwisted(const std::vector<hal::SpineSegment>& segments) {
-    Eigen::Vector3d zero = segments.front().normal;
+  Untwisted(const std::vector<hal::SpineSegment>& segments, Eigen::Vector3d zero) {
     for (const hal::SpineSegment& segment : segments) {
       zero_.push_back(segment.axes().transpose() * zero);
       if (segment.is_arc()) zero = Eigen::AngleAxisd(segment.angle_rad(), segment.normal) * zero;
@@ -72,162 +91,192 @@ class Untwisted {
   std::vector<Eigen::Vector3d> zero_;
 };
 
-// Distances from the surface by place around and part of the tube.
+// `zero`: whose first bend's normal angles count from.
+std::vector<WallSample> SamplesOf(const BowedTubeState& state, const hal::Tube& zero,
+                                  std::span<const PointBlock> blocks, double reach_mm) {
+  const EasedSpine spine = SpineOf(state);
+  const SurfaceAssignment points = PointsOf(state, spine, 0.0, blocks, reach_mm);
+  const Untwisted untwisted(spine.segments,
+                            hal::SpineSegments(zero.program, zero.X_WT).front().normal);
+  std::vector<WallSample> samples;
+  samples.reserve(points.distances_mm.size());
+  for (std::size_t k = 0; k < spine.segments.size(); ++k) {
+    const SegmentPoints& of = points.segments[k];
+    const hal::SpineSegment& segment = spine.segments[k];
+    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(of.size); ++i) {
+      const double weight = of.weighted ? of.weight[i] : 1.0;
+      samples.push_back({segment.from_start_mm + AlongOf(of, i, segment),
+                         untwisted.At(k, segment, of.x[i], of.y[i], of.z[i]),
+                         of.distance[i] / std::sqrt(weight), weight});
+    }
+  }
+  return samples;
+}
+
+// Distances from the surface by place around.
 struct Turn {
-  std::array<std::array<double, kBins>, kParts> count{}, sum_mm{};
+  std::array<double, kBins> count{}, sum_mm{};
 
-  void Add(double around_rad, double part, double distance_mm) {
+  static std::size_t BinOf(double around_rad) {
     const double turns = around_rad / kWholeTurn;
-    const auto bin = static_cast<std::size_t>((turns - std::floor(turns)) * kBins) % kBins;
-    const auto of = static_cast<std::size_t>(std::clamp(part * kParts, 0.0, kParts - 1.0));
-    count[of][bin] += 1;
-    sum_mm[of][bin] += distance_mm;
+    return static_cast<std::size_t>((turns - std::floor(turns)) * kBins) % kBins;
+  }
+  static double MiddleRad(std::size_t bin) {
+    return (static_cast<double>(bin) + 0.5) * kWholeTurn / kBins;
   }
 };
 
-struct Ridge {
-  double around_rad = 0, width_rad = 0, height_mm = 0, sigma_mm = 0;
-  double Sigmas() const { return sigma_mm > 0 ? height_mm / sigma_mm : 0; }
-};
-
-// Height of a Gaussian ridge on a wall that curves evenly beside it, as one does that the tube's
-// fit left off: least squares of the bins there. `parts`: from the first to the last.
-Ridge FitRidge(const Turn& turn, int first, int last, double around_rad, double width_rad,
-               double noise_mm) {
-  Ridge ridge{around_rad, width_rad, 0, 0};
-  Eigen::Matrix4d matrix = Eigen::Matrix4d::Zero();
-  Eigen::Vector4d right = Eigen::Vector4d::Zero();
-  std::array<int, 2> flank{};
-  for (std::size_t bin = 0; bin < kBins; ++bin) {
-    const double middle = (static_cast<double>(bin) + 0.5) * kWholeTurn / kBins;
-    const double x = std::remainder(middle - around_rad, kWholeTurn) / kSeam.beside;
-    if (std::abs(x) > 1.0) continue;
-    double count = 0, sum_mm = 0;
-    for (int part = first; part <= last; ++part) {
-      count += turn.count[static_cast<std::size_t>(part)][bin];
-      sum_mm += turn.sum_mm[static_cast<std::size_t>(part)][bin];
-    }
-    if (count < kSeam.few) continue;
-    if (std::abs(x) > 0.5) ++flank[x > 0 ? 1 : 0];
-    const double beside = x * kSeam.beside / width_rad;
-    const Eigen::Vector4d shapes(1.0, x, x * x, std::exp(-0.5 * beside * beside));
-    matrix += count * shapes * shapes.transpose();
-    right += sum_mm * shapes;
-  }
-  if (flank[0] < kSeam.flank_bins || flank[1] < kSeam.flank_bins) return ridge;
-  const Eigen::Matrix4d inverse = matrix.inverse();
-  if (!inverse.allFinite() || !(inverse(3, 3) > 0)) return ridge;
-  ridge.height_mm = (inverse * right)[3];
-  ridge.sigma_mm = noise_mm * std::sqrt(inverse(3, 3));
-  return ridge;
-}
-
-// The one that most points speak for.
-Ridge HighestRidge(const Turn& turn, double noise_mm) {
-  Ridge best;
-  for (const double width_rad : kSeam.widths) {
-    for (int step = 0; step < kBins; ++step) {
-      const Ridge ridge =
-          FitRidge(turn, 0, kParts - 1, step * kWholeTurn / kBins, width_rad, noise_mm);
-      if (ridge.Sigmas() > best.Sigmas()) best = ridge;
+// Heights of Gaussian ridges of one width on a wall that curves evenly beside them, as one does
+// that the tube's fit left off: least squares of the bins there.
+class RidgesSoWide {
+ public:
+  explicit RidgesSoWide(double width_rad)
+      : width_rad_(width_rad),
+        half_(static_cast<int>(LookedAtBeside(width_rad) / kWholeTurn * kBins)) {
+    for (int k = -half_; k <= half_; ++k) {
+      const double x = static_cast<double>(k) / half_;
+      const double beside = k * kWholeTurn / kBins / width_rad;
+      shapes_.emplace_back(1.0, x, x * x, std::exp(-0.5 * beside * beside));
     }
   }
-  return best;
-}
 
-// The same with its place and width by least squares of the bins (Gauss-Newton), and 1 sigma of
-// both. As it was where that leads away.
-struct FittedRidge {
-  Ridge ridge;
-  double around_sigma_rad = 0;
+  // `bin`: the ridge's middle.
+  Ridge At(const Turn& turn, std::size_t bin, double noise_mm) const {
+    Eigen::Matrix4d matrix = Eigen::Matrix4d::Zero();
+    Eigen::Vector4d right = Eigen::Vector4d::Zero();
+    std::array<int, 2> flank{};
+    for (int k = -half_; k <= half_; ++k) {
+      const auto at = (bin + static_cast<std::size_t>(k + kBins)) % kBins;
+      if (!(turn.count[at] > 0)) continue;
+      if (2 * std::abs(k) > half_) ++flank[k > 0 ? 1 : 0];
+      const Eigen::Vector4d& shapes = shapes_[static_cast<std::size_t>(k + half_)];
+      matrix += turn.count[at] * shapes * shapes.transpose();
+      right += turn.sum_mm[at] * shapes;
+    }
+    Ridge ridge{Turn::MiddleRad(bin), width_rad_};
+    if (std::min(flank[0], flank[1]) < kSeam.flank_bins * 0.5 * half_) return ridge;
+    const Eigen::Matrix4d inverse = matrix.inverse();
+    if (!inverse.allFinite() || !(inverse(3, 3) > 0)) return ridge;
+    ridge.height_mm = (inverse * right)[3];
+    ridge.height_sigma_mm = noise_mm * std::sqrt(inverse(3, 3));
+    return ridge;
+  }
+
+ private:
+  double width_rad_;
+  int half_;  // [bins]
+  std::vector<Eigen::Vector4d> shapes_;
 };
-FittedRidge Refined(const Turn& turn, const Ridge& start, double noise_mm) {
-  const FittedRidge as_it_was{start, start.width_rad / start.Sigmas()};
-  FittedRidge fitted = as_it_was;
-  for (int i = 0; i < kSeam.steps; ++i) {
-    Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
-    Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
-    const Ridge& now = fitted.ridge;
-    for (std::size_t bin = 0; bin < kBins; ++bin) {
-      const double middle = (static_cast<double>(bin) + 0.5) * kWholeTurn / kBins;
-      const double off = std::remainder(middle - now.around_rad, kWholeTurn);
-      const double x = off / kSeam.beside, beside = off / now.width_rad;
-      if (std::abs(x) > 1.0) continue;
-      const double high = std::exp(-0.5 * beside * beside);
-      Eigen::Matrix<double, 6, 1> shapes;
-      shapes << 1.0, x, x * x, high, now.height_mm * high * beside / now.width_rad,
-          now.height_mm * high * beside * beside / now.width_rad;
-      for (std::size_t part = 0; part < kParts; ++part) {
-        const double count = turn.count[part][bin];
-        matrix += count * shapes * shapes.transpose();
-        right += (turn.sum_mm[part][bin] - count * now.height_mm * high) * shapes;
+
+// The tube's samples, part by part of its length and all together.
+class RidgeSearch {
+ public:
+  RidgeSearch(std::span<const WallSample> samples, double long_mm, double noise_mm)
+      : noise_mm_(noise_mm) {
+    for (const WallSample& sample : samples) {
+      if (sample.off_mm * std::sqrt(sample.weight) < -kSeam.below * noise_mm) continue;
+      const auto part = static_cast<std::size_t>(
+          std::clamp(sample.along_mm / long_mm * kParts, 0.0, kParts - 1.0));
+      const std::size_t bin = Turn::BinOf(sample.around_rad);
+      for (Turn* turn : {&parts_[part], &all_}) {
+        turn->count[bin] += sample.weight;
+        turn->sum_mm[bin] += sample.weight * sample.off_mm;
       }
     }
-    const Eigen::Matrix<double, 6, 6> inverse = matrix.inverse();
-    const Eigen::Matrix<double, 6, 1> step = inverse * right;
-    Ridge next = now;
-    next.height_mm += step[3];
-    next.around_rad += step[4];
-    next.width_rad += step[5];
-    next.sigma_mm = noise_mm * std::sqrt(inverse(3, 3));
-    const bool is_near = step.allFinite() && next.height_mm > 0.5 * start.height_mm &&
-                         next.width_rad > 0.5 * kSeam.widths.front() &&
-                         next.width_rad < 1.5 * kSeam.widths.back();
-    if (!is_near) return as_it_was;
-    fitted = {next, noise_mm * std::sqrt(inverse(4, 4))};
   }
-  return fitted;
+
+  // The one that most samples speak for.
+  Ridge Highest() const {
+    Ridge best;
+    for (const double width_rad : kSeam.widths) {
+      const RidgesSoWide ridges(width_rad);
+      const auto step =
+          static_cast<std::size_t>(std::max(1.0, kSeam.step * width_rad / kWholeTurn * kBins));
+      for (std::size_t bin = 0; bin < kBins; bin += step) {
+        const Ridge ridge = ridges.At(all_, bin, noise_mm_);
+        if (ridge.Sigmas() > best.Sigmas()) best = ridge;
+      }
+    }
+    return best;
+  }
+
+  // Whether it is there in all parts of the tube that can tell: a dent or what lies beside it is
+  // not.
+  bool GoesAllAlong(const Ridge& ridge) const {
+    const RidgesSoWide ridges(ridge.width_rad);
+    int tell = 0, see = 0;
+    std::vector<double> heights_mm;
+    for (const Turn& part : parts_) {
+      const Ridge here = ridges.At(part, Turn::BinOf(ridge.around_rad), noise_mm_);
+      const double sigma_mm = here.height_sigma_mm;
+      if (!(sigma_mm > 0) || ridge.height_mm < kSeam.tells * sigma_mm) continue;
+      ++tell;
+      heights_mm.push_back(here.height_mm);
+      see += std::abs(here.height_mm - ridge.height_mm) <
+                     kSeam.about * ridge.height_mm + kSeam.noise_sigmas * sigma_mm
+                 ? 1
+                 : 0;
+    }
+    return tell >= kSeam.least_parts && see >= kSeam.agree * tell &&
+           Median(std::move(heights_mm)) > kSeam.usual * ridge.height_mm;
+  }
+
+ private:
+  double noise_mm_;
+  std::array<Turn, kParts> parts_;
+  Turn all_;
+};
+
+// [of the points near it] That have no say in the fit.
+double LeftOutOf(const SurfaceFit& fit) {
+  const double near = std::accumulate(fit.segment_samples.begin(), fit.segment_samples.end(), 0.0);
+  const double used = std::accumulate(fit.segment_used.begin(), fit.segment_used.end(), 0.0);
+  return near > 0 ? 1.0 - used / near : 0.0;
 }
 
-// Whether it is there in all parts of the tube that can tell: a dent or what lies beside it is not.
-bool GoesAllAlong(const Turn& turn, const Ridge& ridge, double noise_mm) {
-  int tell = 0, see = 0;
-  for (int part = 0; part < kParts; ++part) {
-    const Ridge here = FitRidge(turn, part, part, ridge.around_rad, ridge.width_rad, noise_mm);
-    if (!(here.sigma_mm > 0) || ridge.height_mm < kSeam.tells * here.sigma_mm) continue;
-    ++tell;
-    see += std::abs(here.height_mm - ridge.height_mm) <
-                   kSeam.about * ridge.height_mm + kSeam.noise_sigmas * here.sigma_mm
-               ? 1
-               : 0;
-  }
-  return tell >= kSeam.least_parts && see >= kSeam.agree * tell;
+SeamFound FoundOf(const Ridge& ridge, double r_mm, double noise_mm) {
+  const double blur = std::pow(noise_mm / (ridge.width_rad * r_mm), 2);
+  SeamFound seam;
+  seam.around_deg = std::remainder(ridge.around_rad, kWholeTurn) / hal::kRadiansPerDegree;
+  seam.around_sigma_deg = ridge.around_sigma_rad / hal::kRadiansPerDegree;
+  seam.height_mm = ridge.height_mm * (1.0 + kSeam.blurs * blur);
+  seam.sigma_mm = std::hypot(ridge.height_sigma_mm, kSeam.blurs_sigma * blur * ridge.height_mm,
+                             kSeam.of_form * ridge.height_mm);
+  seam.width_mm = kFullWidth * ridge.width_rad * r_mm / (1.0 + kSeam.blurs * blur);
+  return seam;
 }
 
 }  // namespace
 
 std::optional<SeamFound> FindSeam(const SurfaceFit& fit, std::span<const PointBlock> blocks,
                                   double reach_mm) {
-  if (fit.design_effect < kSeam.design_effect) return std::nullopt;
-  const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const double long_mm = segments.back().from_start_mm + segments.back().length_mm;
-  const Untwisted untwisted(segments);
-  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kSeam.enough_points));
-  SurfaceAssignment points;
-  AssignPoints(SegmentFrames(segments, 0.0, fit.flattening), fit.tube.pipe_radius_mm, few, reach_mm,
-               points);
-  Turn turn;
-  for (std::size_t k = 0; k < segments.size(); ++k) {
-    const SegmentPoints& of = points.segments[k];
-    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(of.size); ++i) {
-      const double along_mm = segments[k].from_start_mm + AlongOf(of, i, segments[k]);
-      turn.Add(untwisted.At(k, segments[k], of.x[i], of.y[i], of.z[i]), along_mm / long_mm,
-               of.distance[i]);
-    }
-  }
-  const Ridge ridge = HighestRidge(turn, fit.sigma_mm);
-  if (!(ridge.Sigmas() > kSeam.insist) || ridge.height_mm < kSeam.least * fit.sigma_mm ||
-      !GoesAllAlong(turn, ridge, fit.sigma_mm)) {
+  if (fit.design_effect < kSeam.design_effect && LeftOutOf(fit) < kSeam.left_out) {
     return std::nullopt;
   }
-  const auto [fitted, around_sigma_rad] = Refined(turn, ridge, fit.sigma_mm);
-  SeamFound seam;
-  seam.around_deg = std::remainder(fitted.around_rad, kWholeTurn) / hal::kRadiansPerDegree;
-  seam.around_sigma_deg = around_sigma_rad / hal::kRadiansPerDegree;
-  seam.height_mm = fitted.height_mm;
-  seam.sigma_mm = fitted.sigma_mm;
-  seam.width_mm = kFullWidth * fitted.width_rad * fit.tube.pipe_radius_mm;
-  return seam;
+  const double r_mm = fit.tube.pipe_radius_mm;
+  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kSeam.enough_points));
+  const std::vector<WallSample> samples =
+      SamplesOf({fit.tube, fit.flattening, fit.easing, {}}, fit.tube, few, reach_mm);
+  const auto search =
+      std::make_unique<RidgeSearch>(samples, hal::SpineLength(fit.tube.program), fit.sigma_mm);
+  const Ridge ridge = search->Highest();
+  if (!(ridge.Sigmas() > kSeam.insist) || ridge.height_mm < kSeam.least * fit.sigma_mm ||
+      !search->GoesAllAlong(ridge)) {
+    return std::nullopt;
+  }
+  const auto fitted = FitRidge(samples, ridge, kSeam.piece * r_mm, fit.sigma_mm);
+  return FoundOf(fitted.value_or(ridge), r_mm, fit.sigma_mm);
+}
+
+SeamFound MeasureSeam(const SeamFound& found, const BowedTubeState& state, const hal::Tube& tube,
+                      double noise_mm, std::span<const PointBlock> blocks, double reach_mm) {
+  const double r_mm = tube.pipe_radius_mm;
+  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kSeam.many_points));
+  const Ridge start{found.around_deg * hal::kRadiansPerDegree, found.width_mm / (kFullWidth * r_mm),
+                    found.height_mm};
+  const auto fitted =
+      FitRidge(SamplesOf(state, tube, few, reach_mm), start, kSeam.piece * r_mm, noise_mm);
+  return fitted ? FoundOf(*fitted, r_mm, noise_mm) : found;
 }
 
 OwnedBlocks WithoutSeam(const SurfaceFit& fit, const SeamFound& seam,
@@ -235,7 +284,7 @@ OwnedBlocks WithoutSeam(const SurfaceFit& fit, const SeamFound& seam,
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
   const double r_mm = fit.tube.pipe_radius_mm;
   const auto frames = SegmentFrames(segments, kBeyond * r_mm, fit.flattening);
-  const Untwisted untwisted(segments);
+  const Untwisted untwisted(segments, segments.front().normal);
   const double middle_rad = seam.around_deg * hal::kRadiansPerDegree;
   const double sigma_rad = seam.width_mm / (kFullWidth * r_mm);
   const double rim = std::max(4.0, seam.height_mm / (kSeam.rim * fit.sigma_mm));

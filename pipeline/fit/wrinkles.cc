@@ -12,6 +12,7 @@
 #include "hal/spine.h"
 #include "pipeline/fit/place_sums.h"
 #include "pipeline/fit/surface_pass.h"
+#include "pipeline/fit/wrinkle_fit.h"
 #include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
@@ -28,7 +29,8 @@ struct WrinkleSettings {
   std::size_t least_pieces = 4;
   // Logarithms of the inner pieces' variances beyond the outer ones': [sigma] and at least.
   double insist = 5.0, more = 0.25;
-  // [of their height] Waves fade out along the bend's ends, and pieces hide some of them. By trial.
+  // [of their height] Waves fade out along the bend's ends, and pieces hide some of them: where no
+  // wave could be fitted. By trial.
   double unlike = 0.2;
   // [of the noise] So high waves may still be where points begin to count, and [rad] how far around
   // that is from the innermost line, at least and at most.
@@ -105,6 +107,18 @@ Scatter ScatterOf(const SegmentPoints& points, const hal::SpineSegment& bend, do
   return scatter;
 }
 
+std::vector<BendSample> SamplesOf(const SegmentPoints& points, const hal::SpineSegment& bend) {
+  std::vector<BendSample> samples;
+  samples.reserve(points.size);
+  for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
+    const double inward_mm = bend.bend_radius_mm - std::hypot(points.x[i], points.y[i]);
+    const double certainty = points.weighted ? std::sqrt(points.weight[i]) : 1.0;
+    samples.push_back({TurnOf(points.x[i], points.y[i], bend) * bend.bend_radius_mm,
+                       std::atan2(points.z[i], inward_mm), points.distance[i] / certainty});
+  }
+  return samples;
+}
+
 struct Mean {
   double value = 0, variance = 0;  // of one
 };
@@ -150,8 +164,11 @@ std::vector<WrinklesFound> FindWrinkles(const SurfaceFit& fit, std::span<const P
     // A wave's variance is half the square of its height above the wall.
     const double height_mm = 2.0 * std::sqrt(2.0 * waves_mm2 / kOfHighest);
     const double by_chance_mm = 0.5 * height_mm * sigma * std::exp(inner.value) / waves_mm2;
-    found.push_back({k / 2, height_mm, std::hypot(by_chance_mm, kWrinkles.unlike * height_mm),
-                     segments[k].PointAt(0.5 * segments[k].length_mm)});
+    const auto waves = FitWaves(SamplesOf(points.segments[k], segments[k]), segments[k].length_mm,
+                                r_mm, height_mm, std::sqrt(noise_mm2));
+    const Waves by_scatter{height_mm, std::hypot(by_chance_mm, kWrinkles.unlike * height_mm)};
+    const auto [told_mm, sigma_mm] = waves.value_or(by_scatter);
+    found.push_back({k / 2, told_mm, sigma_mm, segments[k].PointAt(0.5 * segments[k].length_mm)});
   }
   return found;
 }

@@ -17,7 +17,7 @@ constexpr double kWrinkle = 0.6;  // of the pipe radius, from crest to crest
 // Of a table: how far it reaches beyond the tube, in pipe radii; of the tube's points at most; how
 // far aslant it is seen.
 constexpr double kTable = 8, kMostOfTable = 4, kAslant = 1.2;
-constexpr double kSeamAt = 1.0, kSeamWidth = 0.12;  // [rad]
+constexpr double kSeamAt = 1.0;  // [rad]
 
 // What sits on the end as a thicker pipe does, in pipe radii.
 struct Sitting {
@@ -301,7 +301,7 @@ class Scanner {
                    std::cos(2 * kPi * s_mm / (kWrinkle * r_));
     }
     if (form_.seam > 0) {
-      const double beside = std::remainder(phi - kSeamAt, 2 * kPi) / kSeamWidth;
+      const double beside = std::remainder(phi - kSeamAt, 2 * kPi) / form_.seam_rad;
       radius_mm += form_.seam * r_ * std::exp(-0.5 * beside * beside);
     }
     for (const Dent& dent : form_.dents) {

@@ -33,7 +33,8 @@ struct Form {
   bool ramps = false;   // instead over a box as wide as twice this: curvature rises linearly
   double ovality = 0;   // (greatest - least diameter) / nominal in the middle of bends
   double wrinkles = 0;  // on the inner side of bends, half of them wave crest to trough
-  double seam = 0;      // height of a weld seam along the tube
+  double seam = 0;  // height of a weld seam along the tube, one radian from the first bend's plane
+  double seam_rad = 0.12;        // 1 sigma of its gaussian
   std::vector<Dent> dents = {};  // pressed in
   EndFitting at_end = EndFitting::kNone;
 };

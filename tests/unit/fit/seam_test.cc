@@ -43,6 +43,28 @@ TEST(Seam, HasItsHeightAndWidth) {
   }
 }
 
+// Narrow ones, too, beside noise a third as wide as they are.
+TEST(Seam, IsAsHighAsItSays) {
+  double height = 0, values = 0;
+  for (const double width_rad : {0.03, 0.06, 0.12, 0.2}) {
+    for (const double noise_mm : {0.01, 0.05}) {
+      for (const std::uint64_t seed : {1U, 2U, 3U}) {
+        SCOPED_TRACE(testing::Message() << width_rad << " at " << noise_mm << ", " << seed);
+        const auto cloud = ScanWith({.seam = 0.04, .seam_rad = width_rad},
+                                    {.points = 100'000, .noise_mm = noise_mm}, seed);
+        const auto measured = Reconstruct(cloud.points_W, {}, kClock);
+        ASSERT_TRUE(measured && measured->seam);
+        const SeamFound& seam = *measured->seam;
+        height += std::pow((seam.height_mm - 5 * 0.04) / seam.sigma_mm, 2);
+        values += 1;
+        EXPECT_NEAR(seam.width_mm, 2.355 * width_rad * 5, 0.15 * 2.355 * width_rad * 5);
+        EXPECT_LT(seam.sigma_mm, 0.05 * seam.height_mm);
+      }
+    }
+  }
+  EXPECT_LT(std::sqrt(height / values), 1.4);
+}
+
 // All along, round bends in three planes: what is left of the points is even.
 TEST(Seam, GoesWithTheTubeAndItsPointsAreLeftOut) {
   const auto cloud = ScanWith({.seam = 0.06}, {.noise_mm = 0.02}, 8);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "hal/spine.h"
+#include "pipeline/fit/wrinkle_fit.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
 #include "tests/unit/fit/three_bends.h"
@@ -50,6 +51,40 @@ TEST(Wrinkles, AreToldAndPullNoRadius) {
     }
   }
   EXPECT_LT(std::sqrt(squares / values), 1.6);
+}
+
+// However long waves and their bend are: what is even along a piece of a bend took in a part of
+// waves about as long.
+TEST(Waves, AreAsHighAsTheySay) {
+  constexpr int kEach = 60;
+  constexpr double kPipeRadiusMm = 5, kNoiseMm = 0.03;
+  std::mt19937_64 random(5);
+  const auto uniform = [&](double a, double b) {
+    return std::uniform_real_distribution<double>(a, b)(random);
+  };
+  std::normal_distribution<double> noise(0, kNoiseMm);
+  double squares = 0, ratio = 0;
+  for (int i = 0; i < kEach; ++i) {
+    const double length_mm = kPipeRadiusMm * uniform(3, 10);
+    const double wave_mm = kPipeRadiusMm * uniform(0.4, 1.2), phase = uniform(0, 6);
+    const double height_mm = uniform(0.06, 0.3), oval_mm = uniform(-0.1, 0.1);
+    std::vector<BendSample> samples(static_cast<std::size_t>(60 * length_mm));
+    for (BendSample& sample : samples) {
+      sample = {uniform(0, length_mm), uniform(-std::numbers::pi, std::numbers::pi)};
+      const double inner = std::max(0.0, std::cos(sample.around_rad));
+      const double turn = 2 * std::numbers::pi * sample.along_mm / wave_mm + phase;
+      sample.off_mm = 0.5 * height_mm * inner * inner * std::cos(turn) +
+                      oval_mm * std::cos(2 * sample.around_rad) *
+                          std::sin(std::numbers::pi * sample.along_mm / length_mm) +
+                      noise(random);
+    }
+    const auto waves = FitWaves(samples, length_mm, kPipeRadiusMm, height_mm, kNoiseMm);
+    ASSERT_TRUE(waves);
+    squares += std::pow((waves->height_mm - height_mm) / waves->sigma_mm, 2) / kEach;
+    ratio += waves->height_mm / height_mm / kEach;
+  }
+  EXPECT_LT(std::sqrt(squares), 1.2);
+  EXPECT_NEAR(ratio, 1.0, 0.05);
 }
 
 TEST(Wrinkles, AreNoneWhereBendsAreOtherwiseNotAsTheModelHasThem) {
