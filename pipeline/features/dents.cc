@@ -71,8 +71,8 @@ class Wall {
         frames_(SegmentFrames(spine_, 0.0, form.flattening)),
         blocks_(blocks) {
     for (const Flattening& of_bend : form.flattening) {
-      const double most =
-          0.5 * (std::abs(of_bend.constant) + std::abs(of_bend.bump)) + std::abs(of_bend.collapse);
+      const double most = 0.5 * (std::abs(of_bend.constant) + std::abs(of_bend.bump)) +
+                          std::abs(of_bend.collapse) + std::abs(of_bend.plateau);
       flat_mm_ = std::max(flat_mm_, most * r_mm_);
     }
   }

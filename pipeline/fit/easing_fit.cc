@@ -61,6 +61,34 @@ std::optional<SurfaceFit> EasedByMany(const SurfaceFit& sharp_by_few,
   return eased;
 }
 
+// By steps of the fit from `options.easing` on, as far as easing is in sight. Most tubes' bends are
+// sharp, and the first steps show it. `more`: as many times the points may be asked.
+std::optional<SurfaceFit> BeginEasing(const SurfaceFit& sharp, const OwnedBlocks& few, double more,
+                                      SurfaceFitOptions options) {
+  options.max_steps = 1;
+  const SurfaceFit first = FitSurface(sharp.tube, few, options);
+  const double led = (first.start_cost_mm2 - first.cost_mm2) / (first.sigma_mm * first.sigma_mm);
+  const double gained = GainOf(first, sharp, options);
+  if (gained > -kEasingFit.well_led * led &&
+      gained + kEasingFit.further * led < kEasingFit.in_sight * first.design_effect) {
+    return std::nullopt;
+  }
+  // Where the tube hardly follows its samples a step may go too far, and the next ones bring it
+  // back: on as long as they gain.
+  SurfaceFit eased = first;
+  double now = gained, least = 0;
+  do {
+    const double before = std::min(now, 0.0);
+    options.easing = eased.easing;
+    eased = FitSurface(eased.tube, few, options);
+    now = GainOf(eased, sharp, options);
+    least = kEasingFit.promising / more * eased.design_effect;
+    if (now < least && first.design_effect < kEasingFit.hardly) return std::nullopt;
+    if (now < before + least) return std::nullopt;
+  } while (now < least);
+  return eased;
+}
+
 }  // namespace
 
 FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> blocks,
@@ -82,32 +110,17 @@ FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> 
   // As many times as there are to be asked.
   const double more = static_cast<double>(std::min(points, kEasingFit.many_points)) /
                       static_cast<double>(few.point_count());
-  // Most tubes' bends are sharp, and the first steps show it.
   options.report = FitReport::kCost;
-  const int most_steps = std::exchange(options.max_steps, 1);
-  const SurfaceFit first = FitSurface(sharp.tube, few, options);
-  const double led = (first.start_cost_mm2 - first.cost_mm2) / (first.sigma_mm * first.sigma_mm);
-  const double gained = GainOf(first, sharp, options);
-  if (gained > -kEasingFit.well_led * led &&
-      gained + kEasingFit.further * led < kEasingFit.in_sight * first.design_effect) {
+  SurfaceFit eased;
+  if (options.flattened) {
+    // What the first steps leave of the bends' sections hides easing, and looks like it.
+    eased = FitSurface(sharp.tube, few, options);
+  } else if (auto begun = BeginEasing(sharp, few, more, options)) {
+    options.easing = begun->easing;
+    eased = FitSurface(begun->tube, few, options);
+  } else {
     return none();
   }
-  // Where the tube hardly follows its samples a step may go too far, and the next ones bring it
-  // back: on as long as they gain.
-  SurfaceFit eased = first;
-  double now = gained, least = 0;
-  do {
-    const double before = std::min(now, 0.0);
-    options.easing = eased.easing;
-    eased = FitSurface(eased.tube, few, options);
-    now = GainOf(eased, sharp, options);
-    least = kEasingFit.promising / more * eased.design_effect;
-    if (now < least && first.design_effect < kEasingFit.hardly) return none();
-    if (now < before + least) return none();
-  } while (now < least);
-  options.max_steps = most_steps;
-  options.easing = eased.easing;
-  eased = FitSurface(eased.tube, few, options);
   if (const double gain = GainOf(eased, sharp, options); gain < AskedOf(eased)) {
     if (gain * more < AskedOf(eased)) return none();
     auto by_many = EasedByMany(sharp, eased, blocks, options);

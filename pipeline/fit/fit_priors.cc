@@ -125,7 +125,8 @@ double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Fla
   }
   if (!easing.empty()) sum += std::pow((easing.reach - kUsualReach) / kReachSigma, 2);
   for (const Flattening& f : flattening) {
-    sum += (f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse) /
+    sum += (f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse +
+            f.plateau * f.plateau) /
            (kUsualFlattening * kUsualFlattening);
   }
   double mean_radius_mm = 0;

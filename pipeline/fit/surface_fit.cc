@@ -135,12 +135,12 @@ void SetSigmas(const TubeParameters& parameters, SurfaceFit& fit) {
   }
   fit.flattening_sigma.clear();
   for (std::size_t i = 0; i < fit.flattening.size(); ++i) {
-    const Eigen::Matrix3d of_bend = covariance.block<kFlatteningParameters, kFlatteningParameters>(
+    const Eigen::Matrix4d of_bend = covariance.block<kFlatteningParameters, kFlatteningParameters>(
         parameters.flattening(i), parameters.flattening(i));
-    const auto sigma_of = [&of_bend](const Eigen::Vector3d& weights) {
+    const auto sigma_of = [&of_bend](const Eigen::Vector4d& weights) {
       return std::sqrt(std::max(0.0, weights.dot(of_bend * weights)));
     };
-    fit.flattening_sigma.push_back({sigma_of({1, 1, 0.5}), sigma_of({0.5, 0.5, 1})});
+    fit.flattening_sigma.push_back({sigma_of({1, 1, 0.5, 0.5}), sigma_of({0.5, 0.5, 1, 1})});
   }
   fit.easing_sigma_mm2.clear();
   for (std::size_t i = 0; i < fit.easing.variance_mm2.size(); ++i) {

@@ -259,7 +259,13 @@ CondensedSum SumOfArc(const SegmentPoints& points, double bend_radius_mm, double
 }
 
 // The oval arc: as above, and the functions of Flattening. The surface lies inside the round one.
-enum OvalFunction { kQuadrant = kArcDistance + 1, kBumpQuadrant, kBumpOuter, kOvalFunctions };
+enum OvalFunction {
+  kQuadrant = kArcDistance + 1,
+  kBumpQuadrant,
+  kBumpOuter,
+  kPlateauOuter,
+  kOvalFunctions
+};
 
 struct OvalBend {
   OvalBend(const SegmentFrame& frame, double r_mm)
@@ -271,9 +277,10 @@ struct OvalBend {
         bump_scale(frame.bump_scale),
         constant(0.5 * r_mm * frame.flattening->constant),
         bump(0.5 * r_mm * frame.flattening->bump),
-        collapse(r_mm * frame.flattening->collapse) {}
+        collapse(r_mm * frame.flattening->collapse),
+        plateau(r_mm * frame.flattening->plateau) {}
   double bend_radius_mm, pipe_radius_mm, half_sine, half_cosine, bump_floor, bump_scale;
-  double constant, bump, collapse;  // [mm]
+  double constant, bump, collapse, plateau;  // [mm]
 };
 
 // B at a place around the centre of the bend.
@@ -281,6 +288,7 @@ BENDLOOP_LOOP double Bump(const OvalBend& oval, double a, double b) {
   return Most(0.0, (a * oval.half_sine - b * oval.half_cosine - oval.bump_floor) * oval.bump_scale);
 }
 BENDLOOP_LOOP double Square(double x) { return x * x; }
+BENDLOOP_LOOP double Plateau(double bump) { return 1.0 - Square(Square(1.0 - bump)); }
 
 BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double inverse_sigma,
                                   Sums<kOvalFunctions>& sums) {
@@ -297,7 +305,8 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
     const double s = p.z[l] * inverse;
     const double quadrant = c * c - s * s;
     const double bump = Bump(oval, a, b);
-    const double outer = bump * Square(Most(c, 0.0));
+    const double outer = Square(Most(c, 0.0));
+    const double plateau = Plateau(bump) * outer;
     f[kCa][l] = c * a;
     f[kCb][l] = c * b;
     f[kC][l] = c;
@@ -307,9 +316,11 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
     f[kArcOne][l] = 1.0;
     f[kQuadrant][l] = quadrant;
     f[kBumpQuadrant][l] = bump * quadrant;
-    f[kBumpOuter][l] = outer;
+    f[kBumpOuter][l] = bump * outer;
+    f[kPlateauOuter][l] = plateau * outer;
     f[kArcDistance][l] = distance - oval.pipe_radius_mm + oval.constant * quadrant +
-                         oval.bump * bump * quadrant + oval.collapse * outer;
+                         oval.bump * bump * quadrant +
+                         (oval.collapse * bump + oval.plateau * plateau) * outer;
     sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
   AddProducts(sums);
@@ -328,8 +339,8 @@ BENDLOOP_LOOP void InsideOfBody(const OvalBend& oval, const LocalLanes& local, d
     const double inverse = 1.0 / Most(u2 + z2, kTiny);
     const double bump = Bump(oval, local.x[l] * inverse_rho, local.y[l] * inverse_rho);
     const double outer = rho > oval.bend_radius_mm ? u2 * inverse : 0.0;
-    inside[l] =
-        (oval.constant + oval.bump * bump) * (u2 - z2) * inverse + oval.collapse * bump * outer;
+    inside[l] = (oval.constant + oval.bump * bump) * (u2 - z2) * inverse +
+                (oval.collapse * bump + oval.plateau * Plateau(bump) * outer) * outer;
   }
 }
 BENDLOOP_MULTIVERSION(void, InsideOf,
@@ -344,6 +355,7 @@ CondensedSum SumOfOvalArc(const SegmentPoints& points, const SegmentFrame& frame
   rows_of(kFlatteningState, kQuadrant) = 0.5 * pipe_radius_mm;
   rows_of(kFlatteningState + 1, kBumpQuadrant) = 0.5 * pipe_radius_mm;
   rows_of(kFlatteningState + 2, kBumpOuter) = pipe_radius_mm;
+  rows_of(kFlatteningState + 3, kPlateauOuter) = pipe_radius_mm;
   const OvalBend oval(frame, pipe_radius_mm);
   return SumThrough<kOvalFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
     AddOvalArc(batch, oval, inverse_sigma, sums);

@@ -13,7 +13,7 @@ namespace bendloop::pipeline {
 
 // A segment's local state, which its surface depends on: velocity of its start (3), angular
 // velocity (3), both in the frame (tangent, normal x tangent, normal), bend radius, pipe radius,
-// flattening (3).
+// flattening (4).
 constexpr int kPipeRadiusState = 7;
 constexpr int kFlatteningState = 8;  // the first of it
 constexpr int kLocalState = kFlatteningState + kFlatteningParameters;

@@ -179,7 +179,8 @@ Eigen::VectorXd TubeParameters::Initial() const {
   }
   for (std::size_t i = 0; i < flattening_.size(); ++i) {
     const Flattening& f = flattening_[i];
-    parameters.segment<kFlatteningParameters>(flattening(i)) << f.constant, f.bump, f.collapse;
+    parameters.segment<kFlatteningParameters>(flattening(i)) << f.constant, f.bump, f.collapse,
+        f.plateau;
   }
   if (!eased()) return parameters;
   for (std::size_t i = 0; i < bends_; ++i) parameters[easing(i)] = easing_.variance_mm2[i];
@@ -236,7 +237,7 @@ std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& para
   std::vector<Flattening> list;
   for (std::size_t i = 0; i < flattening_.size(); ++i) {
     const auto of_bend = parameters.segment<kFlatteningParameters>(flattening(i));
-    list.push_back({of_bend[0], of_bend[1], of_bend[2]});
+    list.push_back({of_bend[0], of_bend[1], of_bend[2], of_bend[3]});
   }
   return list;
 }
@@ -271,7 +272,7 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(const EasedSpine& 
     if (!spine.is_line(k) && flattened()) {
       derivative.block<kFlatteningParameters, kFlatteningParameters>(kFlatteningState,
                                                                      flattening(bend)) =
-          Eigen::Vector3d(spine.share[k], 1.0, 1.0).asDiagonal();
+          Eigen::Vector4d(spine.share[k], 1.0, 1.0, 1.0).asDiagonal();
     }
     if (spine.pieces > 1 && !spine.is_line(k)) {
       if (spine.is_line(k - 1)) {

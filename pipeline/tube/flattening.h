@@ -5,21 +5,24 @@ namespace bendloop::pipeline {
 
 // How far a bend's cross-section is from round. In the direction of angle psi from the outer side
 // (the far side from the centre of the bend) the surface is at
-//   r_P (1 - (constant + bump B) / 2 cos 2 psi - collapse B max(0, cos psi)^2)
-// from the spine, where B is 1 in the middle of the bend and falls to 0 at its ends like a
-// parabola. The first term is the oval, the last the outer wall that sinks in. All are parts of
-// the pipe radius; an oval of 0.05 has diameters that differ by 5 %.
+//   r_P (1 - (constant + bump B) / 2 cos 2 psi - collapse B C^2 - plateau P C^4)
+// from the spine, C = max(0, cos psi), where B is 1 in the middle of the bend and falls to 0 at its
+// ends like a parabola, and P = 1 - (1 - B)^4 rises soon and stays. The first term is the oval, the
+// others the outer wall that sinks in. All are parts of the pipe radius; an oval of 0.05 has
+// diameters that differ by 5 %. An outer wall that sinks in all along, taken for one that does in
+// the middle, moves the spine at the bend's ends inwards as easing does.
 struct Flattening {
   double constant = 0;
   double bump = 0;
   double collapse = 0;
+  double plateau = 0;
 
   // (greatest - least diameter) / nominal, in the middle of the bend.
-  double OvalityPart() const { return constant + bump + 0.5 * collapse; }
+  double OvalityPart() const { return constant + bump + 0.5 * (collapse + plateau); }
   // How far the outer wall lies inside the round one, in pipe radii, in the middle of the bend.
-  double OuterWallPart() const { return 0.5 * (constant + bump) + collapse; }
+  double OuterWallPart() const { return 0.5 * (constant + bump) + collapse + plateau; }
 };
-constexpr int kFlatteningParameters = 3;
+constexpr int kFlatteningParameters = 4;
 
 // 1 sigma of the two parts.
 struct FlatteningSigma {

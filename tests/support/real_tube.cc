@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kStep = 0.02;    // of the pipe radius, between the places of a spine
+constexpr double kSinks = 0.6;    // of the pipe radius, along a bend until its outer wall is sunk
 constexpr double kWrinkle = 0.6;  // of the pipe radius, from crest to crest
 // Of a table: how far it reaches beyond the tube, in pipe radii; of the tube's points at most; how
 // far aslant it is seen.
@@ -52,6 +53,7 @@ struct Spine {
   std::vector<Eigen::Vector3d> place, tangent, across;
   std::vector<Eigen::Vector2d> curvature;  // (across, tangent x across)
   std::vector<double> bentness;            // 0 on straights, 1 in bends
+  std::vector<double> sunk;                // the same of sharp bends, whose ends are ramps
   double length_mm() const { return step_mm * static_cast<double>(place.size() - 1); }
 };
 
@@ -138,6 +140,8 @@ Spine MakeSpine(const hal::Tube& tube, const Form& form, std::mt19937_64& random
   const auto sharp = Curvatures(tube, form, spine.step_mm, bentness, random);
   spine.curvature = Smoothed<Eigen::Vector2d>(sharp, form, Eigen::Vector2d::Zero());
   spine.bentness = Smoothed<double>(bentness, form, 0.0);
+  spine.sunk = Smoothed<double>(bentness, {.easing_r = kSinks, .ramps = true}, 0.0);
+  for (double& part : spine.sunk) part = std::max(0.0, 2.0 * part - 1.0);
   const Eigen::Matrix3d R = tube.X_WT.orientation.toRotationMatrix();
   Eigen::Vector3d place = tube.X_WT.position_mm, tangent = R.col(0), across = R.col(1);
   for (const Eigen::Vector2d& k : spine.curvature) {
@@ -294,6 +298,10 @@ class Scanner {
     if (form_.ovality > 0 && k.norm() > 0) {
       const double from_plane = phi - std::atan2(k.y(), k.x());
       radius_mm *= 1.0 - 0.5 * form_.ovality * spine_.bentness[i] * std::cos(2 * from_plane);
+    }
+    if (form_.sunk > 0 && k.norm() > 0) {
+      const double outer = std::max(0.0, -std::cos(phi - std::atan2(k.y(), k.x())));
+      radius_mm -= form_.sunk * r_ * spine_.sunk[i] * std::pow(outer, 3);
     }
     if (form_.wrinkles > 0 && k.norm() > 0) {
       const double inner = std::max(0.0, std::cos(phi - std::atan2(k.y(), k.x())));

@@ -32,6 +32,7 @@ struct Form {
   double easing_r = 0;  // curvature is smoothed over a gaussian of this sigma
   bool ramps = false;   // instead over a box as wide as twice this: curvature rises linearly
   double ovality = 0;   // (greatest - least diameter) / nominal in the middle of bends
+  double sunk = 0;      // depth of the outer wall of bends, all along them
   double wrinkles = 0;  // on the inner side of bends, half of them wave crest to trough
   double seam = 0;  // height of a weld seam along the tube, one radian from the first bend's plane
   double seam_rad = 0.12;        // 1 sigma of its gaussian

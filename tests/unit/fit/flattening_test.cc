@@ -10,6 +10,7 @@
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/reconstruction.h"
 #include "pipeline/structure/structure_moves.h"
+#include "tests/support/real_tube.h"
 #include "tests/support/shapes.h"
 #include "tests/unit/fit/three_bends.h"
 
@@ -69,9 +70,36 @@ TEST(Flattening, RoundBendsAreCalledRound) {
 }
 
 TEST(Flattening, TheOuterWallThatSinksInIsSeen) {
-  Flattening flattening{.constant = 0.01, .bump = 0.03, .collapse = 0.02};
+  Flattening flattening{.constant = 0.01, .bump = 0.03, .collapse = 0.015, .plateau = 0.005};
   EXPECT_DOUBLE_EQ(flattening.OvalityPart(), 0.05);
   EXPECT_DOUBLE_EQ(flattening.OuterWallPart(), 0.04);
+}
+
+// What an outer wall that sinks in all along a bend does to the spine at its ends looks like
+// easing: it was told in 4 of these, with lengths too long and radii too small.
+TEST(Flattening, AnOuterWallThatSinksInAllAlongIsNoEasing) {
+  double squares = 0, values = 0;
+  unsigned eased = 0;
+  constexpr unsigned kScans = 8;
+  for (unsigned seed = 1; seed <= kScans; ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(seed);
+    const auto cloud = tests::ScanRealTube(FiveBends(), {.sunk = 0.02}, {}, random);
+    const auto found = Reconstruct(cloud.points_W, {}, kClock);
+    ASSERT_TRUE(found) << found.error().message;
+    ASSERT_EQ(found->tube.program.bend_count(), 5U);
+    eased += found->bend_easings.empty() ? 0 : 1;
+    const bool reversed = std::abs(found->tube.program.rows[0].angle_deg - 61) > 10;
+    for (std::size_t i = 1; i < 5; ++i) {
+      const std::size_t j = reversed ? 5 - i : i;
+      const double off_mm =
+          found->tube.program.rows[j].length_mm - FiveBends().program.rows[i].length_mm;
+      squares += std::pow(off_mm / found->sigma.rows[j].length_mm, 2);
+      values += 1;
+    }
+  }
+  EXPECT_LE(eased, 1U);
+  EXPECT_LT(std::sqrt(squares / values), 1.5);
 }
 
 // Points of which one half tells another story than the other.
