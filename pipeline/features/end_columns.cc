@@ -35,6 +35,7 @@ struct ColumnSettings {
   // stop, and by how their sums differ from ring to ring, which tells it less well.
   double by_chance = 1.5, sums_by_chance = 2.5;
   std::size_t most_steps = 20'000;  // of a table
+  double ahead = 2.0;               // [sigma of a round] That is certain of a next line.
   double all_of_it = 9.0;           // [sigma]
 };
 constexpr ColumnSettings kColumns;
@@ -158,7 +159,9 @@ EndStops::EndStops(std::vector<double> gaps, double smear, double columns_of_lin
   table_.at.push_back(table_.at.back());
 }
 
-EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, double smear_mm) {
+EndColumns::EndColumns(std::span<const EndSample> samples, double window_mm, double smear_mm,
+                       bool ahead)
+    : ahead_(ahead) {
   const double wanted = static_cast<double>(samples.size()) / kColumns.in_column;
   count_ = std::min(kColumns.most_columns, static_cast<std::size_t>(wanted));
   if (count_ < kColumns.least_columns) {
@@ -273,7 +276,11 @@ void EndColumns::Take(std::size_t k, double window_mm, double smear_mm, std::vec
   column.around_rad = turn;
   column.last_mm = at.back();
   column.mean_gap_mm = mean_gap_mm;
-  if (const auto pattern = FindLinePattern(at)) {
+  const auto pattern = FindLinePattern(at);
+  const auto is_ahead = [&] {
+    return pattern->next_mm > pattern->last_mm + kColumns.ahead * pattern->scatter_mm;
+  };
+  if (pattern && (!ahead_ || is_ahead())) {
     const double last_sigma_mm =
         smear_mm / std::sqrt(static_cast<double>(pattern->samples_of_last));
     column.last_mm = pattern->last_mm;

@@ -56,7 +56,10 @@ class EndStops {
 // All samples about an end in columns, whatever pass they came in.
 class EndColumns {
  public:
-  EndColumns(std::span<const EndSample> samples, double window_mm, double smear_mm);
+  // `ahead`: lines that come again have the next one beyond the last for certain. Without it
+  // columns of lines look like some more often, as those of scattered samples do.
+  EndColumns(std::span<const EndSample> samples, double window_mm, double smear_mm,
+             bool ahead = false);
 
   const std::vector<EndColumn>& seen() const { return seen_; }
   double width_rad() const;
@@ -78,6 +81,7 @@ class EndColumns {
   void Smooth();
   std::optional<double> ColumnsOfLine(const Eigen::Vector2d& rise_mm) const;
 
+  bool ahead_ = false;
   std::size_t count_ = 0;
   std::vector<EndColumn> seen_;
   std::vector<std::vector<double>> at_;  // samples of those that were seen, in their order

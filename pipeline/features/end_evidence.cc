@@ -184,7 +184,8 @@ std::optional<EndEvidence> EndColumnsAlong(std::span<const EndSample> samples, d
                                            bool may_be_lines) {
   std::vector<EndSample> level;
   if (!series_mm.isZero()) level = Levelled(samples, series_mm);
-  EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm);
+  const bool is_plane = series_mm.size() <= 3;
+  EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm, !is_plane);
   if (!columns.AreEnough()) return std::nullopt;
   EndEvidence evidence;
   for (const EndColumn& column : columns.seen()) {

@@ -20,8 +20,6 @@ struct LineSettings {
   // of their number, 0.4 of six. By trial.
   double even = 0.12;
   std::size_t most_period = 6;
-  // [sigma of a round] Lines that come again have the next one so far beyond the last, at least.
-  double ahead = 2.0;
   // Of the usual gap: how much those of one sweep differ. By trial.
   double even_gap = 0.2;
   // Lines of a strip that tell of the next: the hand's pace changes.
@@ -81,9 +79,7 @@ std::optional<LinePattern> PatternOf(std::span<const double> lines) {
     }
     const double scatter = std::sqrt(std::max(0.0, square - mean * mean));
     if (scatter > kLines.even * mean) continue;
-    const double next = lines[n - period] + mean;
-    if (next < lines.back() + kLines.ahead * scatter) continue;
-    return LinePattern{lines.back(), next, mean, scatter, 1};
+    return LinePattern{lines.back(), lines[n - period] + mean, mean, scatter, 1};
   }
   return std::nullopt;
 }

@@ -39,7 +39,7 @@ struct EndFitSettings {
   // [of their 1 sigma, together] Planes that are nearer to each other are one.
   double apart = 3.0;
   // Of scattered samples' columns: so many look like lines by chance.
-  double by_chance = 0.12;
+  double by_chance = 0.2;
   // Of the noise across the wall: how unsure it makes, along the tube, where columns of a cloud
   // stop. By trial.
   double along_of_cloud = 0.5;
@@ -82,8 +82,7 @@ class EndFit {
     if (all_.knows_passes) columns = LookAtColumns(slope_mm);
     if (!columns) return std::nullopt;
     const EndPlane plane = OfColumns(*columns, slope_mm);
-    is_scattered_ =
-        !columns->share_lines && columns->columns_of_line <= 1.0 && !MayBeLines(*columns);
+    is_scattered_ = !columns->share_lines && columns->columns_of_line <= 1.0 && !AreLines(*columns);
     const bool agrees = Agrees(plane, *columns, slope_mm, r_mm_);
     const auto border = agrees ? std::nullopt : Bordered(plane, *columns, slope_mm);
     if (border) {
