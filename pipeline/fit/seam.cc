@@ -37,6 +37,9 @@ struct SeamSettings {
   std::size_t many_points = 400'000;
   // [rad] 1 sigma of a Gaussian across: flash of two to six tenths of a wall.
   std::array<double, 7> widths = {0.025, 0.035, 0.05, 0.075, 0.11, 0.15, 0.2};
+  // [rad] A narrower one is told where its samples agree: bins that hold a sensor's few angles look
+  // like one.
+  double narrow = 0.05;
   // [of its width] Between places where one is looked for.
   double step = 0.35;
   // [of the bins] Of either flank's outer half that tell of it.
@@ -265,6 +268,7 @@ std::optional<SeamFound> FindSeam(const SurfaceFit& fit, std::span<const PointBl
     return std::nullopt;
   }
   const auto fitted = FitRidge(samples, ridge, kSeam.piece * r_mm, fit.sigma_mm);
+  if (!fitted && ridge.width_rad < kSeam.narrow) return std::nullopt;
   return FoundOf(fitted.value_or(ridge), r_mm, fit.sigma_mm);
 }
 

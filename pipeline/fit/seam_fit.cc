@@ -22,6 +22,10 @@ struct SeamFitSettings {
   double narrowest = 0.01, widest = 0.3;
   // [of the height] Once less is left it has led away.
   double least_left = 0.5;
+  // Samples spread over a ridge tell its place to the root of two times its width, as a part of
+  // which they tell its height. Of those at the same few angles, as a sensor's rays have, one
+  // stands out by chance: they look surer of the place than of the height.
+  double least_spread = 0.4;
   // [noise] 1 sigma of the wall beside it before the scan: pieces without samples leave it open.
   double wall = 1e3;
   int most_steps = 20;
@@ -92,6 +96,9 @@ class RidgeFit {
     }
     SumAll();
     const Of3 sigma = Sigmas();
+    if (sigma[1] < kSeamFit.least_spread * ridge_.width_rad * sigma[0] / ridge_.height_mm) {
+      return std::nullopt;
+    }
     ridge_.height_sigma_mm = sigma[0];
     ridge_.around_sigma_rad = sigma[1];
     return ridge_;
