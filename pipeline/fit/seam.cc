@@ -95,13 +95,13 @@ class Untwisted {
 };
 
 // `zero`: whose first bend's normal angles count from.
-std::vector<WallSample> SamplesOf(const BowedTubeState& state, const hal::Tube& zero,
+std::vector<SeamSample> SamplesOf(const BowedTubeState& state, const hal::Tube& zero,
                                   std::span<const PointBlock> blocks, double reach_mm) {
   const EasedSpine spine = SpineOf(state);
   const SurfaceAssignment points = PointsOf(state, spine, 0.0, blocks, reach_mm);
   const Untwisted untwisted(spine.segments,
                             hal::SpineSegments(zero.program, zero.X_WT).front().normal);
-  std::vector<WallSample> samples;
+  std::vector<SeamSample> samples;
   samples.reserve(points.distances_mm.size());
   for (std::size_t k = 0; k < spine.segments.size(); ++k) {
     const SegmentPoints& of = points.segments[k];
@@ -174,9 +174,9 @@ class RidgesSoWide {
 // The tube's samples, part by part of its length and all together.
 class RidgeSearch {
  public:
-  RidgeSearch(std::span<const WallSample> samples, double long_mm, double noise_mm)
+  RidgeSearch(std::span<const SeamSample> samples, double long_mm, double noise_mm)
       : noise_mm_(noise_mm) {
-    for (const WallSample& sample : samples) {
+    for (const SeamSample& sample : samples) {
       if (sample.off_mm * std::sqrt(sample.weight) < -kSeam.below * noise_mm) continue;
       const auto part = static_cast<std::size_t>(
           std::clamp(sample.along_mm / long_mm * kParts, 0.0, kParts - 1.0));
@@ -258,7 +258,7 @@ std::optional<SeamFound> FindSeam(const SurfaceFit& fit, std::span<const PointBl
   }
   const double r_mm = fit.tube.pipe_radius_mm;
   const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kSeam.enough_points));
-  const std::vector<WallSample> samples =
+  const std::vector<SeamSample> samples =
       SamplesOf({fit.tube, fit.flattening, fit.easing, {}}, fit.tube, few, reach_mm);
   const auto search =
       std::make_unique<RidgeSearch>(samples, hal::SpineLength(fit.tube.program), fit.sigma_mm);

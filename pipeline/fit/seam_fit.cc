@@ -38,8 +38,8 @@ using Of3 = Eigen::Vector3d;
 using By3 = Eigen::Matrix3d;
 
 // A piece of the tube, with the wall beside the ridge there.
-struct Piece {
-  std::vector<const WallSample*> samples;
+struct SeamPiece {
+  std::vector<const SeamSample*> samples;
   Of3 wall_mm = Of3::Zero();
 };
 
@@ -62,14 +62,14 @@ struct PieceSums {
 
 class RidgeFit {
  public:
-  RidgeFit(std::span<const WallSample> samples, const Ridge& start, double piece_mm,
+  RidgeFit(std::span<const SeamSample> samples, const Ridge& start, double piece_mm,
            double noise_mm)
       : ridge_(start),
         start_rad_(start.around_rad),
         beside_rad_(LookedAtBeside(start.width_rad)),
         noise_mm_(noise_mm) {
-    std::map<int, Piece> pieces;
-    for (const WallSample& sample : samples) {
+    std::map<int, SeamPiece> pieces;
+    for (const SeamSample& sample : samples) {
       if (std::abs(OffRad(sample)) > beside_rad_) continue;
       pieces[static_cast<int>(std::floor(sample.along_mm / piece_mm))].samples.push_back(&sample);
     }
@@ -106,16 +106,16 @@ class RidgeFit {
 
  private:
   // From where the ridge was looked for.
-  double OffRad(const WallSample& sample) const {
+  double OffRad(const SeamSample& sample) const {
     return std::remainder(sample.around_rad - start_rad_, 2.0 * std::numbers::pi);
   }
 
-  PieceSums SumOf(const Piece& piece) const {
+  PieceSums SumOf(const SeamPiece& piece) const {
     PieceSums sums;
     sums.wall.diagonal().setConstant(std::pow(kSeamFit.wall, -2));
     const double limit_mm =
         kSeamFit.flier * noise_mm_ + kSeamFit.flier_of_height * ridge_.height_mm;
-    for (const WallSample* sample : piece.samples) {
+    for (const SeamSample* sample : piece.samples) {
       const double off_rad = OffRad(*sample), x = off_rad / beside_rad_;
       const double beside = (off_rad - (ridge_.around_rad - start_rad_)) / ridge_.width_rad;
       const double high = std::exp(-0.5 * beside * beside);
@@ -132,7 +132,7 @@ class RidgeFit {
     sums_.clear(), wall_inverses_.clear();
     By3 matrix = By3::Zero();
     right_.setZero();
-    for (const Piece& piece : pieces_) {
+    for (const SeamPiece& piece : pieces_) {
       const PieceSums& of = sums_.emplace_back(SumOf(piece));
       const By3& inverse = wall_inverses_.emplace_back(of.wall.inverse());
       matrix += of.ridge - of.both.transpose() * inverse * of.both;
@@ -164,7 +164,7 @@ class RidgeFit {
 
   Ridge ridge_;
   double start_rad_, beside_rad_, noise_mm_;
-  std::vector<Piece> pieces_;
+  std::vector<SeamPiece> pieces_;
   std::vector<PieceSums> sums_;
   std::vector<By3> wall_inverses_;
   By3 inverse_;
@@ -177,7 +177,7 @@ double LookedAtBeside(double width_rad) {
   return std::clamp(kSeamFit.beside * width_rad, kSeamFit.least_beside, kSeamFit.most_beside);
 }
 
-std::optional<Ridge> FitRidge(std::span<const WallSample> samples, const Ridge& start,
+std::optional<Ridge> FitRidge(std::span<const SeamSample> samples, const Ridge& start,
                               double piece_mm, double noise_mm) {
   return RidgeFit(samples, start, piece_mm, noise_mm).Solve();
 }

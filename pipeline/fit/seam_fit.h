@@ -8,7 +8,7 @@
 namespace bendloop::pipeline {
 
 // A sample of the wall: how far off the fitted surface it lies.
-struct WallSample {
+struct SeamSample {
   double along_mm = 0, around_rad = 0;  // around: in a frame that does not twist
   double off_mm = 0;
   double weight = 1;  // of the variance of all: how much less its own is
@@ -24,7 +24,7 @@ struct Ridge {
 // Least squares of the samples about it: one ridge, on a wall that curves evenly beside it and
 // otherwise from piece to piece of the tube. `piece_mm`: their length. None: it leads away from
 // where it began.
-std::optional<Ridge> FitRidge(std::span<const WallSample> samples, const Ridge& start,
+std::optional<Ridge> FitRidge(std::span<const SeamSample> samples, const Ridge& start,
                               double piece_mm, double noise_mm);
 // [rad] To both sides of a ridge so wide: the wall that is looked at.
 double LookedAtBeside(double width_rad);
