@@ -171,9 +171,9 @@ std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughEndPlace> places, in
                                        double gap_mm, double independent, double r_mm) {
   const double count = independent * static_cast<double>(places.size());
   int best = least_order;
-  RoughCurve curve = FitRoughly(places, least_order, gap_mm, r_mm);
-  const double of_least = curve.Bic(count);
-  double least = of_least;
+  RoughCurve of_least = FitRoughly(places, least_order, gap_mm, r_mm), curve;
+  const double bic_of_least = of_least.Bic(count);
+  double least = bic_of_least;
   for (const int order : kCurve.orders) {
     if (order <= least_order) continue;
     if (2.0 * (1 + 2 * order) > count) break;
@@ -183,9 +183,7 @@ std::pair<int, RoughCurve> ChooseOrder(std::span<const RoughEndPlace> places, in
     best = order;
     curve = std::move(more);
   }
-  if (best > least_order && of_least - least < kCurve.certain) {
-    return {least_order, FitRoughly(places, least_order, gap_mm, r_mm)};
-  }
+  if (bic_of_least - least < kCurve.certain) return {least_order, std::move(of_least)};
   return {best, std::move(curve)};
 }
 
@@ -202,7 +200,7 @@ double SteepestMm(const Posterior& curve) {
 }
 
 std::vector<BorderPlace> PlacesOf(const Posterior& curve) {
-  const int order = static_cast<int>(curve.mean.size() - 1) / 2;
+  const int order = OrderOf(curve.mean);
   std::vector<BorderPlace> places;
   for (std::size_t i = 0; i < kCurve.places; ++i) {
     const double around_deg = 360.0 * static_cast<double>(i) / static_cast<double>(kCurve.places);
@@ -222,23 +220,22 @@ std::optional<Posterior> FitEndCurve(const EndEvidence& all, const Eigen::Vector
   if (!(evidence.gap_mm > 0) || !IsSeenAllRound(places)) return std::nullopt;
   const bool are_lines = evidence.share_lines || evidence.columns_of_line > 1.0 ||
                          evidence.sides.size() > evidence.columns.size();
-  const auto [order, rough] =
-      ChooseOrder(places, static_cast<int>(about_mm.size() - 1) / 2, evidence.gap_mm,
-                  are_lines ? kCurve.independent : 1.0, pipe_radius_mm);
+  const auto [order, rough] = ChooseOrder(places, OrderOf(about_mm), evidence.gap_mm,
+                                          are_lines ? kCurve.independent : 1.0, pipe_radius_mm);
   if (order == 1) return std::nullopt;
   const Eigen::VectorXd certainties = SeriesCertainties(order, pipe_radius_mm);
+  Eigen::VectorXd about = Eigen::VectorXd::Zero(rough.x.size());
+  about.head(about_mm.size()) = about_mm;
   Posterior curve{rough.x, rough.square * Inverse(rough.matrix)};
   const int walk = kCurve.walk_of_number * static_cast<int>(rough.x.size());
   WalkDice dice(rough.x.size());
   for (const double blur : kCurve.blurs) {
     CurveLikelihood likelihood(evidence, order, blur * evidence.gap_mm);
     curve = SamplePosterior(curve, walk, dice, [&](const Eigen::VectorXd& x) {
-      Eigen::VectorXd whole = x;
-      whole.head(about_mm.size()) += about_mm;
-      return likelihood.Log(x) - 0.5 * whole.cwiseProduct(certainties).squaredNorm();
+      return likelihood.Log(x) - 0.5 * (x + about).cwiseProduct(certainties).squaredNorm();
     });
   }
-  curve.mean.head(about_mm.size()) += about_mm;
+  curve.mean += about;
   const std::vector<BorderPlace> border = PlacesOf(curve);
   const bool leaves = std::any_of(border.begin(), border.end(), [&](const BorderPlace& place) {
     return std::abs(place.beyond_mm) > kCurve.leaves_sigmas * place.sigma_mm &&

@@ -222,24 +222,12 @@ struct SeenEnd {
   }
 };
 
-// Where an end meets the axis, from where it was found at its outermost samples.
-struct EndPlace {
-  double at_mm = 0, sigma_mm = 0;
-};
-
-// That of a square end, or of one that was cut as oblique as its plane says, by their odds: of
-// slopes within `slopes` each power of ten is as likely, so that one of z sigma was expected within
-// its sigma with the probability 1 / (z^2 ln slopes).
-EndPlace OfEither(const EndPlace& square, const EndPlane& plane) {
-  const double z2 = std::max(1.0, plane.slope_sigmas * plane.slope_sigmas);
-  const double log_odds = std::log(kCut.oblique_odds / (z2 * std::log(kCut.slopes))) +
-                          0.5 * plane.slope_sigmas * plane.slope_sigmas;
-  const double part = 1.0 / (1.0 + std::exp(-log_odds));  // of the oblique one
-  const double apart_mm = plane.at_mm - square.at_mm;
-  return {square.at_mm + part * apart_mm,
-          std::sqrt(part * plane.at_sigma_mm * plane.at_sigma_mm +
-                    (1.0 - part) * square.sigma_mm * square.sigma_mm +
-                    part * (1.0 - part) * apart_mm * apart_mm)};
+// Of an end that it was cut as oblique as its plane says, and not square: of slopes within `slopes`
+// each power of ten is as likely, so that one of z sigma was expected within its sigma with the
+// probability 1 / (z^2 ln slopes).
+double LogOddsOfOblique(const EndPlane& plane) {
+  const double z2 = plane.slope_sigmas * plane.slope_sigmas;
+  return std::log(kCut.oblique_odds / (std::max(1.0, z2) * std::log(kCut.slopes))) + 0.5 * z2;
 }
 
 class EndSearch {
@@ -305,13 +293,15 @@ EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnd
     const EndPlane& plane = end->cut.plane;
     (at_start ? cuts.first : cuts.last) = end->cut.cut;
     double& sigma_of_end_mm = at_start ? ends.first_sigma_mm : ends.last_sigma_mm;
-    EndPlace place{plane.at_mm, plane.at_sigma_mm};
+    const EndPlace of_plane{plane.at_mm, plane.at_sigma_mm * plane.at_sigma_mm};
+    EndPlace place = of_plane;
     if (!end->IsSurerThan(sigma_of_end_mm)) {
       // Where noise has moved them are the outermost samples of a cloud, by which it was found.
-      place = {0.0, end->knows_passes ? sigma_of_end_mm : std::hypot(sigma_of_end_mm, sigma_mm)};
-      if (end->MayMeetAxisElsewhere()) place = OfEither(place, plane);
+      const double moved_mm = end->knows_passes ? 0.0 : sigma_mm;
+      place = {0.0, sigma_of_end_mm * sigma_of_end_mm + moved_mm * moved_mm};
+      if (end->MayMeetAxisElsewhere()) place = OfEither(place, of_plane, LogOddsOfOblique(plane));
     }
-    sigma_of_end_mm = place.sigma_mm;
+    sigma_of_end_mm = std::sqrt(place.variance_mm2);
     auto& rows = ends.tube.program.rows;
     double& length_mm = at_start ? rows.front().length_mm : rows.back().length_mm;
     length_mm = std::max(0.0, length_mm + place.at_mm);

@@ -184,7 +184,7 @@ std::optional<EndEvidence> EndColumnsAlong(std::span<const EndSample> samples, d
                                            bool may_be_lines) {
   std::vector<EndSample> level;
   if (!series_mm.isZero()) level = Levelled(samples, series_mm);
-  const bool is_plane = series_mm.size() <= 3;
+  const bool is_plane = OrderOf(series_mm) <= 1;
   EndColumns columns(level.empty() ? samples : level, window_mm, smear_mm, !is_plane);
   if (!columns.AreEnough()) return std::nullopt;
   EndEvidence evidence;

@@ -22,4 +22,12 @@ EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm,
   return plane;
 }
 
+EndPlace OfEither(const EndPlace& square, const EndPlace& oblique, double log_odds) {
+  const double part = 1.0 / (1.0 + std::exp(-log_odds));  // of the oblique one
+  const double apart_mm = oblique.at_mm - square.at_mm;
+  return {square.at_mm + part * apart_mm, part * oblique.variance_mm2 +
+                                              (1.0 - part) * square.variance_mm2 +
+                                              part * (1.0 - part) * apart_mm * apart_mm};
+}
+
 }  // namespace bendloop::pipeline

@@ -54,6 +54,13 @@ struct EndPlane {
 EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm,
                  double pipe_radius_mm);
 
+// Where an end meets the axis.
+struct EndPlace {
+  double at_mm = 0, variance_mm2 = 0;
+};
+// That of a square cut, or of an oblique one: both, by the logarithm of the odds of the latter.
+EndPlace OfEither(const EndPlace& square, const EndPlace& oblique, double log_odds);
+
 // Whether so many samples beyond an end, of all about it, may be fliers.
 inline bool MayBeFliers(double beyond, std::size_t all) {
   return beyond <= kEndPlane.fliers + kEndPlane.flier_part * static_cast<double>(all);

@@ -200,12 +200,10 @@ class EndFit {
     rough.plane.mean.tail<2>().setZero();
     const auto square = FitEndBorder(rough, all_.band, dice_.border);
     if (!square) return;
-    const double part = 1.0 / (1.0 + std::exp(-log_odds));  // of the oblique one
-    const double apart_mm = plane.at_mm - square->mean[0];
-    plane.at_sigma_mm =
-        std::sqrt(part * std::pow(plane.at_sigma_mm, 2) + (1.0 - part) * square->covariance(0, 0) +
-                  part * (1.0 - part) * apart_mm * apart_mm);
-    plane.at_mm = square->mean[0] + part * apart_mm;
+    const EndPlace place = OfEither({square->mean[0], square->covariance(0, 0)},
+                                    {plane.at_mm, std::pow(plane.at_sigma_mm, 2)}, log_odds);
+    plane.at_mm = place.at_mm;
+    plane.at_sigma_mm = std::sqrt(place.variance_mm2);
   }
 
   // Columns of few samples each may stop by chance as those of an oblique cut would: where the

@@ -242,7 +242,7 @@ bool IsRaggedAllRound(const RaggedWall& wall, const RaggedAbout& about, double r
 
 // How many samples lie about a border, as far as it is ragged.
 double SamplesAbout(const RaggedWall& wall, const Likeliest& border) {
-  const int order = static_cast<int>(border.series.size() - 1) / 2;
+  const int order = OrderOf(border.series);
   const auto about =
       std::count_if(wall.samples.begin(), wall.samples.end(), [&](const RaggedSample& sample) {
         const double off_mm =
@@ -281,7 +281,7 @@ bool IsMissingBefore(const RaggedWall& wall, const RaggedAbout& about, double si
 // they are.
 void CountPlane(const RaggedWall& wall, const RaggedAbout& about, double ragged_mm,
                 Posterior& series) {
-  const int order = static_cast<int>(series.mean.size() - 1) / 2;
+  const int order = OrderOf(series.mean);
   SectorCounts mean_mm{}, beyond{};
   double deepest_mm = 0;
   const double width = 2.0 * std::numbers::pi / static_cast<double>(kEndSectors);

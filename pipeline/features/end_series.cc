@@ -12,31 +12,35 @@ struct SeriesSettings {
 };
 constexpr SeriesSettings kSeries;
 
+// `term(k, cos k, sin k)`, turn by turn.
+template <class Term>
+void EachTurn(double cosine, double sine, int order, Term term) {
+  double c = 1.0, s = 0.0;
+  for (int k = 1; k <= order; ++k) {
+    const double next = c * cosine - s * sine;
+    s = s * cosine + c * sine;
+    c = next;
+    term(k, c, s);
+  }
+}
+
 }  // namespace
 
 // Of its own: where GCC 12 sees that order 1 has three numbers it warns of Eigen's packets of two.
 [[gnu::noinline]] Eigen::VectorXd SeriesAt(double cosine, double sine, int order) {
   Eigen::VectorXd terms(1 + 2 * order);
   terms[0] = 1.0;
-  double c = 1.0, s = 0.0;
-  for (int k = 1; k <= order; ++k) {
-    const double next = c * cosine - s * sine;
-    s = s * cosine + c * sine;
-    c = next;
+  EachTurn(cosine, sine, order, [&](int k, double c, double s) {
     terms[2 * k - 1] = c;
     terms[2 * k] = s;
-  }
+  });
   return terms;
 }
 
 double SeriesOf(const Eigen::VectorXd& series, double cosine, double sine) {
-  double at = series[0], c = 1.0, s = 0.0;
-  for (Eigen::Index i = 1; i + 1 < series.size(); i += 2) {
-    const double next = c * cosine - s * sine;
-    s = s * cosine + c * sine;
-    c = next;
-    at += c * series[i] + s * series[i + 1];
-  }
+  double at = series[0];
+  EachTurn(cosine, sine, OrderOf(series),
+           [&](int k, double c, double s) { at += c * series[2 * k - 1] + s * series[2 * k]; });
   return at;
 }
 

@@ -9,6 +9,10 @@ namespace bendloop::pipeline {
 // and so on, up to `order` turns. The first three are a plane.
 Eigen::VectorXd SeriesAt(double cosine, double sine, int order);
 
+inline int OrderOf(const Eigen::VectorXd& series) {
+  return static_cast<int>(series.size() - 1) / 2;
+}
+
 // Where such a border lies.
 double SeriesOf(const Eigen::VectorXd& series, double cosine, double sine);
 

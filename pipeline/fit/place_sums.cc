@@ -46,7 +46,7 @@ void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, Segment
     beside_mm *= 1.0 - 0.5 * leans_mm * leans_mm / std::max(1e-12, beside_mm.squaredNorm());
     points.y[i] = beside_mm[0];
     points.z[i] = beside_mm[1];
-    const double certainty = points.weighted ? std::sqrt(points.weight[i]) : 1.0;
+    const double certainty = points.Certainty(i);
     points.distance[i] = certainty * (std::hypot(points.y[i], points.z[i]) - pipe_radius_mm);
   }
 }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -58,6 +59,7 @@ struct SegmentPoints {
     weighted = with_weights;
   }
   void MakeRoom(std::size_t more);
+  double Certainty(Eigen::Index i) const { return weighted ? std::sqrt(weight[i]) : 1.0; }
   void Add(const SegmentPoints& from, Eigen::Index i) {
     const auto at = static_cast<Eigen::Index>(size);
     if (at == x.size()) MakeRoom(kBatch);

@@ -112,7 +112,7 @@ std::vector<BendSample> SamplesOf(const SegmentPoints& points, const hal::SpineS
   samples.reserve(points.size);
   for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
     const double inward_mm = bend.bend_radius_mm - std::hypot(points.x[i], points.y[i]);
-    const double certainty = points.weighted ? std::sqrt(points.weight[i]) : 1.0;
+    const double certainty = points.Certainty(i);
     samples.push_back({TurnOf(points.x[i], points.y[i], bend) * bend.bend_radius_mm,
                        std::atan2(points.z[i], inward_mm), points.distance[i] / certainty});
   }
