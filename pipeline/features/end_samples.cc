@@ -9,6 +9,7 @@
 
 #include "hal/tube_features.h"
 #include "pipeline/features/sampling.h"
+#include "pipeline/fit/facing_ends.h"
 #include "pipeline/math/arc_tangents.h"
 #include "pipeline/math/simd.h"
 
@@ -84,7 +85,12 @@ SamplesNearEnd::SamplesNearEnd(const hal::Tube& tube, bool at_start, const EndAx
   const Eigen::Vector3d tangent = at_start ? Eigen::Vector3d(-outward) : outward;
   const Eigen::Vector3d quarter = tangent.cross(hal::AroundZero(segments, at)).normalized();
   const Eigen::Vector3d zero = quarter.cross(tangent);
-  const double reach_mm = kSampling.on_surface * sigma_mm, beyond_mm = kNear.beyond * r_mm_;
+  const double reach_mm = kSampling.on_surface * sigma_mm;
+  double beyond_mm = kNear.beyond * r_mm_;
+  // Further out lies what is the other end's.
+  if (const auto to_mm = ToFacingEndMm(segments, at_start, r_mm_)) {
+    beyond_mm = std::min(beyond_mm, 0.5 * std::max(0.0, *to_mm));
+  }
   const double around_mm = std::hypot(std::max(window_mm + r_mm_, beyond_mm), 1.5 * r_mm_);
   const double least_mm = std::max(0.0, r_mm_ - reach_mm), most_mm = r_mm_ + reach_mm;
   const double inner_mm = kNear.innermost * r_mm_, outer_mm = kNear.outermost * r_mm_;

@@ -11,6 +11,7 @@
 
 #include "hal/angles.h"
 #include "hal/spine.h"
+#include "pipeline/fit/facing_ends.h"
 #include "pipeline/fit/nearest_lanes.h"
 #include "pipeline/fit/trade_rows.h"
 #include "pipeline/math/circle_sectors.h"
@@ -326,11 +327,12 @@ struct EndPoints {
 class EndCollector {
  public:
   EndCollector(const hal::Tube& tube, double sigma_mm, const std::array<WithoutBow, 2>& without_bow,
-               EndPoints& points)
+               const std::optional<FacingEnds>& facing, EndPoints& points)
       : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
         // The lines do not go on for ever: one may pass by the other end.
         frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
         without_bow_(without_bow),
+        facing_(facing),
         pipe_radius_mm_(tube.pipe_radius_mm),
         reach_mm_(kEnds.on_surface * sigma_mm),
         points_(points) {}
@@ -344,7 +346,7 @@ class EndCollector {
       const std::size_t count = std::min(kBatch, block.points.size() - first);
       nearest_.Find(block.points.subspan(first, count), frames_, pipe_radius_mm_, candidates_);
       for (std::size_t i = 0; i < count; ++i) {
-        const std::size_t c = EndOf(nearest_.Candidate(i), i);
+        const std::size_t c = EndOf(nearest_.Candidate(i), i, block.points[first + i]);
         const LocalLanes& local = nearest_.Local(c);
         Eigen::Vector3d point(local.x[i], local.y[i], local.z[i]);
         double off_mm = local.distance[i] - pipe_radius_mm_;
@@ -372,11 +374,12 @@ class EndCollector {
   }
   // Where the two ends of a tube nearly meet, a point beyond the one lies on the other's straight,
   // which noise does not say: that is its candidate then, and `c` else.
-  std::size_t EndOf(std::size_t c, std::size_t i) const {
+  std::size_t EndOf(std::size_t c, std::size_t i, const Eigen::Vector3d& point) const {
     const auto last = static_cast<std::int32_t>(frames_.size()) - 1;
     if (last == 0 || candidates_.front() != 0 || candidates_.back() != last) return c;
     if (candidates_[c] != 0 && candidates_[c] != last) return c;
     const std::size_t other = c == 0 ? candidates_.size() - 1 : 0;
+    if (facing_) return facing_->IsOfStart(point) == (c == 0) ? c : other;
     const auto within = [&](std::size_t candidate) {
       const LocalLanes& local = nearest_.Local(candidate);
       const auto k = static_cast<std::size_t>(candidates_[candidate]);
@@ -389,6 +392,7 @@ class EndCollector {
   std::vector<hal::SpineSegment> segments_;
   std::vector<SegmentFrame> frames_;
   const std::array<WithoutBow, 2>& without_bow_;
+  const std::optional<FacingEnds>& facing_;
   double pipe_radius_mm_;
   double reach_mm_;
   EndPoints& points_;
@@ -422,9 +426,11 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
   const std::span<const PointBlock> blocks = enough;
   const std::vector<BlockRange> rounds =
       EvenRounds(blocks, kEnds.points_of_round, kEnds.most_rounds);
+  const auto facing =
+      FacingEnds::Find(segments, tube.pipe_radius_mm, kEnds.on_surface * sigma_mm, blocks);
   std::vector<EndPoints> parts(rounds.size());
   ParallelFor(workers, rounds.size(), [&](std::size_t round) {
-    EndCollector collector(tube, sigma_mm, without_bow, parts[round]);
+    EndCollector collector(tube, sigma_mm, without_bow, facing, parts[round]);
     for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
       collector.Add(blocks[i]);
     }
