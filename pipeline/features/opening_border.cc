@@ -40,8 +40,9 @@ struct BorderSettings {
   // of one over leans, which are tied to the place.
   int walk = 2500, short_walk = 600, lean_walk = 5000;
   double may_lean = 2.5;
-  // Of lines: walks before, over samples and rays that are displaced so many times more.
-  std::array<double, 4> blurs = {20.0, 5.0, 2.0, 1.0};
+  // Of lines: walks before, over samples and rays that are displaced so many times more. Short
+  // ones do but for slots, whose ends have far to go.
+  std::array<double, 3> blurs = {20.0, 5.0, 2.0};
 };
 constexpr BorderSettings kBorder;
 
@@ -83,6 +84,7 @@ struct ShapeFit {
   double log_evidence = -std::numeric_limits<double>::infinity();
   // Of the numbers of a hole; one that is radial has no variance of its lean.
   Eigen::Matrix<double, 5, 5> covariance = Eigen::Matrix<double, 5, 5>::Zero();
+  Posterior walked;  // over which walks may go on
 
   // How many sigma the drill is from radial.
   double LeansSigmas() const {
@@ -219,29 +221,35 @@ class ShapeWalk {
       scale.tail<2>().setConstant(0.1);
       start = LeanMoves(about_).Walked(start);
     }
-    const auto sample = [&](const Posterior& from, int steps, double blur) {
-      return SamplePosterior(from, steps,
-                             [&](const Eigen::VectorXd& x) { return LogDensity(x, blur); });
-    };
     Posterior posterior{start, scale.array().square().matrix().asDiagonal(), 0.0};
-    if (!wall_.has_missed()) return Taken(sample(posterior, walk, 1.0), true);
+    if (!wall_.has_missed()) return Taken(Sample(posterior, walk, 1.0), true);
     // Of lines, whose rays are known to a hundredth of a millimetre, no step from afar would hit.
-    bool is_sharp = false;
+    const int blurred_walk = shape_ == Shape::kSlot ? walk : kBorder.short_walk;
     for (const double blur : kBorder.blurs) {
-      const Posterior sharper = sample(posterior, walk, blur);
-      is_sharp = WentOn(sharper, posterior);
-      if (is_sharp) posterior = sharper;
+      const Posterior sharper = Sample(posterior, blurred_walk, blur);
+      if (WentOn(sharper, posterior)) posterior = sharper;
     }
-    return Taken(posterior, is_sharp);
+    return FitFrom(posterior, walk);
+  }
+  // From where another walk has been.
+  ShapeFit FitFrom(const Posterior& rough, int walk) const {
+    const Posterior sharp = Sample(rough, walk, 1.0);
+    const bool is_sharp = WentOn(sharp, rough);
+    return Taken(is_sharp ? sharp : rough, is_sharp);
   }
 
  private:
   bool leans() const { return shape_ == Shape::kLeaningHole; }
+  Posterior Sample(const Posterior& from, int steps, double blur) const {
+    return SamplePosterior(from, steps,
+                           [&](const Eigen::VectorXd& x) { return LogDensity(x, blur); });
+  }
   // `is_sharp`: it is walked over without a blur, as other shapes are that it is compared with.
   ShapeFit Taken(const Posterior& walked, bool is_sharp) const {
     const Posterior posterior = leans() ? LeanMoves(about_).Border(walked) : walked;
     const Eigen::MatrixXd& c = posterior.covariance;
     ShapeFit fit;
+    fit.walked = walked;
     FittedOpening& fitted = fit.fitted;
     fitted.border = BorderOf(posterior.mean, shape_, about_);
     fitted.sigma.middle_mm = {posterior.Sigma(0), posterior.Sigma(1)};
@@ -334,7 +342,9 @@ std::vector<ShapeFit> FitLeans(const OpeningLikelihood& wall, std::span<const Op
   for (const OpeningBorder& about : abouts) {
     const ShapeWalk leaning(wall, about, Shape::kLeaningHole, most_lean);
     ShapeFit fit = leaning.Fit(kBorder.short_walk);
-    if (fit.LeansSigmas() > kBorder.may_lean) fit = leaning.Fit(kBorder.lean_walk);
+    if (fit.LeansSigmas() > kBorder.may_lean) {
+      fit = leaning.FitFrom(fit.walked, kBorder.lean_walk);
+    }
     // One that would lean by more than samples allow was led there by something else.
     const bool may_be = fit.fitted.border.lean.norm() < kBorder.no_more * most_lean;
     if (may_be && std::isfinite(fit.log_evidence)) fits.push_back(fit);

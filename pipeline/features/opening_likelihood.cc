@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace bendloop::pipeline {
 namespace {
@@ -23,11 +22,25 @@ struct LikelihoodSettings {
 };
 constexpr LikelihoodSettings kLikelihood;
 
-double LogCovered(double distance_mm, double sigma_mm, double otherwise) {
-  const double z = distance_mm / sigma_mm;
-  if (std::abs(z) > kLikelihood.sure) return z > 0 ? 0.0 : std::log(otherwise);
-  const double covered = 0.5 * std::erfc(-z * std::numbers::sqrt2 / 2.0);
-  return std::log(otherwise + (1.0 - otherwise) * covered);
+// What of samples or rays lies on the wrong side.
+struct Otherwise {
+  double part, log_part = std::log(part);
+};
+const Otherwise kFliers{kLikelihood.flier}, kLost{kLikelihood.lost};
+
+double LogCovered(double distance_mm, double variance_mm2, const Otherwise& otherwise) {
+  if (distance_mm * distance_mm > kLikelihood.sure * kLikelihood.sure * variance_mm2) {
+    return distance_mm > 0 ? 0.0 : otherwise.log_part;
+  }
+  const double covered = 0.5 * std::erfc(-distance_mm / std::sqrt(2.0 * variance_mm2));
+  return std::log(otherwise.part + (1.0 - otherwise.part) * covered);
+}
+
+// Of a place so far off, whose ray is unsure sideways as well.
+double VarianceMm2(double smear_mm, double sideways_sigma_mm, double sideways_mm,
+                   double square_mm2) {
+  const double moved_mm = sideways_sigma_mm * sideways_mm;
+  return smear_mm * smear_mm + moved_mm * moved_mm / std::max(square_mm2, 1e-18);
 }
 
 }  // namespace
@@ -127,10 +140,9 @@ double OpeningLikelihood::LogHit(double square_mm2, double width_mm, double side
   const double half_mm = 0.5 * width_mm;
   const double free_mm = FreeMm(width_mm, blur);
   if (square_mm2 > free_mm * free_mm) return 0;
-  const double off_mm = std::sqrt(square_mm2);
-  const double sigma_mm =
-      std::hypot(smear_mm_, sideways_smear_mm_ * sideways_mm / std::max(off_mm, 1e-9));
-  return LogCovered(off_mm - half_mm, blur * sigma_mm, kLikelihood.flier);
+  return LogCovered(
+      std::sqrt(square_mm2) - half_mm,
+      blur * blur * VarianceMm2(smear_mm_, sideways_smear_mm_, sideways_mm, square_mm2), kFliers);
 }
 
 double OpeningLikelihood::LogMissed(double square_mm2, double width_mm, double sideways_mm,
@@ -138,10 +150,9 @@ double OpeningLikelihood::LogMissed(double square_mm2, double width_mm, double s
   const double half_mm = 0.5 * width_mm;
   const double sure_mm = half_mm - blur * kLikelihood.sure * (smear_mm_ + sideways_sigma_mm);
   if (sure_mm > 0 && square_mm2 < sure_mm * sure_mm) return 0;
-  const double off_mm = std::sqrt(square_mm2);
-  const double sigma_mm =
-      std::hypot(smear_mm_, sideways_sigma_mm * sideways_mm / std::max(off_mm, 1e-9));
-  return LogCovered(half_mm - off_mm, blur * sigma_mm, kLikelihood.lost);
+  return LogCovered(
+      half_mm - std::sqrt(square_mm2),
+      blur * blur * VarianceMm2(smear_mm_, sideways_sigma_mm, sideways_mm, square_mm2), kLost);
 }
 
 double OpeningLikelihood::HeightMm(double y_mm) const {
