@@ -233,8 +233,10 @@ class Reconstruction::Impl {
   }
   // Whether the rows are certainly not those of the nominal.
   void SayOtherPart(Measurement& measurement) const;
-  // Blocks whose points may lie on the tube along the polygon; samples only, or all points.
-  std::vector<PointBlock> BlocksNear(const SpinePolygon& polygon, bool all_points) const;
+  // Blocks whose points may lie on the tube along the polygon.
+  std::vector<std::int32_t> IndicesNear(const SpinePolygon& polygon) const;
+  // Samples only, or all points.
+  std::vector<PointBlock> BlocksAt(std::span<const std::int32_t> indices, bool all_points) const;
   PointBlock BlockAt(std::int32_t index, bool all_points) const;
   std::optional<std::size_t> NominalBends() const {
     if (!options_.nominal) return std::nullopt;
@@ -339,7 +341,7 @@ hal::Result<ApproximatedTube> Reconstruction::Impl::Connect(
   tube.polygon = std::move(*polygon);
   if (IsLoop(tube.polygon, r_mm)) {
     std::vector<Eigen::Vector3d> samples;
-    for (const PointBlock& block : BlocksNear(tube.polygon, false)) {
+    for (const PointBlock& block : BlocksAt(IndicesNear(tube.polygon), false)) {
       samples.insert(samples.end(), block.points.begin(), block.points.end());
     }
     if (!OpenAtGap(samples, r_mm, tube.polygon)) {
@@ -381,8 +383,9 @@ void Reconstruction::Impl::TakeOffSleeves(ApproximatedTube& tube) const {
 // Points near the polygon, and which bends they show.
 void Reconstruction::Impl::LookAround(ApproximatedTube& tube) const {
   const double r_mm = intake_.pipe_radius_mm();
-  tube.blocks = BlocksNear(tube.polygon, true);
-  std::vector<PointBlock> samples = BlocksNear(tube.polygon, false);
+  const std::vector<std::int32_t> near = IndicesNear(tube.polygon);
+  tube.blocks = BlocksAt(near, true);
+  std::vector<PointBlock> samples = BlocksAt(near, false);
   for (const PlainEnd& sleeve : tube.sleeves) {
     LeaveOut(sleeve, r_mm, tube.blocks, tube.parted);
     LeaveOut(sleeve, r_mm, samples, tube.parted);
@@ -391,8 +394,7 @@ void Reconstruction::Impl::LookAround(ApproximatedTube& tube) const {
       FindStructure(tube.polygon, r_mm, samples, tube.blocks, {.nominal = options_.nominal});
 }
 
-std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& polygon,
-                                                         bool all_points) const {
+std::vector<std::int32_t> Reconstruction::Impl::IndicesNear(const SpinePolygon& polygon) const {
   std::vector<Eigen::Vector3d> places;
   const double r_mm = intake_.pipe_radius_mm();
   const double step_mm = 0.5 * r_mm;
@@ -410,12 +412,17 @@ std::vector<PointBlock> Reconstruction::Impl::BlocksNear(const SpinePolygon& pol
   along(polygon.back().position_mm,
         polygon.back().position_mm + beyond_mm * polygon.back().tangent);
 
-  std::vector<PointBlock> result;
-  for (const std::int32_t index : intake_.grid().BlocksNear(places, 1.5 * r_mm)) {
-    if (intake_.IsPlanar(index)) continue;
-    result.push_back(BlockAt(index, all_points));
+  return intake_.grid().BlocksNear(places, 1.5 * r_mm);
+}
+
+std::vector<PointBlock> Reconstruction::Impl::BlocksAt(std::span<const std::int32_t> indices,
+                                                       bool all_points) const {
+  std::vector<PointBlock> blocks;
+  blocks.reserve(indices.size());
+  for (const std::int32_t index : indices) {
+    if (!intake_.IsPlanar(index)) blocks.push_back(BlockAt(index, all_points));
   }
-  return result;
+  return blocks;
 }
 
 PointBlock Reconstruction::Impl::BlockAt(std::int32_t index, bool all_points) const {
@@ -496,8 +503,8 @@ LiveView Reconstruction::Impl::View() const {
   const std::vector<SpinePolygon> polygons = SpinePolygons(nodes, view.pipe_radius_mm);
   if (polygons.empty()) return view;
   view.covered_mm = LengthOf(polygons.front());
-  const SurfaceFit fit =
-      GlanceAtStructure(polygons.front(), view.pipe_radius_mm, BlocksNear(polygons.front(), false));
+  const SurfaceFit fit = GlanceAtStructure(polygons.front(), view.pipe_radius_mm,
+                                           BlocksAt(IndicesNear(polygons.front()), false));
   view.program = fit.tube.program;
   view.sigma = fit.sigma;
   // Of a tube still half seen only what is already settled is worth showing.

@@ -73,9 +73,9 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
     for (const Eigen::Vector3d& point : block.points) {
       const Eigen::Vector3d from = point - end.position_mm;
       const double at_mm = from.dot(end.outward);
-      const double x = from.dot(u), y = from.dot(v);
-      const double off_mm = std::hypot(x, y) - r_mm;
       if (at_mm < -3.0 * r_mm || at_mm > kEndFormReach * r_mm) continue;
+      const double x = from.dot(u), y = from.dot(v);
+      const double off_mm = std::sqrt(x * x + y * y) - r_mm;
       const bool is_on = std::abs(off_mm) < out_mm && at_mm < 0;
       if (is_on && at_mm < -r_mm) on_tube += 1;
       if (is_on) along.tube_side[AzimuthSector<kEndSides>(x, y)] = true;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "pipeline/math/dense_solve.h"
 
@@ -30,6 +31,15 @@ struct BoundSettings {
 };
 constexpr BoundSettings kBounds;
 
+// Numbers that move a segment: those of the bends behind it do not.
+std::vector<Eigen::Index> MovingNumbers(const Eigen::MatrixXd& derivative) {
+  std::vector<Eigen::Index> moving;
+  for (Eigen::Index i = 0; i < derivative.cols(); ++i) {
+    if ((derivative.col(i).array() != 0.0).any()) moving.push_back(i);
+  }
+  return moving;
+}
+
 }  // namespace
 
 NormalEquations::NormalEquations(const TubeParameters& parameters, const EasedSpine& spine,
@@ -41,10 +51,12 @@ NormalEquations::NormalEquations(const TubeParameters& parameters, const EasedSp
       variance_mm2(sigma_mm * sigma_mm) {
   const auto derivatives = parameters.FrameDerivatives(spine);
   for (std::size_t k = 0; k < derivatives.size(); ++k) {
-    const Eigen::Matrix<double, kLocalState, Eigen::Dynamic> weighted =
-        sums[k].topLeftCorner<kLocalState, kLocalState>() * derivatives[k];
-    matrix.noalias() += derivatives[k].transpose() * weighted;
-    right.noalias() -= derivatives[k].transpose() * sums[k].col(kLocalState).head<kLocalState>();
+    using OfState = Eigen::Matrix<double, kLocalState, Eigen::Dynamic>;
+    const std::vector<Eigen::Index> moving = MovingNumbers(derivatives[k]);
+    const OfState derivative = derivatives[k](Eigen::all, moving);
+    const OfState weighted = sums[k].topLeftCorner<kLocalState, kLocalState>() * derivative;
+    matrix(moving, moving) += derivative.transpose() * weighted;
+    right(moving) -= derivative.transpose() * sums[k].col(kLocalState).head<kLocalState>();
     squares_mm2 += sums[k](kLocalState, kLocalState);
     weight += sums[k](kPipeRadiusState, kPipeRadiusState);
   }

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,8 @@ struct SleeveSettings {
   double rim = 0.1;
   // [of r_P] About its axis its points are left out.
   double cut_wide = 2.0;
+  // Of the points about an end: so many are looked at.
+  std::size_t asked = 20'000;
   // Nodes that a tube is followed along.
   std::ptrdiff_t least_nodes = 3;
   // [of r_P] From its end on its face may be seen.
@@ -54,41 +57,62 @@ constexpr auto kFaceBins = static_cast<std::size_t>(kSleeve.face / kSleeve.bin);
 struct AxisPoint {
   double out_mm, off_axis_mm;
   unsigned side;
-  bool is_on_bends;
+  const Eigen::Vector3d* point;
 };
 
-// Points about an axis, by their place along it.
-std::vector<AxisPoint> PointsAbout(const PlainEnd& axis, const SurfaceFit& fit,
-                                   std::span<const SegmentFrame> frames,
+// Points about an axis, by their place along it; of many a part.
+std::vector<AxisPoint> PointsAbout(const PlainEnd& axis, double r_mm,
                                    std::span<const PointBlock> blocks) {
-  const double r_mm = fit.tube.pipe_radius_mm;
   const Eigen::Vector3d u = axis.outward.unitOrthogonal(), v = axis.outward.cross(u);
+  std::vector<PointBlock> near;
+  std::copy_if(blocks.begin(), blocks.end(), std::back_inserter(near),
+               [&](const PointBlock& block) {
+                 const Eigen::Vector3d to = block.center_mm - axis.position_mm;
+                 const double along_mm = to.dot(axis.outward), more_mm = block.half_diagonal_mm;
+                 return along_mm >= -kSleeve.before * r_mm - more_mm &&
+                        along_mm <= kSleeve.beyond * r_mm + more_mm &&
+                        to.cross(axis.outward).norm() <= kSleeve.widest * r_mm + more_mm;
+               });
+  const std::size_t stride = StrideTo(CountPoints(near), kSleeve.asked);
   std::vector<AxisPoint> points;
-  std::vector<std::int32_t> near;
-  for (const PointBlock& block : blocks) {
-    const Eigen::Vector3d to = block.center_mm - axis.position_mm;
-    const double along_mm = to.dot(axis.outward), more_mm = block.half_diagonal_mm;
-    if (along_mm < -kSleeve.before * r_mm - more_mm || along_mm > kSleeve.beyond * r_mm + more_mm ||
-        to.cross(axis.outward).norm() > kSleeve.widest * r_mm + more_mm) {
-      continue;
-    }
-    CandidateSegments(block, frames, kSleeve.widest * r_mm, near);
-    for (const Eigen::Vector3d& point : block.points) {
-      const Eigen::Vector3d from = point - axis.position_mm;
+  std::size_t at = 0;  // in the block, of the next
+  for (const PointBlock& block : near) {
+    for (; at < block.points.size(); at += stride) {
+      const Eigen::Vector3d from = block.points[at] - axis.position_mm;
       const double x = from.dot(u), y = from.dot(v), out_mm = from.dot(axis.outward);
-      const double off_mm = std::hypot(x, y);
+      const double off_mm = std::sqrt(x * x + y * y);
       if (out_mm < -kSleeve.before * r_mm || out_mm > kSleeve.beyond * r_mm ||
           off_mm > kSleeve.widest * r_mm) {
         continue;
       }
-      const NearSegment nearest = NearestSegment(point, frames, near);
-      const bool is_on = nearest.segment >= 0 &&
-                         std::abs(nearest.distance_mm - r_mm) < kSleeve.on_sigmas * fit.sigma_mm;
-      points.push_back({out_mm, off_mm, AzimuthSector<kSleeveSides>(x, y), is_on});
+      points.push_back({out_mm, off_mm, AzimuthSector<kSleeveSides>(x, y), &block.points[at]});
     }
+    at -= block.points.size();
   }
   return points;
 }
+
+// Says of points whether they lie on the tube with its bends.
+class OnBends {
+ public:
+  explicit OnBends(const SurfaceFit& fit)
+      : frames_(SegmentFrames(hal::SpineSegments(fit.tube.program, fit.tube.X_WT),
+                              kBeyond * fit.tube.pipe_radius_mm, fit.flattening)),
+        all_(frames_.size()),
+        r_mm_(fit.tube.pipe_radius_mm),
+        reach_mm_(kSleeve.on_sigmas * fit.sigma_mm) {
+    std::iota(all_.begin(), all_.end(), 0);
+  }
+  bool operator()(const Eigen::Vector3d& point) const {
+    const NearSegment nearest = NearestSegment(point, frames_, all_);
+    return nearest.segment >= 0 && std::abs(nearest.distance_mm - r_mm_) < reach_mm_;
+  }
+
+ private:
+  std::vector<SegmentFrame> frames_;
+  std::vector<std::int32_t> all_;
+  double r_mm_, reach_mm_;
+};
 
 // The radius of a pipe from bin to bin along the axis, as far as it goes on.
 struct RadiusBin {
@@ -137,7 +161,9 @@ std::size_t BeginOf(std::span<const RadiusBin> bins) {
 
 // Whether the points lie on a straight tube with that sleeve, and not on its bends.
 bool IsExplained(std::span<const AxisPoint> points, std::span<const RadiusBin> bins,
-                 std::size_t begin, double r_mm, double sigma_mm) {
+                 std::size_t begin, const SurfaceFit& fit) {
+  const double r_mm = fit.tube.pipe_radius_mm, sigma_mm = fit.sigma_mm;
+  const OnBends is_on_bends(fit);
   std::size_t all = 0, on_either = 0, on_sleeve = 0, on_bends = 0;
   std::array<bool, kSleeveSides> of_tube{}, of_sleeve{};
   for (const AxisPoint& point : points) {
@@ -151,7 +177,7 @@ bool IsExplained(std::span<const AxisPoint> points, std::span<const RadiusBin> b
     const bool is_on = std::abs(point.off_axis_mm - radius_mm) < kSleeve.on_sigmas * sigma_mm;
     all += 1, on_either += is_on ? 1 : 0;
     if (at < begin) continue;
-    on_sleeve += is_on ? 1 : 0, on_bends += point.is_on_bends ? 1 : 0;
+    on_sleeve += is_on ? 1 : 0, on_bends += is_on_bends(*point.point) ? 1 : 0;
     of_sleeve[point.side] |= is_on;
   }
   const auto sides = [](const std::array<bool, kSleeveSides>& seen) {
@@ -198,7 +224,6 @@ std::optional<PlainEnd> FindEndSleeve(const SurfaceFit& fit, bool at_start,
                                       std::span<const PointBlock> blocks) {
   const double r_mm = fit.tube.pipe_radius_mm;
   const auto segments = hal::SpineSegments(fit.tube.program, fit.tube.X_WT);
-  const auto frames = SegmentFrames(segments, kBeyond * r_mm, fit.flattening);
   const std::size_t bends = fit.tube.program.bend_count();
   for (std::size_t i = 0; i <= std::min(bends, kSleeve.most_bends); ++i) {
     const hal::SpineSegment& straight = segments[2 * (at_start ? i : bends - i)];
@@ -207,10 +232,10 @@ std::optional<PlainEnd> FindEndSleeve(const SurfaceFit& fit, bool at_start,
     const double inside_mm = i == 0 ? std::min(straight.length_mm, kSleeve.longest * r_mm) : 0.0;
     PlainEnd end{straight.PointAt(at_start ? inside_mm : straight.length_mm - inside_mm),
                  at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent};
-    const auto points = PointsAbout(end, fit, frames, blocks);
+    const auto points = PointsAbout(end, r_mm, blocks);
     const auto bins = RadiiOf(points, r_mm, fit.sigma_mm);
     const std::size_t begin = BeginOf(bins);
-    if (begin >= bins.size() || !IsExplained(points, bins, begin, r_mm, fit.sigma_mm)) continue;
+    if (begin >= bins.size() || !IsExplained(points, bins, begin, fit)) continue;
     if (i == 0 && !MayPull(bins, begin, r_mm)) continue;
     end.position_mm += FaceMm(points, bins, begin, r_mm) * end.outward;
     return end;
