@@ -119,6 +119,16 @@ SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
   return beside_bows;
 }
 
+// The dents that cells showed, by their points.
+void TellDents(std::span<const PointBlock> blocks, const TubeEnds& ends, double noise_mm,
+               Measurement& measurement) {
+  const CutFaces faces(measurement.tube, measurement.features);
+  MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, faces,
+               noise_mm, blocks, measurement.dents);
+  KeepPressedIn(measurement.tube, faces, noise_mm, blocks, measurement.dents);
+  KeepThoseOf(measurement.tube, measurement.dents, measurement.wrinkles);
+}
+
 // The plane of what sits on an end is not the tube's.
 void DropPlanesOfFittings(Measurement& measurement) {
   if (measurement.first_end.length_mm > 0) measurement.features.first_end.reset();
@@ -282,7 +292,8 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
                 measurement);
   timer.Done("self_check");
   TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, fitted, workers, &final.bowed);
-  const EndCuts cuts = FindEndCuts(final.noise_mm, tube->blocks, ends);
+  const bool knows_wall = !LiesOffTogether(fit);
+  const EndCuts cuts = knows_wall ? FindEndCuts(final.noise_mm, tube->blocks, ends) : EndCuts{};
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
@@ -297,14 +308,12 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   WallCells cells = DescribeSamples(tube->blocks, intake_.grid().kept_count(), final.noise_mm,
                                     measurement, workers);
   timer.Done("description");
-  measurement.features = {true, cuts.first, cuts.last,
-                          FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
-                                       tube->blocks, std::move(cells))};
-  const CutFaces faces(measurement.tube, measurement.features);
-  MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, faces,
-               final.noise_mm, tube->blocks, measurement.dents);
-  KeepPressedIn(measurement.tube, faces, final.noise_mm, tube->blocks, measurement.dents);
-  KeepThoseOf(measurement.tube, measurement.dents, measurement.wrinkles);
+  if (knows_wall) {
+    measurement.features = {true, cuts.first, cuts.last,
+                            FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
+                                         tube->blocks, std::move(cells))};
+  }
+  TellDents(tube->blocks, ends, final.noise_mm, measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
   DropPlanesOfFittings(measurement);

@@ -269,12 +269,6 @@ void WidenByEasing(bool radii_alike, Measurement& measurement) {
   }
 }
 
-// Place by place beside the model, by more than benders leave.
-bool LiesOffTogether(const SurfaceFit& fit) {
-  return fit.sigma_mm > kDoubts.off_together * fit.tube.pipe_radius_mm &&
-         fit.design_effect > kDoubts.together;
-}
-
 // A bend that is dented, or eases further than its arc is long, looks like two with next to nothing
 // between them, or like one with a slight one beside it, in its plane.
 bool LooksLikeOne(const SurfaceFit& fit, std::size_t bend) {
@@ -301,6 +295,11 @@ void DoubtBendUponBend(const SurfaceFit& fit, Measurement& measurement) {
 }
 
 }  // namespace
+
+bool LiesOffTogether(const SurfaceFit& fit) {
+  return fit.sigma_mm > kDoubts.off_together * fit.tube.pipe_radius_mm &&
+         fit.design_effect > kDoubts.together;
+}
 
 hal::Result<void> CheckShowsTube(const SurfaceFit& fit) {
   const double r_mm = fit.tube.pipe_radius_mm;
@@ -352,10 +351,11 @@ void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const Hal
                                 : "compare it with the drawing, or scan again with more points"));
   }
   if (LiesOffTogether(fit)) {
-    measurement.warnings.push_back(
-        "the points lie " + Mm(fit.sigma_mm) +
-        " (1 sigma) off the tube, those of a place together: "
-        "this is no tube of lines and arcs, and its values are as uncertain as that");
+    measurement.warnings.push_back("the points lie " + Mm(fit.sigma_mm) +
+                                   " (1 sigma) off the tube, those of a place together: "
+                                   "this is no tube of lines and arcs, and its values are as "
+                                   "uncertain as that. Nothing is told "
+                                   "of cuts and holes.");
   }
   measurement.halves_differ_sigma = halves.sigmas;
   if (halves.sigmas > kDoubts.halves_differ) {

@@ -175,6 +175,9 @@ TEST(Reconstruction, ARealCoil) {
   ASSERT_TRUE(found) << found.error().message;
   EXPECT_EQ(found->tube.program.bend_count(), 2U);
   EXPECT_NEAR(found->tube.pipe_radius_mm, 20.5, 1);
+  // Its wall lies millimetres beside that of lines and arcs: what no view showed is no hole there.
+  EXPECT_FALSE(found->features.is_known);
+  EXPECT_TRUE(found->features.openings.empty());
   // The same numbers read as millimetres are a tube of a fiftieth of a millimetre.
   Points small = cloud->points_mm;
   for (Eigen::Vector3d& p : small) p *= 1e-3;
