@@ -8,9 +8,9 @@
 #include <numbers>
 #include <tuple>
 
+#include "pipeline/features/band_columns.h"
 #include "pipeline/features/even_table.h"
 #include "pipeline/fit/surface_points.h"
-#include "pipeline/math/arc_tangents.h"
 #include "pipeline/math/dense_solve.h"
 
 namespace bendloop::pipeline {
@@ -22,22 +22,6 @@ struct EndBorderSettings {
   // Samples behind it that tell how dense they are, and [of r_P] how far they are taken from.
   double of_density = 20'000.0, deepest = 1.5;
   std::size_t of_cloud = 8000;  // of the samples about an end of a cloud so many tell enough
-  std::size_t columns = 48;
-  // Columns that hold so many sigma more or fewer samples than the rough plane says are hidden, or
-  // something lies on them; no more than this part of all.
-  double odd = 6.0, most_odd = 0.25;
-  // Part of the turn that must not be hidden.
-  double least_seen = 0.2;
-  // Samples of a cell in the test whether they are scattered, sectors of the turn in it at most,
-  // and the variance of cells over their mean: 1 of scattered samples, far more of lines, less of
-  // grids.
-  double in_cell = 8.0;
-  std::size_t sectors = 8;
-  double in_sector = 120.0;
-  double least_scatter = 0.6, most_scatter = 1.5;
-  // The same of small cells: rings about as wide as laser lines lie apart have as many samples
-  // each, and lines that lie aslant leave none but narrow columns uneven.
-  double in_small_cell = 2.0, most_of_small = 1.3;
   // Part of the samples that may lie anywhere.
   double flier = 1e-3;
   // Samples within 2 sigma of noise of the plane: from so many on the likelihood is as a normal
@@ -64,18 +48,7 @@ struct EndBorderSettings {
 };
 constexpr EndBorderSettings kEndBorder;
 
-// A row of the plane at a place around the end.
-Eigen::Vector3d RowAt(double around_rad) {
-  return {1.0, std::cos(around_rad), std::sin(around_rad)};
-}
-
 using Numbers = Eigen::Vector4d;  // the plane, and the logarithm of the noise over what was thought
-
-// A sample about the border: 1, cosine and sine of its place around.
-struct BorderSample {
-  Eigen::Vector3d row = Eigen::Vector3d::UnitX();
-  double at_mm = 0;
-};
 
 // The likelihood of planes, for samples about the border.
 class BorderLikelihood {
@@ -345,137 +318,6 @@ Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, dou
   return Walked(likelihood, from, static_cast<int>(walk), false, dice);
 }
 
-// The samples about an end, in columns of the turn.
-class BandColumns {
- public:
-  BandColumns(std::span<const BandSample> samples, const RoughEnd& rough, double band_mm,
-              double deep_mm)
-      : band_mm_(band_mm),
-        deep_mm_(deep_mm),
-        hidden_(rough.hidden),
-        deep_(kEndBorder.columns),
-        near_(kEndBorder.columns) {
-    const Eigen::Vector3d plane_mm = rough.plane.mean;
-    std::vector<double> cosine, sine, around_rad(samples.size());
-    cosine.reserve(samples.size()), sine.reserve(samples.size());
-    for (const BandSample& sample : samples) {
-      cosine.push_back(sample.cosine);
-      sine.push_back(sample.sine);
-    }
-    ArcTangents(sine, cosine, around_rad);
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      const BorderSample own{{1.0, cosine[i], sine[i]}, samples[i].beyond_mm};
-      const double level_mm = own.at_mm - own.row.dot(plane_mm);
-      const double turn = around_rad[i] / (2.0 * std::numbers::pi);
-      const double part = (turn - std::floor(turn)) * static_cast<double>(kEndBorder.columns);
-      const auto k = std::min(kEndBorder.columns - 1, static_cast<std::size_t>(part));
-      if (IsHidden(k)) continue;
-      if (level_mm < -band_mm_) {
-        deep_[k].push_back(-band_mm_ - level_mm);
-      } else {
-        near_[k].push_back(own);
-      }
-    }
-  }
-
-  // Whether their number in small cells differs as that of scattered ones does.
-  bool AreScattered(double smear_mm) const {
-    double samples = 0;
-    for (std::size_t k = 0; k < kEndBorder.columns; ++k) samples += Deep(k);
-    std::size_t sectors = kEndBorder.sectors;
-    while (sectors > 1 && samples < kEndBorder.in_sector * static_cast<double>(sectors)) {
-      sectors /= 2;
-    }
-    const double small = kEndBorder.in_small_cell, most = kEndBorder.most_of_small;
-    return AreScatteredIn({sectors, kEndBorder.in_cell, 2.0 * smear_mm, kEndBorder.most_scatter}) &&
-           AreScatteredIn({sectors, small, 0.0, most}) &&
-           AreScatteredIn({kEndBorder.columns, small, 0.0, most});
-  }
-
-  // How much of their density may be another at the border than behind it: as much as it changes
-  // from the farther half of them to the nearer one, and on to the border.
-  double DensityDoubt() const {
-    double nearer = 0, farther = 0;
-    for (const auto& column : deep_) {
-      for (const double below_mm : column) (below_mm < 0.5 * deep_mm_ ? nearer : farther) += 1;
-    }
-    const double change = std::abs(nearer - farther) / std::max(1.0, nearer + farther);
-    return 2.0 * (1.0 + band_mm_ / deep_mm_) * change;
-  }
-
-  // The samples about the border, and what is missing beyond it. None: much of the turn is hidden.
-  std::optional<std::vector<BorderSample>> Seen(double spread_mm, Eigen::Vector3d& missing) const {
-    std::vector<BorderSample> seen;
-    std::size_t odd = 0, asked = 0;
-    missing.setZero();
-    const double half_rad = std::numbers::pi / static_cast<double>(kEndBorder.columns);
-    for (std::size_t k = 0; k < kEndBorder.columns; ++k) {
-      if (IsHidden(k)) continue;
-      ++asked;
-      const double per_mm = Deep(k) / deep_mm_;  // along the tube
-      const double expected = per_mm * band_mm_;
-      const double off = std::abs(static_cast<double>(near_[k].size()) - expected);
-      if (Deep(k) < 1 ||
-          off > kEndBorder.odd * std::sqrt(expected + 1.0) + per_mm * 4.0 * spread_mm) {
-        ++odd;
-        continue;
-      }
-      seen.insert(seen.end(), near_[k].begin(), near_[k].end());
-      Eigen::Vector3d row = RowAt((2.0 * static_cast<double>(k) + 1.0) * half_rad);
-      row.tail<2>() *= std::sin(half_rad) / half_rad;  // the mean over the column
-      missing += per_mm * row;
-    }
-    if (static_cast<double>(odd) > kEndBorder.most_odd * static_cast<double>(asked) ||
-        static_cast<double>(asked - odd) <
-            kEndBorder.least_seen * static_cast<double>(kEndBorder.columns)) {
-      return std::nullopt;
-    }
-    return seen;
-  }
-
- private:
-  double Deep(std::size_t k) const { return static_cast<double>(deep_[k].size()); }
-  // Cells of how many samples, in parts of the turn, and how much their numbers may differ.
-  struct Cells {
-    std::size_t sectors;
-    double in_cell, least_ring_mm, most_scatter;
-  };
-  bool AreScatteredIn(const Cells& in) const {
-    const std::size_t together = kEndBorder.columns / in.sectors;
-    double squares = 0, cells = 0;
-    for (std::size_t sector = 0; sector < in.sectors; ++sector) {
-      double all = 0;
-      for (std::size_t k = 0; k < together; ++k) all += Deep(sector * together + k);
-      if (all < 10.0 * in.in_cell) continue;
-      double rings = std::floor(all / in.in_cell);
-      if (in.least_ring_mm > 0) rings = std::floor(std::min(rings, deep_mm_ / in.least_ring_mm));
-      if (rings < 4) continue;
-      std::vector<double> count(static_cast<std::size_t>(rings));
-      for (std::size_t k = 0; k < together; ++k) {
-        for (const double below_mm : deep_[sector * together + k]) {
-          const auto ring = static_cast<std::size_t>(below_mm / deep_mm_ * rings);
-          count[std::min(count.size() - 1, ring)] += 1;
-        }
-      }
-      for (const double in_ring : count) {
-        squares += std::pow(in_ring - all / rings, 2) * rings / all;
-      }
-      cells += rings - 1;
-    }
-    const double scatter = squares / std::max(1.0, cells);
-    const double chance = 4.0 * std::sqrt(2.0 / std::max(1.0, cells));
-    // Few samples leave no small cells, which say nothing then.
-    if (cells <= 20) return in.in_cell < kEndBorder.in_cell;
-    return scatter < in.most_scatter + chance && scatter > kEndBorder.least_scatter - chance;
-  }
-  bool IsHidden(std::size_t k) const { return hidden_[k * kEndSectors / kEndBorder.columns]; }
-
-  double band_mm_, deep_mm_;
-  EndSectors hidden_;
-  std::vector<std::vector<double>> deep_;  // [mm] before the band
-  std::vector<std::vector<BorderSample>> near_;
-};
-
 // The planes that the likelihood leaves. `about`: samples within 2 sigma of noise of it.
 std::optional<Posterior> Among(BorderLikelihood& likelihood, const RoughEnd& rough, double about,
                                double spread_mm, WalkDice& dice) {
@@ -519,7 +361,7 @@ std::optional<Posterior> FitEndBorder(const RoughEnd& known, const EndBand& band
     rough.per_mm2 /= static_cast<double>(stride);
     about /= static_cast<double>(stride);
   }
-  const BandColumns columns(samples, rough, band_mm, deep_mm);
+  const BandColumns columns(samples, plane_mm, rough.hidden, band_mm, deep_mm);
   if (!columns.AreScattered(rough.smear_mm)) return std::nullopt;
   Eigen::Vector3d missing;
   const auto seen = columns.Seen(spread_mm, missing);
