@@ -13,6 +13,8 @@ struct FacingSettings {
   double before = 4.0, beyond = 1.0;
   // Cosine between their directions, at least.
   double along = 0.9;
+  // Times the next widest gap: the one between them, at least.
+  double wider = 2.0;
 };
 constexpr FacingSettings kFacing;
 
@@ -60,12 +62,19 @@ std::optional<FacingEnds> FacingEnds::Find(std::span<const hal::SpineSegment> se
       if (is_on(first) || is_on(last)) along_mm.push_back(at_mm);
     }
   }
-  if (along_mm.size() < 2) return std::nullopt;
   std::sort(along_mm.begin(), along_mm.end());
-  std::size_t widest = 1;
-  for (std::size_t i = 2; i < along_mm.size(); ++i) {
-    if (along_mm[i] - along_mm[i - 1] > along_mm[widest] - along_mm[widest - 1]) widest = i;
+  std::size_t widest = 0;
+  double widest_mm = 0, next_mm = 0;
+  for (std::size_t i = 1; i < along_mm.size(); ++i) {
+    const double gap_mm = along_mm[i] - along_mm[i - 1];
+    if (gap_mm > widest_mm) {
+      next_mm = widest_mm, widest_mm = gap_mm, widest = i;
+    } else {
+      next_mm = std::max(next_mm, gap_mm);
+    }
   }
+  // Else it may be any of those between laser lines.
+  if (!(widest_mm > kFacing.wider * next_mm)) return std::nullopt;
   return FacingEnds(first.tangent, 0.5 * (along_mm[widest] + along_mm[widest - 1]));
 }
 

@@ -19,7 +19,8 @@ std::optional<double> ToFacingEndMm(std::span<const hal::SpineSegment> segments,
 // Parts the samples of two ends that face each other, in the middle of the widest gap about them.
 class FacingEnds {
  public:
-  // None: no end faces the other. `reach_mm`: samples are so near to the surface.
+  // None: no end faces the other, or no gap is much wider than others. `reach_mm`: samples are so
+  // near to the surface.
   static std::optional<FacingEnds> Find(std::span<const hal::SpineSegment> segments,
                                         double pipe_radius_mm, double reach_mm,
                                         std::span<const PointBlock> blocks);
