@@ -21,8 +21,8 @@ namespace bendloop::pipeline {
 // kBadInput: rough points that hardly tell the pipe's radius are no tube.
 hal::Result<void> CheckShowsTube(const SurfaceFit& fit);
 
-// Whether points lie beside the tube place by place, by more than benders leave: it is none of lines
-// and arcs, and its wall is not where they have it.
+// Whether points lie beside the tube place by place, by more than benders leave: it is none of
+// lines and arcs, and its wall is not where they have it.
 bool LiesOffTogether(const SurfaceFit& fit);
 
 // Shapes of the bends, how decisive the structure is, whether two halves agree, and whether
