@@ -11,7 +11,7 @@ using Eigen::Vector3d;
 
 // Fewer points are a plane rather than a paraboloid, and still fewer nothing.
 constexpr std::size_t kOfParaboloid = 14, kOfPlane = 6;
-constexpr int kSteps = 6;
+constexpr int kStepsToCrease = 6;
 constexpr double kLeastSine = 0.17;
 
 // z = c . (1, x, y, x^2, x y, y^2) over the points' own plane.
@@ -76,7 +76,7 @@ std::optional<Vector3d> CreasePlace(const Vector3d& near_mm,
   const auto one = Side::Through(one_side_mm), other = Side::Through(other_side_mm);
   if (!one || !other) return std::nullopt;
   Vector3d place = near_mm;
-  for (int step = 0; step < kSteps; ++step) {
+  for (int step = 0; step < kStepsToCrease; ++step) {
     const Vector3d a = one->Gradient(place), b = other->Gradient(place);
     if (a.cross(b).norm() < kLeastSine * a.norm() * b.norm()) return std::nullopt;
     // The least move onto both.
