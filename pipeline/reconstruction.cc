@@ -23,6 +23,7 @@
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/end_forms.h"
 #include "pipeline/fit/explained_by_bows.h"
+#include "pipeline/fit/faint_dents.h"
 #include "pipeline/fit/hidden_ends.h"
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/kept_ends.h"
@@ -107,14 +108,12 @@ struct FinalFit {
 SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
                    std::span<const PointBlock> blocks) {
   const double reach_mm = final.options.reach_mm;
-  SurfaceForm form =
-      FindForm(final.fit, tube, final.noise_mm, blocks, reach_mm, kPerhapsDentInCells);
+  SurfaceForm form = FindForm(final.fit, tube, final.noise_mm, blocks, reach_mm, kPerhapsDents);
   const auto& bows = final.bowed.bows;
   if (std::all_of(bows.begin(), bows.end(), [](const Bow& bow) { return bow.is_none(); })) {
     return form;
   }
-  SurfaceForm beside_bows =
-      FindForm(final.bowed, final.noise_mm, blocks, reach_mm, kPerhapsDentInCells);
+  SurfaceForm beside_bows = FindForm(final.bowed, final.noise_mm, blocks, reach_mm, kPerhapsDents);
   beside_bows.straights = std::move(form.straights);
   return beside_bows;
 }
@@ -196,6 +195,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   }
   TryOneDie(blocks, final.options, solution);
   FitLast(blocks, final.options, solution);
+  TryFaintDents(blocks, final.options, solution);
   if (nominal) TakeNominalRadii(*nominal, final.options.free_pipe_radius, solution.fit);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);

@@ -289,7 +289,7 @@ bool IsSureSmall(const FittedDent& fitted, double pipe_radius_mm) {
 bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const DentFound> known,
                  DentFound& dent) {
   Doubt(r_mm, dent);
-  const bool in_cells = dent.depth_mm > kDentInCells * r_mm;
+  const bool in_cells = dent.depth_mm > kClearDents.least * r_mm;
   std::vector<DentCircle> others;
   for (const DentFound& other : known) {
     const bool is_apart = (dent.position_mm - other.position_mm).norm() >

@@ -23,7 +23,7 @@ struct WallForm {
 // Place, depth and area of dents that were seen in cells of the surface (fit/surface_form.h), from
 // the points themselves (dent_fit.h). What cannot be fitted stays as the cells have it, its depth
 // known to about itself or worse, where its points show one; else it goes. Those that cells hardly
-// show (kDentInCells) are told only where they are fitted, and for certain.
+// show (kClearDents) are told only where they are fitted, and for certain.
 // The deepest first, each once: cells may have parted one, or taken what is beside it or opposite
 // it for pressed in.
 //

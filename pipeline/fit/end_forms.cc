@@ -14,6 +14,8 @@ namespace bendloop::pipeline {
 namespace {
 
 struct EndFormSettings {
+  // So many points about an end tell.
+  std::size_t enough_points = 40'000;
   // [sigma] and [of r_P] A point further out than both is none of the plain tube's.
   double out_sigmas = 5.0, out = 0.04;
   // [of r_P] What is further from the axis is no fitting.
@@ -52,7 +54,7 @@ struct EndFormSettings {
 constexpr EndFormSettings kEndForms;
 constexpr unsigned kEndSides = 16;
 
-// Points about an end by their place along its axis.
+// Points about an end by their place along its axis; of many a part.
 struct AlongAxis {
   std::vector<std::pair<double, unsigned>> on;  // of the wall beyond the end: where, and the side
   std::vector<double> out_mm;                   // beyond the end, of points that stand out
@@ -67,9 +69,10 @@ AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
                  std::span<const PointBlock> near) {
   const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
   const double out_mm = std::max(kEndForms.out_sigmas * noise_mm, kEndForms.out * r_mm);
+  const OwnedBlocks few = Thinned(near, StrideTo(CountPoints(near), kEndForms.enough_points));
   AlongAxis along;
   double on_tube = 0, last = 0;
-  for (const PointBlock& block : near) {
+  for (const PointBlock& block : std::span<const PointBlock>(few)) {
     for (const Eigen::Vector3d& point : block.points) {
       const Eigen::Vector3d from = point - end.position_mm;
       const double at_mm = from.dot(end.outward);

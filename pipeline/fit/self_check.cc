@@ -26,10 +26,10 @@ HalvesDiffer CompareHalves(const SurfaceFit& fit, std::span<const PointBlock> bl
   options.flattened = !fit.flattening.empty();
   options.easing = fit.easing;
   options.max_steps = kHalves.steps;
+  const std::array<OwnedBlocks, 2> points = HalvesOf(blocks, kHalves.points);
   std::array<SurfaceFit, 2> halves;
   ParallelFor(options.workers, halves.size(), [&](std::size_t i) {
-    const OwnedBlocks half = HalfOf(blocks, i == 0 ? Half::kFirst : Half::kSecond, kHalves.points);
-    halves[i] = FitSurface(fit.tube, Gathered(half, 1), options);
+    halves[i] = FitSurface(fit.tube, Gathered(points[i], 1), options);
   });
   const auto& [a, b] = halves;
   HalvesDiffer worst;

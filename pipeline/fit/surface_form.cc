@@ -32,14 +32,9 @@ struct FormSettings {
   double least_points = 60;
   // [of r_P] Of a cell of the surface along the spine; around it is a sixteenth of the turn.
   double cell = 0.5;
-  // [sigma] A dent is this deep at least, of what all cells scatter by.
-  double depth_sigmas = 7.0;
   // [of what sides of straights disagree by] Of less a pass of the scan may be displaced, which
   // another one sees beside it. By trial.
   double beyond_sides = 3.0;
-  // [sigma] And of what noise leaves of its own cell's mean, which few points tell at the edge of
-  // what a scan sees. Of thousands of cells one is 4 off by chance.
-  double noise_sigmas = 5.0;
   // [cells] So far from its middle nothing is another dent.
   int slope_cells = 6;
   // [cells] The surface about a dent is looked at from here to there along the spine.
@@ -206,7 +201,7 @@ DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int sid
 
 std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> stretches,
                                  double pipe_radius_mm, double noise_mm, double sides_mm,
-                                 double least_dent) {
+                                 const DentInCells& in_cells) {
   std::vector<double> magnitudes;
   for (const Depths& depths : stretches) {
     for (const double depth : depths.mm) {
@@ -214,8 +209,9 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> st
     }
   }
   const double scatter_mm = 1.4826 * Median(magnitudes);
-  const double least_mm = std::max({least_dent * pipe_radius_mm, kForm.depth_sigmas * scatter_mm,
-                                    kForm.beyond_sides * sides_mm});
+  const double least_mm =
+      std::max({in_cells.least * pipe_radius_mm, in_cells.scatter_sigmas * scatter_mm,
+                kForm.beyond_sides * sides_mm});
   const double cell_mm2 =
       kForm.cell * pipe_radius_mm * 2.0 * std::numbers::pi * pipe_radius_mm / kSides;
   std::vector<DentFound> dents;
@@ -226,7 +222,7 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> st
     for (Depths& depths : stretches) {
       for (std::size_t i = 0; i < depths.mm.size(); ++i) {
         if (depths.mm[i] > depth_mm &&
-            depths.mm[i] > kForm.noise_sigmas * noise_mm * depths.sigmas[i]) {
+            depths.mm[i] > in_cells.noise_sigmas * noise_mm * depths.sigmas[i]) {
           deepest = &depths, at = i, depth_mm = depths.mm[i];
         }
       }
@@ -298,10 +294,11 @@ class StretchForm {
       if (segment.is_arc()) {
         // Local y counts from the bend's centre; the arc begins at -y.
         const double along_mm = before_mm + segment.bend_radius_mm * std::atan2(x, -y);
-        cells_.Add(along_mm, std::hypot(x, y) - segment.bend_radius_mm, z, points.distance[i]);
+        cells_.Add(along_mm, std::sqrt(x * x + y * y) - segment.bend_radius_mm, z,
+                   points.distance[i]);
         continue;
       }
-      const double rho = std::max(1e-9, std::hypot(y, z));
+      const double rho = std::max(1e-9, std::sqrt(y * y + z * z));
       const double off_mm = bends_ ? bends_->OffMm(x, y / rho, z / rho) : 0.0;
       cells_.Add(x, y, z, points.distance[i] - off_mm);
     }
@@ -325,12 +322,14 @@ std::optional<double> SidesOf(const SegmentPoints& points, const Extent& extent,
 }  // namespace
 
 SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm, double least_dent) {
-  return FindForm({tube, fit.flattening, fit.easing, {}}, noise_mm, blocks, reach_mm, least_dent);
+                     std::span<const PointBlock> blocks, double reach_mm,
+                     const DentInCells& in_cells) {
+  return FindForm({tube, fit.flattening, fit.easing, {}}, noise_mm, blocks, reach_mm, in_cells);
 }
 
 SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm, double least_dent) {
+                     std::span<const PointBlock> blocks, double reach_mm,
+                     const DentInCells& in_cells) {
   const double r_mm = state.tube.pipe_radius_mm;
   const EasedSpine spine = SpineOf(state);
   const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kForm.enough_points));
@@ -368,7 +367,7 @@ SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
   std::vector<Depths> depths;
   for (const StretchForm& stretch : stretches) depths.push_back(stretch.DepthsOfCells());
   form.dents =
-      FindDents(spine, std::move(depths), r_mm, noise_mm, std::sqrt(form.sides_mm2), least_dent);
+      FindDents(spine, std::move(depths), r_mm, noise_mm, std::sqrt(form.sides_mm2), in_cells);
   return form;
 }
 

@@ -20,18 +20,29 @@ struct SurfaceForm {
   double sides_mm2 = 0;
 };
 
-// [of r_P] How far in cells of the surface lie that show a dent. Where it is much smaller than a
-// pipe radius they show a quarter of its depth: shallower ones may be dents for what asks their
-// points.
-inline constexpr double kDentInCells = 0.012, kPerhapsDentInCells = 0.005;
+// How far in cells of the surface lie that show a dent.
+struct DentInCells {
+  double least;  // [of r_P]
+  // [sigma] Of what all cells scatter by.
+  double scatter_sigmas = 7.0;
+  // [sigma] And of what noise leaves of its own cell's mean, which few points tell at the edge of
+  // what a scan sees. Of thousands of cells one is 4 off by chance.
+  double noise_sigmas = 5.0;
+};
+inline constexpr DentInCells kClearDents{0.012};
+// Where a dent is much smaller than a pipe radius cells show a quarter of its depth: for what asks
+// their points.
+inline constexpr DentInCells kPerhapsDents{0.005};
+// What a bend may have left of a dent that it has taken in: for what fits without it.
+inline constexpr DentInCells kFaintDents{0.003, 4.0, 3.5};
 
 // `tube`: of the fit, with its ends. `noise_mm`: 1 sigma of a point.
-// Straights of a bowed tube are looked at as if they did not bow. `least_dent`: [of r_P] in cells.
+// Straights of a bowed tube are looked at as if they did not bow.
 SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
                      std::span<const PointBlock> blocks, double reach_mm,
-                     double least_dent = kDentInCells);
+                     const DentInCells& dents = kClearDents);
 SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
                      std::span<const PointBlock> blocks, double reach_mm,
-                     double least_dent = kDentInCells);
+                     const DentInCells& dents = kClearDents);
 
 }  // namespace bendloop::pipeline

@@ -152,23 +152,24 @@ OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride) {
   return gathered;
 }
 
-OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough) {
+std::array<OwnedBlocks, 2> HalvesOf(std::span<const PointBlock> blocks, std::size_t enough) {
   const std::size_t count = CountPoints(blocks);
-  const std::size_t stride = count / (2 * enough) + 1;
-  OwnedBlocks result(std::min(count, 2 * enough), AreWeighted(blocks));
+  const std::size_t stride = count / (2 * enough) + 1, most = std::min(count, 2 * enough);
+  const bool are_weighted = AreWeighted(blocks);
+  std::array<OwnedBlocks, 2> halves{OwnedBlocks(most, are_weighted),
+                                    OwnedBlocks(most, are_weighted)};
   const DivisibleBy is_taken(stride);
   std::uint64_t index = 0;
   for (const PointBlock& block : blocks) {
-    result.Begin(block.center_mm, block.half_diagonal_mm);
+    for (OwnedBlocks& half : halves) half.Begin(block.center_mm, block.half_diagonal_mm);
     for (std::size_t i = 0; i < block.points.size(); ++i) {
       // Fibonacci hashing: evenly spread, without a pattern that a scanner could share.
       const std::uint64_t lot = ++index * 0x9E3779B97F4A7C15U;
-      const bool first = (lot >> 63) == 0;
       // Which half is as hard to foresee as a coin; of many points few are taken.
-      if (is_taken(lot >> 20) && first == (half == Half::kFirst)) result.Add(block, i);
+      if (is_taken(lot >> 20)) halves[lot >> 63].Add(block, i);
     }
   }
-  return result;
+  return halves;
 }
 
 SegmentFrame::SegmentFrame(const hal::SpineSegment& segment, bool open_before, bool open_after,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -80,9 +81,8 @@ OwnedBlocks Thinned(std::span<const PointBlock> blocks, std::size_t stride);
 // The same in cubes of twice the edge, where few points are left in one: what is worked out once
 // for a cube is worth it for dozens only. `blocks`: cubes of a grid through the origin.
 OwnedBlocks Gathered(std::span<const PointBlock> blocks, std::size_t stride);
-// One of two halves of the points, drawn by lot (always the same), thinned to about `enough`.
-enum class Half { kFirst, kSecond };
-OwnedBlocks HalfOf(std::span<const PointBlock> blocks, Half half, std::size_t enough);
+// The points in two halves, drawn by lot (always the same), each thinned to about `enough`.
+std::array<OwnedBlocks, 2> HalvesOf(std::span<const PointBlock> blocks, std::size_t enough);
 // Blocks [begin, end) of a list.
 struct BlockRange {
   std::size_t begin = 0, end = 0;

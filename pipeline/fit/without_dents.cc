@@ -21,9 +21,11 @@ struct DentSettings {
   // dents are found in (surface_form.cc) blur.
   double least = 1.2, most = 3.0;
   // [of the points] With more left out too little of the tube would be left.
-  double most_points = 0.25;
+  double most_points = 0.3;
   // [of r_P] So far from the surface a point may belong to a dent.
   double deep = 0.5;
+  // [of r_P] About the middle of one that is left out there are no points.
+  double middle = 0.5;
   // [of its depth] On an end straight a dent lies at least so far below the tube: beside a flare
   // all that is not flared looks like one. By trial.
   double below = 0.3;
@@ -116,6 +118,35 @@ bool IsBelow(const DentCircle& circle, const Spine& spine, std::span<const Point
   return count > 0 && sum_mm / count < -kDents.below * circle.depth_mm;
 }
 
+OwnedBlocks Without(std::span<const DentCircle> circles, const Spine& spine, double pipe_radius_mm,
+                    std::span<const PointBlock> from) {
+  return PointsWithout(from, [&](const PointBlock&, const Eigen::Vector3d& point) {
+    std::optional<SurfacePlace> place;
+    for (const DentCircle& circle : circles) {
+      const double near_mm = circle.radius_mm + pipe_radius_mm;
+      if ((point - circle.middle_mm).squaredNorm() > near_mm * near_mm) continue;
+      if (!place) place = spine.PlaceOf(point);
+      if (place && circle.Has(*place, pipe_radius_mm)) return true;
+    }
+    return false;
+  });
+}
+
+bool IsClear(const DentFound& dent, double pipe_radius_mm) {
+  return dent.depth_mm > kClearDents.least * pipe_radius_mm &&
+         dent.depth_mm > kClearDents.scatter_sigmas * dent.sigma_mm;
+}
+
+bool HasPointsAt(const Eigen::Vector3d& place_mm, double near_mm,
+                 std::span<const PointBlock> blocks) {
+  return std::any_of(blocks.begin(), blocks.end(), [&](const PointBlock& block) {
+    if ((block.center_mm - place_mm).norm() > near_mm + block.half_diagonal_mm) return false;
+    return std::any_of(block.points.begin(), block.points.end(), [&](const Eigen::Vector3d& point) {
+      return (point - place_mm).norm() < near_mm;
+    });
+  });
+}
+
 }  // namespace
 
 std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double noise_mm,
@@ -132,20 +163,35 @@ std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double nois
   std::erase_if(circles, [&](const DentCircle& circle) {
     return circle.middle.on_end && !IsBelow(circle, spine, blocks, r_mm);
   });
-  const auto is_dented = [&](const PointBlock&, const Eigen::Vector3d& point) {
-    std::optional<SurfacePlace> place;
-    for (const DentCircle& circle : circles) {
-      const double near_mm = circle.radius_mm + r_mm;
-      if ((point - circle.middle_mm).squaredNorm() > near_mm * near_mm) continue;
-      if (!place) place = spine.PlaceOf(point);
-      if (place && circle.Has(*place, r_mm)) return true;
-    }
-    return false;
-  };
-  OwnedBlocks left = PointsWithout(from, is_dented);
+  OwnedBlocks left = Without(circles, spine, r_mm, from);
   const auto out = static_cast<double>(points - left.point_count());
   if (out > kDents.most_points * static_cast<double>(points)) return std::nullopt;
   return left;
+}
+
+std::vector<DentFound> FaintDents(const BowedTubeState& state, double noise_mm,
+                                  std::span<const PointBlock> blocks,
+                                  std::span<const PointBlock> from, double reach_mm) {
+  const double r_mm = state.tube.pipe_radius_mm;
+  const bool is_undented = CountPoints(from) < CountPoints(blocks);
+  std::vector<DentFound> dents = FindForm(state, noise_mm, blocks, reach_mm, kFaintDents).dents;
+  std::erase_if(dents, [&](const DentFound& dent) {
+    // Beside one that is left out its own edge looks like another.
+    if (is_undented && IsClear(dent, r_mm)) return true;
+    return !HasPointsAt(dent.position_mm, kDents.middle * r_mm, from);
+  });
+  return dents;
+}
+
+OwnedBlocks WithoutDentAt(const BowedTubeState& state, const DentFound& dent,
+                          std::span<const PointBlock> from) {
+  const double r_mm = state.tube.pipe_radius_mm;
+  const Spine spine(state);
+  std::vector<DentCircle> circles;
+  if (const auto place = spine.PlaceOf(dent.position_mm)) {
+    circles.push_back({dent.position_mm, *place, kDents.most * r_mm, 0.0, 0.0});
+  }
+  return Without(circles, spine, r_mm, from);
 }
 
 }  // namespace bendloop::pipeline

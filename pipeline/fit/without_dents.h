@@ -3,9 +3,11 @@
 
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "pipeline/fit/bowed_spine.h"
 #include "pipeline/fit/surface_points.h"
+#include "pipeline/tube/measurement.h"
 
 namespace bendloop::pipeline {
 
@@ -18,5 +20,15 @@ std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double nois
                                         std::span<const PointBlock> blocks,
                                         std::span<const PointBlock> from, double reach_mm,
                                         double wide = 1.0);
+
+// Places where a bend may have taken a dent in, the deepest first: less than dents clearly are, or
+// as much, if none is left out. `from`: the points that no dent has been left out of.
+std::vector<DentFound> FaintDents(const BowedTubeState& state, double noise_mm,
+                                  std::span<const PointBlock> blocks,
+                                  std::span<const PointBlock> from, double reach_mm);
+
+// Those `from` without as much as a dent can take about that place.
+OwnedBlocks WithoutDentAt(const BowedTubeState& state, const DentFound& dent,
+                          std::span<const PointBlock> from);
 
 }  // namespace bendloop::pipeline

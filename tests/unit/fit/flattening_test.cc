@@ -113,8 +113,7 @@ TEST(SelfCheck, HalvesThatDifferAreSaidToDiffer) {
   EXPECT_GT(same.sigmas, 0);
   EXPECT_LT(same.sigmas, 4);
 
-  const OwnedBlocks first = HalfOf(blocks, Half::kFirst, 1'000'000);
-  const OwnedBlocks second = HalfOf(blocks, Half::kSecond, 1'000'000);
+  const auto [first, second] = HalvesOf(blocks, 1'000'000);
   EXPECT_EQ(first.point_count() + second.point_count(), points.size());
   EXPECT_NEAR(static_cast<double>(first.point_count()), 3000, 200);
   // The last straight of the second half, turned by a fifth of a degree.

@@ -146,10 +146,8 @@ TEST(WeightedFit, CertaintiesOfOneChangeNoBit) {
     EXPECT_EQ(a.tube.program, b.tube.program);
     EXPECT_EQ(a.sigma, b.sigma);
     EXPECT_EQ(a.cost_mm2, b.cost_mm2);
-    const SurfaceFit half_a =
-        FitSurface(tube, HalfOf(alike, Half::kFirst, 5000), {.reach_mm = 0.8});
-    const SurfaceFit half_b =
-        FitSurface(tube, HalfOf(weighted, Half::kFirst, 5000), {.reach_mm = 0.8});
+    const SurfaceFit half_a = FitSurface(tube, HalvesOf(alike, 5000).front(), {.reach_mm = 0.8});
+    const SurfaceFit half_b = FitSurface(tube, HalvesOf(weighted, 5000).front(), {.reach_mm = 0.8});
     EXPECT_EQ(half_a.tube.program, half_b.tube.program);
     EXPECT_EQ(half_a.sigma, half_b.sigma);
   }
@@ -169,7 +167,7 @@ TEST(WeightedFit, IsMoreExactAndSaysSo) {
       const OwnedBlocks weighted = scan.Weighted();
       const SurfaceFit fit = FitSurface(tube, weighted, options);
       const SurfaceFit alike = FitSurface(tube, scan.Alike(), options);
-      const SurfaceFit half = FitSurface(tube, HalfOf(weighted, Half::kFirst, 5000), options);
+      const SurfaceFit half = FitSurface(tube, HalvesOf(weighted, 5000).front(), options);
       EXPECT_NEAR(fit.sigma_mm, 0.02 * std::sqrt(2.0 / (1 + 1.0 / 16)), 0.002);
       const auto add = [&](auto value) {
         const double truth = value(tube), sigma = value(hal::Tube{0, fit.sigma, {}});

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/faint_dents.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "pipeline/fit/bowed_cost.h"
+#include "pipeline/fit/design_effect.h"
+#include "pipeline/fit/die_spread.h"
+#include "pipeline/fit/surface_form.h"
+#include "pipeline/fit/surface_pass.h"
+#include "pipeline/fit/without_dents.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+struct FaintSettings {
+  // Times that samples of a place are worth less than independent ones: what a dent has pulled
+  // makes them disagree as much, and chance hardly does.
+  double disagree = 1.15;
+  // [of what a dent takes of the surface] Left out.
+  double dents_wide = 1.25;
+  // Places that are tried.
+  std::size_t most = 3;
+  // Times that the tube is fitted anew: once that stands a dent is as wide as it is.
+  int rounds = 2;
+  // [of r_P] From where a bend leaves the most of a dent to its middle; and [of the depth there]
+  // how deep it is without the bend's help.
+  double near = 2.0, deeper = 1.3;
+  // [sigma] So far off are points at most that tell of a patch: more is a dent already.
+  double on_tube = 4.0;
+  // [variances] By which points beside them may be explained worse.
+  double worse = 6.0;
+  // [variances] Which the patches about a place must leave to be looked at: half of what a dent
+  // there must explain at least.
+  double worth_a_fit = 20.0;
+  // Of a dent: two of its place, its depth and two of its size.
+  double numbers = 5.0;
+  // So many points tell which is better.
+  std::size_t points = 20'000;
+};
+constexpr FaintSettings kFaint;
+
+// [variances]
+double BetterBy(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
+                double reach_mm) {
+  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kFaint.points));
+  const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
+  const double worth = std::max(1.0, std::min(a.bows.worth, b.bows.worth));
+  return (CostOf(b.bows.state, few, reach_mm, sigma_mm) -
+          CostOf(a.bows.state, few, reach_mm, sigma_mm)) /
+         worth;
+}
+
+// What patches of the surface are off the tube, beyond what noise moves them by [variances].
+double PatchesOff(const BowedSolution& solution, std::span<const PointBlock> blocks,
+                  double reach_mm) {
+  const BowedTubeState& state = solution.bows.state;
+  const double noise_mm = solution.bows.noise_mm, r_mm = state.tube.pipe_radius_mm;
+  const EasedSpine spine = SpineOf(state);
+  const SurfaceAssignment points = PointsOf(state, spine, kBeyond * r_mm, blocks, reach_mm);
+  DesignEffect patches;
+  patches.Add(points.segments, SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm,
+              kFaint.on_tube * noise_mm);
+  return patches.between / (noise_mm * noise_mm) - patches.patches;
+}
+
+// What is off the tube in patches of `all` that the `others` have not.
+double OfDents(const BowedSolution& plain, std::span<const PointBlock> all,
+               std::span<const PointBlock> others, double reach_mm) {
+  return PatchesOff(plain, all, reach_mm) - PatchesOff(plain, others, reach_mm);
+}
+
+// How much better all points speak for `dented`, a tube that leaves some more of them to dents
+// [twice the logarithm of the odds]. Below 0 where the others do not like it.
+double EvidenceOfDents(const BowedSolution& dented, const BowedSolution& plain,
+                       std::span<const PointBlock> blocks, double reach_mm) {
+  const auto all = plain.undented ? std::span<const PointBlock>(*plain.undented) : blocks;
+  const std::span<const PointBlock> others = *dented.undented;
+  const double of_others = BetterBy(dented, plain, others, reach_mm);
+  if (of_others < -kFaint.worse) return of_others;
+  // What the plain tube leaves of patches a dent of that form explains.
+  const double worth = std::max(1.0, std::min(dented.bows.worth, plain.bows.worth));
+  const double of_dents = OfDents(plain, all, others, reach_mm) / worth;
+  const auto points = static_cast<double>(CountPoints(all) - CountPoints(others));
+  return of_others + of_dents - kFaint.numbers * std::log(points);
+}
+
+// Fitted to what is `left` about a place, then without those of the dents that this tube shows.
+// None: there is no dent.
+std::optional<BowedSolution> WithoutDent(std::optional<OwnedBlocks> left,
+                                         const BowedSolution& solution,
+                                         std::span<const PointBlock> blocks,
+                                         std::span<const PointBlock> from,
+                                         const SurfaceFitOptions& options) {
+  std::optional<BowedSolution> other;
+  for (int round = 0; left && left->point_count() < CountPoints(from); ++round) {
+    other = SolveWithBows(other ? other->straight : solution.straight, *left, options);
+    if (other->fit.tube.program.bend_count() != solution.fit.tube.program.bend_count() ||
+        other->bows.is_lost) {
+      return std::nullopt;
+    }
+    if (!other->undented) other->undented = std::move(left);
+    if (round == kFaint.rounds) return other;
+    left = WithoutDents(other->bows.state, other->bows.noise_mm, blocks, from, options.reach_mm,
+                        kFaint.dents_wide);
+  }
+  return std::nullopt;
+}
+
+// Whether there is clearly a dent, deeper than a bend has left of it.
+bool Shows(const BowedSolution& solution, const DentFound& faint,
+           std::span<const PointBlock> blocks, double reach_mm) {
+  const BowedFit& bows = solution.bows;
+  const double near_mm = kFaint.near * bows.state.tube.pipe_radius_mm;
+  const auto dents = FindForm(bows.state, bows.noise_mm, blocks, reach_mm).dents;
+  return std::any_of(dents.begin(), dents.end(), [&](const DentFound& dent) {
+    return (dent.position_mm - faint.position_mm).norm() < near_mm &&
+           dent.depth_mm > kFaint.deeper * faint.depth_mm;
+  });
+}
+
+}  // namespace
+
+void TryFaintDents(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
+                   BowedSolution& solution) {
+  if (solution.fit.tube.program.bend_count() == 0 || solution.bows.is_lost ||
+      solution.bows.worth < kFaint.disagree) {
+    return;
+  }
+  SurfaceFitOptions without = options;
+  without.priors = LearnDieSpread(solution.fit, options.free_pipe_radius);
+  without.easing = solution.fit.easing;
+  const double reach_mm = options.reach_mm;
+  const auto from = solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
+  auto dents = FaintDents(solution.bows.state, solution.bows.noise_mm, blocks, from, reach_mm);
+  dents.resize(std::min(dents.size(), kFaint.most));
+  for (const DentFound& dent : dents) {
+    OwnedBlocks left = WithoutDentAt(solution.bows.state, dent, from);
+    if (OfDents(solution, from, left, reach_mm) < kFaint.worth_a_fit) continue;
+    auto other = WithoutDent(std::move(left), solution, blocks, from, without);
+    if (!other || !Shows(*other, dent, blocks, reach_mm)) continue;
+    if (EvidenceOfDents(*other, solution, blocks, reach_mm) < 0) continue;
+    solution = std::move(*other);
+    return;
+  }
+}
+
+}  // namespace bendloop::pipeline
