@@ -34,6 +34,7 @@
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/fit/seam.h"
 #include "pipeline/fit/self_check.h"
+#include "pipeline/fit/sunk_ends.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
@@ -51,6 +52,7 @@
 #include "pipeline/structure/neighbour_separation.h"
 #include "pipeline/structure/nominal_along.h"
 #include "pipeline/structure/nominal_radii.h"
+#include "pipeline/structure/round_bends.h"
 #include "pipeline/structure/structure.h"
 #include "pipeline/tube/stage_timer.h"
 
@@ -95,12 +97,16 @@ struct FinalFit {
   double noise_mm = 0;  // 1 sigma of the points
   std::optional<SeamFound> seam;
   std::vector<WrinklesFound> wrinkles;
-  std::optional<OwnedBlocks> beside_seam, beside_both;  // the points left, if not all
+  // The points left without these, one after the other, if not all.
+  std::optional<OwnedBlocks> beside_seam, beside_wrinkles, beside_sunk;
   std::span<const PointBlock> BesideSeam(std::span<const PointBlock> all) const {
     return beside_seam ? std::span<const PointBlock>(*beside_seam) : all;
   }
+  std::span<const PointBlock> BesideWrinkles(std::span<const PointBlock> all) const {
+    return beside_wrinkles ? std::span<const PointBlock>(*beside_wrinkles) : BesideSeam(all);
+  }
   std::span<const PointBlock> Fitted(std::span<const PointBlock> all) const {
-    return beside_both ? std::span<const PointBlock>(*beside_both) : BesideSeam(all);
+    return beside_sunk ? std::span<const PointBlock>(*beside_sunk) : BesideWrinkles(all);
   }
 };
 
@@ -159,7 +165,7 @@ void LeaveOutSeamAndWrinkles(const SurfaceFit& structure, std::span<const PointB
   const std::span<const PointBlock> beside_seam = final.BesideSeam(blocks);
   final.wrinkles = FindWrinkles(structure, beside_seam, final.options.reach_mm);
   if (final.wrinkles.empty()) return;
-  final.beside_both = WithoutWrinkles(structure, final.wrinkles, beside_seam);
+  final.beside_wrinkles = WithoutWrinkles(structure, final.wrinkles, beside_seam);
 }
 
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
@@ -179,9 +185,10 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   final.weights = WeighByIncidence(structure.tube, structure.flattening, structure.sigma_mm,
                                    final.options.reach_mm, tube.blocks, workers);
   LeaveOutSeamAndWrinkles(structure, tube.blocks, final);
-  const std::span<const PointBlock> blocks = final.Fitted(tube.blocks);
+  std::span<const PointBlock> blocks = final.BesideWrinkles(tube.blocks);
   final.options.hidden_mm = HiddenMm(structure, blocks, final.options.reach_mm, about_end);
   FoundEasing found = FindEasing(structure, blocks, final.options);
+  RoundBendsThatEase(structure, blocks, final.options, found);
   final.options.easing = std::move(found.easing);
   BowedSolution solution = SolveWithBows(found.eased.value_or(structure.tube), blocks,
                                          final.options, std::move(found.sharp));
@@ -193,6 +200,8 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   if (nominal) {
     TryNominal(*nominal, tube.polygon, blocks, final.options, solution, tube.structure.margin);
   }
+  final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
+  blocks = final.Fitted(tube.blocks);
   TryOneDie(blocks, final.options, solution);
   FitLast(blocks, final.options, solution);
   TryFaintDents(blocks, final.options, solution);

@@ -362,7 +362,8 @@ bool IsNoWorse(const TubeParameters& from, const Eigen::VectorXd& at, const Eige
 // The same; of very many points a part leads most of the way.
 SurfaceFit FitSome(const hal::Tube& start, std::span<const PointBlock> blocks,
                    const SurfaceFitOptions& options) {
-  std::vector<Flattening> round(options.flattened ? start.program.bend_count() : 0);
+  std::vector<Flattening> round(options.flattened ? start.program.bend_count() : 0,
+                                {.is_wide = options.wide_plateau});
   const std::size_t stride = CountPoints(blocks) / kFit.leading_points;
   if (stride < kFit.leading_stride) return FitFew(start, std::move(round), blocks, options);
   SurfaceFitOptions to_lead = options;

@@ -32,7 +32,8 @@ struct SurfaceFitOptions {
   // Of the first and the last straight so much lies beyond the points on it, hidden by what sits on
   // the end. Its best-fit line is of all of it.
   std::array<double, 2> hidden_mm{0, 0};
-  bool flattened = false;  // the bends need not be round
+  bool flattened = false;     // the bends need not be round
+  bool wide_plateau = false;  // where their outer walls sink in
   // [of what a dent takes of the surface] Left out about it.
   double dents_wide = 1.0;
   Easing easing = {};  // to begin with; none: the bends are sharp

@@ -278,9 +278,11 @@ struct OvalBend {
         constant(0.5 * r_mm * frame.flattening->constant),
         bump(0.5 * r_mm * frame.flattening->bump),
         collapse(r_mm * frame.flattening->collapse),
-        plateau(r_mm * frame.flattening->plateau) {}
+        plateau(r_mm * frame.flattening->plateau),
+        wide(frame.flattening->is_wide ? 1.0 : 0.0) {}
   double bend_radius_mm, pipe_radius_mm, half_sine, half_cosine, bump_floor, bump_scale;
   double constant, bump, collapse, plateau;  // [mm]
+  double wide;                               // 1 or 0
 };
 
 // B at a place around the centre of the bend.
@@ -306,7 +308,7 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
     const double quadrant = c * c - s * s;
     const double bump = Bump(oval, a, b);
     const double outer = Square(Most(c, 0.0));
-    const double plateau = Plateau(bump) * outer;
+    const double plateau = Plateau(bump) * Most(outer, oval.wide);
     f[kCa][l] = c * a;
     f[kCb][l] = c * b;
     f[kC][l] = c;
@@ -339,8 +341,9 @@ BENDLOOP_LOOP void InsideOfBody(const OvalBend& oval, const LocalLanes& local, d
     const double inverse = 1.0 / Most(u2 + z2, kTiny);
     const double bump = Bump(oval, local.x[l] * inverse_rho, local.y[l] * inverse_rho);
     const double outer = rho > oval.bend_radius_mm ? u2 * inverse : 0.0;
-    inside[l] = (oval.constant + oval.bump * bump) * (u2 - z2) * inverse +
-                (oval.collapse * bump + oval.plateau * Plateau(bump) * outer) * outer;
+    inside[l] =
+        (oval.constant + oval.bump * bump) * (u2 - z2) * inverse +
+        (oval.collapse * bump + oval.plateau * Plateau(bump) * Most(outer, oval.wide)) * outer;
   }
 }
 BENDLOOP_MULTIVERSION(void, InsideOf,

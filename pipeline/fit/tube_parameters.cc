@@ -237,7 +237,7 @@ std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& para
   std::vector<Flattening> list;
   for (std::size_t i = 0; i < flattening_.size(); ++i) {
     const auto of_bend = parameters.segment<kFlatteningParameters>(flattening(i));
-    list.push_back({of_bend[0], of_bend[1], of_bend[2], of_bend[3]});
+    list.push_back({of_bend[0], of_bend[1], of_bend[2], of_bend[3], flattening_[i].is_wide});
   }
   return list;
 }

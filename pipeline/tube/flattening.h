@@ -5,9 +5,10 @@ namespace bendloop::pipeline {
 
 // How far a bend's cross-section is from round. In the direction of angle psi from the outer side
 // (the far side from the centre of the bend) the surface is at
-//   r_P (1 - (constant + bump B) / 2 cos 2 psi - collapse B C^2 - plateau P C^4)
+//   r_P (1 - (constant + bump B) / 2 cos 2 psi - collapse B C^2 - plateau P C^2 N)
 // from the spine, C = max(0, cos psi), where B is 1 in the middle of the bend and falls to 0 at its
-// ends like a parabola, and P = 1 - (1 - B)^4 rises soon and stays. The first term is the oval, the
+// ends like a parabola, P = 1 - (1 - B)^4 rises soon and stays, and N is C^2 where the sunk wall is
+// narrow, 1 where it is wide. The first term is the oval, the
 // others the outer wall that sinks in. All are parts of the pipe radius; an oval of 0.05 has
 // diameters that differ by 5 %. An outer wall that sinks in all along, taken for one that does in
 // the middle, moves the spine at the bend's ends inwards as easing does.
@@ -16,6 +17,7 @@ struct Flattening {
   double bump = 0;
   double collapse = 0;
   double plateau = 0;
+  bool is_wide = false;  // the plateau; not fitted
 
   // (greatest - least diameter) / nominal, in the middle of the bend.
   double OvalityPart() const { return constant + bump + 0.5 * (collapse + plateau); }
