@@ -34,7 +34,7 @@ inline constexpr DentInCells kClearDents{0.012};
 // their points.
 inline constexpr DentInCells kPerhapsDents{0.005};
 // What a bend may have left of a dent that it has taken in: for what fits without it.
-inline constexpr DentInCells kFaintDents{0.003, 4.0, 3.5};
+inline constexpr DentInCells kFaintDents{0.003, 3.5, 3.0};
 
 // `tube`: of the fit, with its ends. `noise_mm`: 1 sigma of a point.
 // Straights of a bowed tube are looked at as if they did not bow.
