@@ -317,13 +317,16 @@ std::optional<double> MoreThanDents(const BowedSolution& found, const BowedSolut
   if (static_cast<double>(fewer.undented->point_count()) < kRevise.beside_dents * all) {
     return std::nullopt;
   }
-  const OwnedBlocks points =
-      Thinned(*fewer.undented, StrideTo(fewer.undented->point_count(), kRevise.points));
-  const double sigma_mm = std::min(found.bows.noise_mm, fewer.bows.noise_mm);
-  const double gain = CostOf(fewer.bows.state, points, reach_mm, sigma_mm) -
-                      CostOf(found.bows.state, points, reach_mm, sigma_mm);
-  const double worth = std::max(1.0, std::min(found.bows.worth, fewer.bows.worth));
-  return gain / worth;
+  return AdvantageAt(*fewer.undented, found, fewer, reach_mm);
+}
+
+double AdvantageAt(std::span<const PointBlock> blocks, const BowedSolution& a,
+                   const BowedSolution& b, double reach_mm) {
+  const OwnedBlocks points = Thinned(blocks, StrideTo(CountPoints(blocks), kRevise.points));
+  const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
+  const double gain = CostOf(b.bows.state, points, reach_mm, sigma_mm) -
+                      CostOf(a.bows.state, points, reach_mm, sigma_mm);
+  return gain / std::max(1.0, std::min(a.bows.worth, b.bows.worth));
 }
 
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,

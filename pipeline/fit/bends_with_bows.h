@@ -28,6 +28,10 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);
 
+// The same of these points alone, dents or none.
+double AdvantageAt(std::span<const PointBlock> blocks, const BowedSolution& a,
+                   const BowedSolution& b, double reach_mm);
+
 // How much better the points, and the numbers of bends and of form, speak for `a` [twice the
 // logarithm of the odds].
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "pipeline/fit/bowed_cost.h"
 #include "pipeline/fit/design_effect.h"
 #include "pipeline/fit/die_spread.h"
 #include "pipeline/fit/surface_form.h"
@@ -40,21 +39,8 @@ struct FaintSettings {
   double worth_a_fit = 20.0;
   // Of a dent: two of its place, its depth and two of its size.
   double numbers = 5.0;
-  // So many points tell which is better.
-  std::size_t points = 20'000;
 };
 constexpr FaintSettings kFaint;
-
-// [variances]
-double BetterBy(const BowedSolution& a, const BowedSolution& b, std::span<const PointBlock> blocks,
-                double reach_mm) {
-  const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kFaint.points));
-  const double sigma_mm = std::min(a.bows.noise_mm, b.bows.noise_mm);
-  const double worth = std::max(1.0, std::min(a.bows.worth, b.bows.worth));
-  return (CostOf(b.bows.state, few, reach_mm, sigma_mm) -
-          CostOf(a.bows.state, few, reach_mm, sigma_mm)) /
-         worth;
-}
 
 // What patches of the surface are off the tube, beyond what noise moves them by [variances].
 double PatchesOff(const BowedSolution& solution, std::span<const PointBlock> blocks,
@@ -81,7 +67,7 @@ double EvidenceOfDents(const BowedSolution& dented, const BowedSolution& plain,
                        std::span<const PointBlock> blocks, double reach_mm) {
   const auto all = plain.undented ? std::span<const PointBlock>(*plain.undented) : blocks;
   const std::span<const PointBlock> others = *dented.undented;
-  const double of_others = BetterBy(dented, plain, others, reach_mm);
+  const double of_others = AdvantageAt(others, dented, plain, reach_mm);
   if (of_others < -kFaint.worse) return of_others;
   // What the plain tube leaves of patches a dent of that form explains.
   const double worth = std::max(1.0, std::min(dented.bows.worth, plain.bows.worth));

@@ -43,7 +43,7 @@ void SinkOuterWalls(const hal::Tube& tube, double depth_mm, Points& points) {
   }
 }
 
-// Their spines seem to ease: lengths were too long and radii too small, up to 20 of their sigmas.
+// Their spines seem to ease: lengths were too long and radii too small, up to nine of their sigmas.
 TEST(SunkEnds, DoNotMakeABendEase) {
   double squares = 0, values = 0;
   for (unsigned seed = 1; seed <= 6; ++seed) {
