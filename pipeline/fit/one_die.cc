@@ -115,7 +115,9 @@ void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& opti
   alike.radii_alike = kRadiiOfOneDie;
   const double better = AdvantageOf(other, solution, blocks, options.reach_mm) -
                         alike.ChiSquare(other.fit.tube.program, {});
-  if (!(better > -kOneDie.worse * static_cast<double>(bends))) return;
+  // What neither tube explains tells them apart as well, by chance.
+  const double chance = std::max(1.0, fit.design_effect / std::max(1.0, solution.bows.worth));
+  if (!(better > -kOneDie.worse * static_cast<double>(bends) * chance)) return;
   solution = std::move(other);
 }
 

@@ -3,6 +3,7 @@
 
 #include <span>
 
+#include "pipeline/fit/bends_with_bows.h"
 #include "pipeline/fit/easing_fit.h"
 
 namespace bendloop::pipeline {
@@ -13,5 +14,12 @@ namespace bendloop::pipeline {
 // flattening, and `options.flattened` false.
 void RoundBendsThatEase(const SurfaceFit& structure, std::span<const PointBlock> blocks,
                         SurfaceFitOptions& options, FoundEasing& found);
+
+// What dents, bows and slight bends that are none explain, bends of no round section need not:
+// where they are taken for round and the tube, once it is known, leaves more of its points than
+// noise, flattened ones are asked again. `solution` becomes theirs where the samples insist on
+// them.
+void FlattenRoundBends(std::span<const PointBlock> blocks, SurfaceFitOptions& options,
+                       BowedSolution& solution);
 
 }  // namespace bendloop::pipeline

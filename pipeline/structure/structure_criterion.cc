@@ -80,20 +80,27 @@ double StructureCriterion::Gain(const SurfaceFit& a, const SurfaceFit& b) const 
 }
 
 bool StructureCriterion::IsFlattened(const SurfaceFit& round, const SurfaceFit& flattened) const {
-  const auto bends = static_cast<double>(flattened.tube.program.bend_count());
-  const double freedom = kFlatteningParameters * bends;
-  const double more = bends - static_cast<double>(round.tube.program.bend_count());
+  const double more = static_cast<double>(flattened.tube.program.bend_count()) -
+                      static_cast<double>(round.tube.program.bend_count());
   const double price = 4.0 * std::max(0.0, more) * price_;
   const double limit_mm = kCriterion.truncated * flattened.sigma_mm;
   const double variance_mm2 = flattened.sigma_mm * flattened.sigma_mm * flattened.design_effect;
-  // Where passes do not meet bends look oval by as much.
+  return Cost(round, limit_mm) - Cost(flattened, limit_mm) - AsSidesMm2(flattened) >
+         variance_mm2 * (price + InsistOnFlattened(flattened));
+}
+
+double StructureCriterion::InsistOnFlattened(const SurfaceFit& flattened) {
+  const double freedom =
+      kFlatteningParameters * static_cast<double>(flattened.tube.program.bend_count());
+  return freedom + kCriterion.insist * std::sqrt(2.0 * freedom);
+}
+
+double StructureCriterion::AsSidesMm2(const SurfaceFit& flattened) {
   double on_bends = 0;
   for (std::size_t k = 1; k < flattened.segment_samples.size(); k += 2) {
     on_bends += flattened.segment_samples[k];
   }
-  const double as_sides_mm2 = kCriterion.beyond_sides * flattened.sides_mm2 * on_bends;
-  return Cost(round, limit_mm) - Cost(flattened, limit_mm) - as_sides_mm2 >
-         variance_mm2 * (price + freedom + kCriterion.insist * std::sqrt(2.0 * freedom));
+  return kCriterion.beyond_sides * flattened.sides_mm2 * on_bends;
 }
 
 double StructureCriterion::PriceOf(const SurfaceFit& fit) const {

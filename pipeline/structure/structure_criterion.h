@@ -28,6 +28,10 @@ class StructureCriterion {
   // Whether the samples insist that the bends are not round. Out of nothing but noise the gain is
   // chi-squared with the flattening's number of parameters.
   bool IsFlattened(const SurfaceFit& round, const SurfaceFit& flattened) const;
+  // [variances] By how much more than by chance they must be explained better for that.
+  static double InsistOnFlattened(const SurfaceFit& flattened);
+  // [mm^2] And by as much as bends look oval where passes do not meet.
+  static double AsSidesMm2(const SurfaceFit& flattened);
 
   // Of a sample, and what one costs at most, as a distance.
   static double Variance(const SurfaceFit& fit);
