@@ -11,6 +11,8 @@ namespace {
 constexpr double kXyzMostDeg = 180 - 1e-6;
 // Clamps are seldom shorter than so many pipe diameters.
 constexpr double kClampDiameters = 1;
+// Benders with a mandrel hardly go below a centreline radius of so many pipe diameters.
+constexpr double kTightDiameters = 1;
 // A bend wider than so many pipe radii is rather a straight that bows.
 constexpr double kBowRadii = 100;
 
@@ -31,6 +33,23 @@ std::string ShortStraights(const CadTube& tube) {
              : "less straight than a pipe diameter, for a clamp between, have bends " + which;
 }
 
+// One line, however many they are.
+std::string TightBends(const CadTube& tube) {
+  constexpr double kRoundingMm = 1e-6;
+  const double least_mm = kTightDiameters * 2 * tube.pipe_radius_mm - kRoundingMm;
+  std::string which;
+  for (std::size_t i = 0; i < tube.spine.arcs.size(); ++i) {
+    const double radius_mm = tube.spine.arcs[i].bend_radius_mm;
+    if (radius_mm >= least_mm) continue;
+    which +=
+        (which.empty() ? "" : ", ") + std::to_string(i + 1) + " (" + Fixed(radius_mm, 3) + " mm)";
+  }
+  return which.empty() ? ""
+                       : "tighter than a pipe diameter, which few benders make, are the "
+                         "centreline radius of bend " +
+                             which;
+}
+
 }  // namespace
 
 std::vector<std::string> BendNotes(const CadTube& tube) {
@@ -47,7 +66,9 @@ std::vector<std::string> BendNotes(const CadTube& tube) {
                       " mm, over " + Fixed(BendDeg(arc), 3) + " degrees");
     }
   }
-  if (const std::string note = ShortStraights(tube); !note.empty()) notes.push_back(note);
+  for (const std::string& note : {TightBends(tube), ShortStraights(tube)}) {
+    if (!note.empty()) notes.push_back(note);
+  }
   return notes;
 }
 

@@ -9,7 +9,7 @@
 namespace bendloop::host {
 
 // What is odd about a tube's bends: those that XYZ cannot carry, those with less straight between
-// them than a clamp needs, those that are rather bows.
+// them than a clamp needs, those tighter than benders make them, or rather bows.
 std::vector<std::string> BendNotes(const CadTube& tube);
 
 }  // namespace bendloop::host

@@ -124,6 +124,14 @@ TEST(Told, BendsThatAClampHasNoRoomBetween) {
   EXPECT_THAT(Told(WithRadii(40, 40)).out, Not(HasSubstr("clamp")));
 }
 
+TEST(Told, BendsThatAreTighterThanBendersMakeThem) {
+  EXPECT_THAT(
+      Told(WithRadii(16, 40)).out,
+      HasSubstr("\ntighter than a pipe diameter, which few benders make, are the centreline "
+                "radius of bend 1 (16.000 mm)\n"));
+  EXPECT_THAT(Told(WithRadii(20, 40)).out, Not(HasSubstr("tighter")));
+}
+
 TEST(Told, BendsThatAreRatherBows) {
   EXPECT_THAT(Told(WithRadii(40, 1000)).out,
               HasSubstr("bend 2 is rather a bow: its radius is 1000.000 mm, over 45.000 degrees"));
