@@ -16,10 +16,10 @@ namespace {
 // where they do, else without.
 bool Insists(BowedTube& tube) {
   tube.Solve(true);
-  const double with_bows = tube.Gain();
+  const double left = tube.Left(), worth = tube.worth();
   tube.Solve(false);
   const double freedom = static_cast<double>(kBowModes * tube.bows());
-  const double more = with_bows - tube.Gain();
+  const double more = (tube.Left() - left) / worth;
   if (!(more > freedom + kBowed.insist * std::sqrt(2.0 * freedom))) return false;
   tube.Solve(true);
   return true;

@@ -203,6 +203,15 @@ LocalVector BowedTube::LeftPull(const PlaceSum& place) const {
   return PullOf(place.sum) + InformationOf(place.sum) * moved;
 }
 
+double BowedTube::Left() const {
+  double left = 0;
+  for (std::size_t i = 0; i < places_.size(); ++i) {
+    const LocalVector pull = LeftPull(places_[i]);
+    left += pull.dot(inverses_[i] * pull) / noise_mm2_;
+  }
+  return left;
+}
+
 void BowedTube::SetWorth() {
   const std::array<double, 2> worth = worth_;
   std::array<double, 2> chi_square{}, freedom{};

@@ -145,6 +145,8 @@ class BowedTube {
   }
   // Whether a step more hardly moves it.
   bool IsSettled() const { return Gain() < kBowed.settled * Weight(); }
+  // What it leaves of what pulls the places [variances of noise].
+  double Left() const;
   // What the step explains [variances].
   double Gain() const { return step_.dot(right_) / noise_mm2_; }
 

@@ -26,6 +26,9 @@ struct OneDieSettings {
   // follow the angle, and that of one die is one to such a part.
   std::size_t least_bends = 4;
   double differ_sigmas = 3.0, agree_sigmas = 1.5, agree_part = 0.2, alike = 0.0005;
+  // Root mean square of the parts by which variances of curvatures differ from those of a die, up
+  // to which all of them are its. Of radii that differ by a tenth it is some hundredths.
+  double same = 0.01;
 };
 constexpr OneDieSettings kOneDie;
 
@@ -88,6 +91,25 @@ bool LooksEased(const SurfaceFit& fit, const Die& die) {
              std::max(std::pow(kOneDie.agree_sigmas, 2), std::pow(kOneDie.agree_part, 2) * differ);
 }
 
+// How many times a variance what neither tube explains tells them apart by, too, by chance: where
+// all bends tell of the die, so that only what is arc, and what is easing, is another. Else that is
+// a reason not to take other radii.
+double ChanceOf(const BowedSolution& solution, const Die& die) {
+  const auto& rows = solution.fit.tube.program.rows;
+  const std::size_t bends = solution.fit.tube.program.bend_count();
+  if (bends < kOneDie.least_bends) return 1.0;
+  const std::vector<double> eased_mm2 = EasedMm2(solution.fit);
+  double apart = 0;
+  for (std::size_t i = 0; i < bends; ++i) {
+    const double radius_mm = rows[i].bend_radius_mm.value_or(0.0), square = SquareOf(rows[i]);
+    const double of_die_mm2 = square * die.bend_radius_mm * die.bend_radius_mm + die.easing_mm2;
+    const double off = (square * radius_mm * radius_mm + eased_mm2[i]) / of_die_mm2 - 1.0;
+    apart += off * off / static_cast<double>(bends);
+  }
+  if (apart > kOneDie.same * kOneDie.same) return 1.0;
+  return std::max(1.0, solution.fit.design_effect / std::max(1.0, solution.bows.worth));
+}
+
 }  // namespace
 
 void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
@@ -115,9 +137,7 @@ void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& opti
   alike.radii_alike = kRadiiOfOneDie;
   const double better = AdvantageOf(other, solution, blocks, options.reach_mm) -
                         alike.ChiSquare(other.fit.tube.program, {});
-  // What neither tube explains tells them apart as well, by chance.
-  const double chance = std::max(1.0, fit.design_effect / std::max(1.0, solution.bows.worth));
-  if (!(better > -kOneDie.worse * static_cast<double>(bends) * chance)) return;
+  if (!(better > -kOneDie.worse * static_cast<double>(bends) * ChanceOf(solution, *die))) return;
   solution = std::move(other);
 }
 

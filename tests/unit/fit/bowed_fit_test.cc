@@ -4,8 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <vector>
 
+#include "hal/spine.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/real_tube.h"
 #include "tests/unit/fit/three_bends.h"
@@ -287,6 +289,60 @@ TEST(BowedFit, KnowsNoRadiusOfASlightBend) {
     }
   }
   EXPECT_LE(vague, 5) << "of 46";
+}
+
+// Every straight bows by half a wave from end to end, by L/1500 to L/500 to any side, and so meets
+// its bends at an angle.
+void BowAtAnAngle(const hal::Tube& tube, std::mt19937_64& random,
+                  std::vector<Eigen::Vector3d>& points_mm) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  std::vector<Eigen::Vector3d> bows_mm(segments.size());
+  for (std::size_t k = 0; k < segments.size(); k += 2) {
+    const double to = std::uniform_real_distribution<double>(-3.14, 3.14)(random);
+    const double part = std::uniform_real_distribution<double>(1.0 / 1500, 1.0 / 500)(random);
+    bows_mm[k] = part * segments[k].length_mm *
+                 (segments[k].axes() * Eigen::Vector3d(0, std::cos(to), std::sin(to)));
+  }
+  for (Eigen::Vector3d& point : points_mm) {
+    for (std::size_t k = 0; k < segments.size(); k += 2) {
+      const Eigen::Vector3d from_mm =
+          segments[k].axes().transpose() * (point - segments[k].start_mm);
+      const double part = from_mm.x() / segments[k].length_mm;
+      if (part < 0 || part > 1 || from_mm.tail<2>().norm() > 2 * tube.pipe_radius_mm) continue;
+      point += std::sin(std::numbers::pi * part) * bows_mm[k];
+    }
+  }
+}
+
+// No shape of a bow explains all of that, and the straights bow all the same. Their best-fit lines
+// lie beside the tube's, which moves corners, and go the same way.
+TEST(BowedFit, BowsThatMeetTheBendsAtAnAngle) {
+  hal::Tube tube = ThreeBends();
+  tube.program.rows = {{44, 0, 83, 16.4},
+                       {38, -130, 106, 16.4},
+                       {68, -115, 116, 16.4},
+                       {31, 151, 33, 16.4},
+                       {24, 0, 0, {}}};
+  for (const unsigned seed : {5U, 7U, 19U}) {
+    std::mt19937_64 random(5), of_bows(seed);
+    auto cloud = tests::ScanRealTube(tube, {}, {.points = 16'000, .noise_mm = 0.018}, random);
+    BowAtAnAngle(tube, of_bows, cloud.points_W);
+    const auto found = Reconstruct(cloud.points_W, {}, kClock);
+    ASSERT_TRUE(found);
+    const auto &is = found->tube.program.rows, &sigma = found->sigma.rows;
+    ASSERT_EQ(is.size(), 5u);
+    const bool reversed = std::abs(is[0].angle_deg - 83) > 5;
+    for (std::size_t i = 0; i < 4; ++i) {
+      SCOPED_TRACE(i);
+      const std::size_t k = reversed ? 3 - i : i;
+      EXPECT_NEAR(is[k].angle_deg, tube.program.rows[i].angle_deg, 4 * sigma[k].angle_deg);
+      EXPECT_LT(sigma[k].angle_deg, 0.05);
+      if (i == 0) continue;
+      const std::size_t row = reversed ? 4 - i : i;
+      EXPECT_NEAR(is[row].rotation_deg, tube.program.rows[i].rotation_deg,
+                  4 * sigma[row].rotation_deg);
+    }
+  }
 }
 
 TEST(BowedFit, LeavesStraightStraightsAlone) {
