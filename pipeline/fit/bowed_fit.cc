@@ -13,7 +13,8 @@ namespace bendloop::pipeline {
 namespace {
 
 // Whether the samples insist that the straights of `tube`, which takes them, bow; solved with bows
-// where they do, else without.
+// where they do, else without. Of what they are worth beside bows: as if straights did not bow,
+// places would disagree by all of these, and no sample say much.
 bool Insists(BowedTube& tube) {
   tube.Solve(true);
   const double left = tube.Left(), worth = tube.worth();

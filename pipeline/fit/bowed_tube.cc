@@ -205,10 +205,7 @@ LocalVector BowedTube::LeftPull(const PlaceSum& place) const {
 
 double BowedTube::Left() const {
   double left = 0;
-  for (std::size_t i = 0; i < places_.size(); ++i) {
-    const LocalVector pull = LeftPull(places_[i]);
-    left += pull.dot(inverses_[i] * pull) / noise_mm2_;
-  }
+  for (std::size_t i = 0; i < places_.size(); ++i) left += LeftAt(i);
   return left;
 }
 
@@ -217,8 +214,7 @@ void BowedTube::SetWorth() {
   std::array<double, 2> chi_square{}, freedom{};
   for (std::size_t i = 0; i < places_.size(); ++i) {
     const std::size_t k = places_[i].segment;
-    const LocalVector pull = LeftPull(places_[i]);
-    chi_square[ClassOf(k)] += pull.dot(inverses_[i] * pull) / noise_mm2_;
+    chi_square[ClassOf(k)] += LeftAt(i);
     freedom[ClassOf(k)] += ranks_[i];
   }
   // What the numbers take of it: the trace of what the places know times the covariance.

@@ -224,10 +224,13 @@ class BowedTube {
   Eigen::MatrixXd MotionOf(const PlaceSum& place) const;
   // What still pulls a place after the step.
   LocalVector LeftPull(const PlaceSum& place) const;
-  // The same in variances of what samples are worth.
-  double PulledAside(std::size_t i) const {
+  // The same in variances of noise, and of what samples are worth.
+  double LeftAt(std::size_t i) const {
     const LocalVector pull = LeftPull(places_[i]);
-    return pull.dot(inverses_[i] * pull) / (worth_[ClassOf(places_[i].segment)] * noise_mm2_);
+    return pull.dot(inverses_[i] * pull) / noise_mm2_;
+  }
+  double PulledAside(std::size_t i) const {
+    return LeftAt(i) / worth_[ClassOf(places_[i].segment)];
   }
 
   // How far places still disagree, over what noise does. Those of straights, those of bends.
