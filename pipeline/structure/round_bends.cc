@@ -10,8 +10,8 @@ namespace bendloop::pipeline {
 namespace {
 
 struct RoundBendsSettings {
-  // So many tell.
-  std::size_t points = 32'000;
+  // So many tell; and so many whether it is worth a fit of all.
+  std::size_t points = 32'000, few_points = 8000;
   // [design effect] From which on a tube of round bends leaves more than noise. By trial: ideal
   // tubes have 1 to 2, and bends 4 % oval at a noise of 0.3 % of r_P hundreds.
   double unexplained = 3.0;
@@ -46,6 +46,17 @@ void FlattenRoundBends(std::span<const PointBlock> blocks, SurfaceFitOptions& op
   if (round.design_effect < kRoundBends.unexplained) return;
   SurfaceFitOptions flattened = options;
   flattened.flattened = true;
+  // Most of what tubes leave is no ovality.
+  const OwnedBlocks few = Gathered(blocks, StrideTo(CountPoints(blocks), kRoundBends.few_points));
+  const auto of_few = [&](SurfaceFitOptions with) {
+    with.easing = round.easing;
+    with.report = FitReport::kCost;
+    return FitSurface(solution.straight, few, with);
+  };
+  const SurfaceFit few_flattened = of_few(flattened);
+  const double few_mm2 = few_flattened.sigma_mm * few_flattened.sigma_mm;
+  const double led = of_few(options).cost_mm2 - few_flattened.cost_mm2;
+  if (led < few_mm2 * StructureCriterion::InsistOnFlattened(few_flattened)) return;
   BowedSolution other = SolveAnew(solution.straight, blocks, flattened);
   if (other.fit.tube.program.bend_count() != bends || other.bows.is_lost) return;
   const double variance_mm2 = other.fit.sigma_mm * other.fit.sigma_mm;
