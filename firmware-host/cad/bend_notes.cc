@@ -9,6 +9,7 @@ namespace bendloop::host {
 namespace {
 
 constexpr double kXyzMostDeg = 180 - 1e-6;
+constexpr double kFileRoundingMm = 1e-6;
 // Clamps are seldom shorter than so many pipe diameters.
 constexpr double kClampDiameters = 1;
 // Benders with a mandrel hardly go below a centreline radius of so many pipe diameters.
@@ -20,9 +21,8 @@ double BendDeg(const SpineArc& arc) { return arc.angle_rad * 180 / std::numbers:
 
 // One line, however many they are.
 std::string ShortStraights(const CadTube& tube) {
-  constexpr double kRoundingMm = 1e-6;
   const auto& arcs = tube.spine.arcs;
-  const double least_mm = kClampDiameters * 2 * tube.pipe_radius_mm - kRoundingMm;
+  const double least_mm = kClampDiameters * 2 * tube.pipe_radius_mm - kFileRoundingMm;
   std::string which;
   for (std::size_t i = 0; i + 1 < arcs.size(); ++i) {
     if ((arcs[i + 1].from - arcs[i].to).norm() >= least_mm) continue;
@@ -35,8 +35,7 @@ std::string ShortStraights(const CadTube& tube) {
 
 // One line, however many they are.
 std::string TightBends(const CadTube& tube) {
-  constexpr double kRoundingMm = 1e-6;
-  const double least_mm = kTightDiameters * 2 * tube.pipe_radius_mm - kRoundingMm;
+  const double least_mm = kTightDiameters * 2 * tube.pipe_radius_mm - kFileRoundingMm;
   std::string which;
   for (std::size_t i = 0; i < tube.spine.arcs.size(); ++i) {
     const double radius_mm = tube.spine.arcs[i].bend_radius_mm;
@@ -44,10 +43,9 @@ std::string TightBends(const CadTube& tube) {
     which +=
         (which.empty() ? "" : ", ") + std::to_string(i + 1) + " (" + Fixed(radius_mm, 3) + " mm)";
   }
-  return which.empty() ? ""
-                       : "tighter than a pipe diameter, which few benders make, are the "
-                         "centreline radius of bend " +
-                             which;
+  return which.empty()
+             ? ""
+             : "tighter than a pipe diameter, as few benders make them, are bends " + which;
 }
 
 }  // namespace

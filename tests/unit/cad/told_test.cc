@@ -125,10 +125,9 @@ TEST(Told, BendsThatAClampHasNoRoomBetween) {
 }
 
 TEST(Told, BendsThatAreTighterThanBendersMakeThem) {
-  EXPECT_THAT(
-      Told(WithRadii(16, 40)).out,
-      HasSubstr("\ntighter than a pipe diameter, which few benders make, are the centreline "
-                "radius of bend 1 (16.000 mm)\n"));
+  EXPECT_THAT(Told(WithRadii(16, 40)).out,
+              HasSubstr("\ntighter than a pipe diameter, as few benders make them, are bends 1 "
+                        "(16.000 mm)\n"));
   EXPECT_THAT(Told(WithRadii(20, 40)).out, Not(HasSubstr("tighter")));
 }
 
