@@ -24,6 +24,7 @@
 #include "pipeline/fit/end_forms.h"
 #include "pipeline/fit/explained_by_bows.h"
 #include "pipeline/fit/faint_dents.h"
+#include "pipeline/fit/grooves.h"
 #include "pipeline/fit/hidden_ends.h"
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/kept_ends.h"
@@ -326,6 +327,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   TellDents(tube->blocks, ends, final.noise_mm, measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
+  SayGrooves(FindGrooves(fit, fitted, final.options.reach_mm), measurement);
   DropPlanesOfFittings(measurement);
   AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);

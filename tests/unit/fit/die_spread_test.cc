@@ -41,6 +41,9 @@ TEST(DieSpread, IsLearntFromBendsThatThePointsKnow) {
   const double usual_mm = kRadiiOfOneDie * kRadiusMm;
   const FitPriors alike = LearnDieSpread(FitWith({0, 0, 0}, 0.05), true);
   EXPECT_LT(alike.radii_alike, 0.4 * kRadiiOfOneDie);
+  // As much of that as the points know.
+  const FitPriors known = LearnDieSpread(FitWith({0, 0, 0}, 0.01), true);
+  EXPECT_LT(known.radii_alike, 0.1 * kRadiiOfOneDie);
   const FitPriors differ =
       LearnDieSpread(FitWith({2.5 * usual_mm, -2 * usual_mm, -0.5 * usual_mm}, 0.05), true);
   EXPECT_GT(differ.radii_alike, 1.3 * kRadiiOfOneDie);
