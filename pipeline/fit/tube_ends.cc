@@ -30,8 +30,12 @@ struct EndSettings {
   double on_surface = 4.0;
   // [of r_P] How far inward the local spacing is looked at. By trial.
   double window = 3.0;
-  // [of r_P] The nodes reach this near to the tube's ends.
-  double beyond_nodes = 2.0;
+  // [of r_P] The nodes reach this near to the tube's ends; but those before what sits on it, where
+  // the plain tube goes on behind that. Points that go on so far are followed further, step by
+  // step, up to so far.
+  double beyond_nodes = 2.0, most_beyond_nodes = 8.0;
+  // [sigma] So near to where no more are looked at points go on.
+  double goes_on = 2.0;
   // By trial; of scattered points so many that two or three fliers are no crowd.
   Crowd line_crowd = {1.0 / 3.0, 0.15}, scattered_crowd = {10.0, 0.2};
   // Usual number on a line; where fewer stand together the points are scattered. By trial.
@@ -326,13 +330,17 @@ struct EndPoints {
 // Adds the block's points that are nearest to the first or the last segment.
 class EndCollector {
  public:
+  // `beyond_mm`: of both ends, how far points may lie beyond the tube's.
   EndCollector(const hal::Tube& tube, double sigma_mm, const std::array<WithoutBow, 2>& without_bow,
-               const std::optional<FacingEnds>& facing, EndPoints& points)
+               const std::optional<FacingEnds>& facing, const std::array<double, 2>& beyond_mm,
+               EndPoints& points)
       : segments_(hal::SpineSegments(tube.program, tube.X_WT)),
         // The lines do not go on for ever: one may pass by the other end.
-        frames_(SegmentFrames(segments_, kBeyond * tube.pipe_radius_mm)),
+        frames_(
+            SegmentFrames(segments_, tube.pipe_radius_mm + std::max(beyond_mm[0], beyond_mm[1]))),
         without_bow_(without_bow),
         facing_(facing),
+        beyond_mm_(beyond_mm),
         pipe_radius_mm_(tube.pipe_radius_mm),
         reach_mm_(kEnds.on_surface * sigma_mm),
         points_(points) {}
@@ -364,11 +372,11 @@ class EndCollector {
  private:
   void AddPoint(const Eigen::Vector3d& point, std::int32_t segment) {
     // Further out another part of the tube may lie where the straight would go on.
-    const double beyond_mm = kEnds.beyond_nodes * pipe_radius_mm_;
     const std::size_t sector = AzimuthSector<kSectors>(point.y(), point.z());
-    if (segment == 0 && point.x() >= -beyond_mm) points_.from_start[sector].push_back(point.x());
+    if (segment == 0 && point.x() >= -beyond_mm_[0])
+      points_.from_start[sector].push_back(point.x());
     const auto last = static_cast<std::int32_t>(frames_.size()) - 1;
-    if (segment == last && point.x() <= segments_.back().length_mm + beyond_mm) {
+    if (segment == last && point.x() <= segments_.back().length_mm + beyond_mm_[1]) {
       points_.from_end[sector].push_back(-point.x());
     }
   }
@@ -393,6 +401,7 @@ class EndCollector {
   std::vector<SegmentFrame> frames_;
   const std::array<WithoutBow, 2>& without_bow_;
   const std::optional<FacingEnds>& facing_;
+  std::array<double, 2> beyond_mm_;
   double pipe_radius_mm_;
   double reach_mm_;
   EndPoints& points_;
@@ -412,6 +421,52 @@ Sectors Joined(std::span<const EndPoints> parts, Sectors EndPoints::*which) {
   return joined;
 }
 
+using Borders = std::array<std::optional<Border>, 2>;
+
+// Of the first end and of the last, along their straights; of the last with the other sign.
+Borders FindBorders(const hal::Tube& tube, const std::vector<hal::SpineSegment>& segments,
+                    double sigma_mm, const std::array<WithoutBow, 2>& without_bow,
+                    std::span<const PointBlock> all, Workers* workers) {
+  const OwnedBlocks enough = Thinned(all, StrideTo(CountPoints(all), kEnds.enough_points));
+  const std::span<const PointBlock> blocks = enough;
+  const std::vector<BlockRange> rounds =
+      EvenRounds(blocks, kEnds.points_of_round, kEnds.most_rounds);
+  const auto facing =
+      FacingEnds::Find(segments, tube.pipe_radius_mm, kEnds.on_surface * sigma_mm, blocks);
+  const auto look = [&](const std::array<double, 2>& beyond_mm) {
+    std::vector<EndPoints> parts(rounds.size());
+    ParallelFor(workers, rounds.size(), [&](std::size_t round) {
+      EndCollector collector(tube, sigma_mm, without_bow, facing, beyond_mm, parts[round]);
+      for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
+        collector.Add(blocks[i]);
+      }
+    });
+    Borders borders;
+    ParallelFor(workers, 2, [&](std::size_t end) {
+      Sectors sectors = Joined(parts, end == 0 ? &EndPoints::from_start : &EndPoints::from_end);
+      borders[end] = CommonBorder(sectors, tube.pipe_radius_mm);
+    });
+    return borders;
+  };
+  const std::array<double, 2> nodes_mm = {0.0, -segments.back().length_mm};
+  const double step_mm = kEnds.beyond_nodes * tube.pipe_radius_mm;
+  std::array<double, 2> beyond_mm = {step_mm, step_mm};
+  Borders borders = look(beyond_mm);
+  for (bool is_further = true; is_further;) {
+    is_further = false;
+    for (const std::size_t end : {0U, 1U}) {
+      if (!borders[end]) continue;
+      const bool goes_on = borders[end]->at_mm - nodes_mm[end] <
+                           kEnds.goes_on * borders[end]->sigma_mm - beyond_mm[end];
+      if (!goes_on || beyond_mm[end] > kEnds.most_beyond_nodes * tube.pipe_radius_mm) continue;
+      beyond_mm[end] += step_mm;
+      is_further = true;
+    }
+    if (is_further) borders = look(beyond_mm);
+  }
+  return borders;
+}
+
 }  // namespace
 
 TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const PointBlock> all,
@@ -422,24 +477,7 @@ TubeEnds FindTubeEnds(const hal::Tube& tube, double sigma_mm, std::span<const Po
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const std::array<WithoutBow, 2> without_bow = WithoutBows(tube, segments, bowed);
   const auto last = static_cast<std::int32_t>(segments.size()) - 1;
-  const OwnedBlocks enough = Thinned(all, StrideTo(CountPoints(all), kEnds.enough_points));
-  const std::span<const PointBlock> blocks = enough;
-  const std::vector<BlockRange> rounds =
-      EvenRounds(blocks, kEnds.points_of_round, kEnds.most_rounds);
-  const auto facing =
-      FacingEnds::Find(segments, tube.pipe_radius_mm, kEnds.on_surface * sigma_mm, blocks);
-  std::vector<EndPoints> parts(rounds.size());
-  ParallelFor(workers, rounds.size(), [&](std::size_t round) {
-    EndCollector collector(tube, sigma_mm, without_bow, facing, parts[round]);
-    for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
-      collector.Add(blocks[i]);
-    }
-  });
-  std::array<std::optional<Border>, 2> borders;
-  ParallelFor(workers, 2, [&](std::size_t end) {
-    Sectors sectors = Joined(parts, end == 0 ? &EndPoints::from_start : &EndPoints::from_end);
-    borders[end] = CommonBorder(sectors, tube.pipe_radius_mm);
-  });
+  const Borders borders = FindBorders(tube, segments, sigma_mm, without_bow, all, workers);
   auto& rows = ends.tube.program.rows;
   const double first_mm = rows.front().length_mm;
   double start_mm = 0;

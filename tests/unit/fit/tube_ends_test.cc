@@ -93,6 +93,25 @@ TEST(TubeEnds, StripesAreWithinHalfASpacing) {
   }
 }
 
+// Nodes end before a nut, and the plain tube behind it.
+TEST(TubeEnds, AreFoundFarBeyondTheNodes) {
+  Random random(3);
+  for (const double beyond : {1.0, 2.4, 3.5, 6.0}) {
+    SCOPED_TRACE(beyond);
+    const hal::Tube tube = Truth(2, random);
+    const auto cloud = tests::SyntheticCloud(tube, {.points = 20'000, .noise_mm = kNoise}, random);
+    hal::Tube nodes = tube;
+    nodes.program.rows.front().length_mm -= beyond * kRadius;
+    nodes.program.rows.back().length_mm -= beyond * kRadius;
+    nodes.X_WT.position_mm +=
+        beyond * kRadius * hal::SpineSegments(tube.program, tube.X_WT).front().tangent;
+    const TubeEnds ends = FindTubeEnds(nodes, kNoise, tests::Blocks(cloud, kRadius));
+    const Errors errors = EndErrors(tube, ends);
+    EXPECT_LT(std::abs(errors.first), 6 * ends.first_sigma_mm);
+    EXPECT_LT(std::abs(errors.last), 6 * ends.last_sigma_mm);
+  }
+}
+
 TEST(TubeEnds, ScatteredPointsAreWithinTheirSpacing) {
   Random random(2);
   for (const std::size_t points : {1500U, 6000U, 30000U}) {
