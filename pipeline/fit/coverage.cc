@@ -25,6 +25,10 @@ struct DescriptionSettings {
   double margin = 0.2;
   // [of the points on and right beside the tube] More outliers are told.
   double many_outliers = 0.1;
+  // [of r_P] What lies further off is no oval bend and no seam, whatever the noise. Where it is
+  // such a part of the points of so long a stretch, and so many, it is told however few they are of
+  // all.
+  double far_off = 0.1, many_here = 0.4, long_stretch = 2.0, least_here = 30;
   // Points that are kept for deviations and pictures. By trial.
   std::size_t most_kept = 20'000;
   // [of r_P] Resolution of coverage and spine. Three neighbours tell whether a place is covered, so
@@ -56,6 +60,7 @@ struct Description {
   std::vector<std::uint32_t> count;  // by place along the spine
   std::vector<double> sum_mm;        // of their distances
   std::vector<std::uint32_t> off;    // of points beside the tube, by place
+  std::vector<std::uint32_t> far;    // of these, such that are no noise and no oval bend's
   MagnitudeHistogram magnitudes;
   double sum2_mm2 = 0;
   std::size_t points = 0;
@@ -65,6 +70,7 @@ struct Description {
     for (std::size_t bin = 0; bin < count.size(); ++bin) {
       count[bin] += other.count[bin];
       off[bin] += other.off[bin];
+      far[bin] += other.far[bin];
       sum_mm[bin] += other.sum_mm[bin];
     }
     magnitudes.Add(other.magnitudes);
@@ -93,6 +99,7 @@ class Describer {
     out_.count.assign(bins.count, 0);
     out_.sum_mm.assign(bins.count, 0.0);
     out_.off.assign(bins.count, 0);
+    out_.far.assign(bins.count, 0);
   }
 
   // `index`: of the block's first point among all.
@@ -135,7 +142,9 @@ class Describer {
     if (s < -margin_mm || s > length_mm_ + margin_mm) return;
     const auto bin = static_cast<std::size_t>(std::clamp(s, 0.0, length_mm_) * inverse_bin_);
     if (!(std::abs(d) <= reach_mm_)) {
-      if (d < pipe_radius_mm_) ++out_.off[bin];  // further out it is beside another part
+      if (d >= pipe_radius_mm_) return;  // beside another part
+      ++out_.off[bin];
+      if (std::abs(d) > kDescription.far_off * pipe_radius_mm_) ++out_.far[bin];
       return;
     }
     out_.magnitudes.Add(d);
@@ -231,6 +240,42 @@ void SayOutliers(const Bins& bins, const Description& points, Measurement& measu
       at(to + 1) + " mm along it: what is there has another shape, or something touches the tube");
 }
 
+// Stretches of the tube, but what sits on its ends, where much of the wall lies elsewhere: few of
+// all points, and yet no tube.
+void SayOtherSections(const Bins& bins, const Description& points, Measurement& measurement) {
+  const double r_mm = measurement.tube.pipe_radius_mm;
+  const auto window =
+      static_cast<std::size_t>(std::ceil(kDescription.long_stretch * r_mm / bins.bin_mm));
+  const auto bin_of = [&bins](double at_mm) {
+    return static_cast<std::size_t>(std::max(0.0, std::ceil(at_mm / bins.bin_mm)));
+  };
+  const std::size_t first = bin_of(measurement.first_end.length_mm + r_mm);
+  const std::size_t end = bin_of(bins.length_mm - measurement.last_end.length_mm - r_mm);
+  const auto is_other = [&](std::size_t from) {
+    double far = 0, all = 0;
+    for (std::size_t bin = from; bin < from + window; ++bin) {
+      far += points.far[bin];
+      all += points.count[bin] + points.off[bin];
+    }
+    return far > kDescription.least_here && far > kDescription.many_here * all;
+  };
+  for (std::size_t from = first; from + window < end; ++from) {
+    if (!is_other(from)) continue;
+    std::size_t to = from;  // the last window
+    while (to + 1 + window < end && is_other(to + 1)) ++to;
+    to += window;
+    const auto at = [&](std::size_t bin) {
+      return Fixed(static_cast<double>(bin) * bins.bin_mm, 0);
+    };
+    measurement.warnings.push_back("much of the wall from " + at(from) + " to " + at(to) +
+                                   " mm along the tube lies more than " +
+                                   Fixed(100.0 * kDescription.far_off, 0) +
+                                   " % of the pipe radius off it: it is pressed flat there, or "
+                                   "something is around it");
+    from = to;
+  }
+}
+
 // A place is covered when samples lie within a pipe radius along the spine: laser lines further
 // apart than that leave gaps that a bend could hide in.
 void SetCoverage(const Bins& bins, std::span<const std::uint32_t> count, Measurement& measurement) {
@@ -289,6 +334,7 @@ WallCells DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_sa
   Description points = Describe(blocks, spine, tube, sigma_mm, bins, cells, workers);
   SetDistances(points, all_samples, measurement.fit);
   SayOutliers(bins, points, measurement);
+  SayOtherSections(bins, points, measurement);
   SetCoverage(bins, points.count, measurement);
   SetSpine(bins, spine.segments, points, measurement);
   measurement.surface = std::move(points.surface);

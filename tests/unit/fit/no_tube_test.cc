@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -31,6 +32,32 @@ TEST(NoTube, ACoilIsNoStraightPipeAsWideAsAllOfIt) {
     EXPECT_GT(found->tube.program.bend_count(), 0U);
   } else {
     EXPECT_EQ(found.error().kind, hal::ErrorKind::kBadInput);
+  }
+}
+
+// Pressed to an ellipse over 30 mm of 270, as in a vice: a twentieth of all points.
+TEST(NoTube, AFlatPlaceIsToldHoweverShort) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 5;
+  tube.program.rows = {{100, 0, 60, 15}, {150, 0, 0, {}}};
+  std::mt19937_64 random(1);
+  for (const double depth : {0.0, 0.3, 0.5}) {
+    SCOPED_TRACE(depth);
+    auto points = tests::ScanRealTube(tube, {}, {.points = 24'000}, random).points_W;
+    for (Eigen::Vector3d& point : points) {
+      const double off = (point.x() - 50) / 15;
+      if (std::abs(off) > 1 || point.y() > 20) continue;
+      const double pressed = depth * std::pow(std::cos(0.5 * std::numbers::pi * off), 2);
+      point.z() *= 1 - pressed;
+      point.y() *= 1 + 0.5 * pressed;
+    }
+    const auto found = Reconstruct(points, {}, kClock);
+    ASSERT_TRUE(found) << found.error().message;
+    EXPECT_EQ(found->tube.program.bend_count(), 1U);
+    const auto is_told = [](const std::string& warning) {
+      return warning.find("it is pressed flat there, or something is around it") != warning.npos;
+    };
+    EXPECT_EQ(std::any_of(found->warnings.begin(), found->warnings.end(), is_told), depth > 0);
   }
 }
 
