@@ -35,6 +35,7 @@
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/fit/seam.h"
 #include "pipeline/fit/self_check.h"
+#include "pipeline/fit/silent_bends.h"
 #include "pipeline/fit/sunk_ends.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_form.h"
@@ -52,6 +53,7 @@
 #include "pipeline/structure/end_sleeves.h"
 #include "pipeline/structure/neighbour_separation.h"
 #include "pipeline/structure/nominal_along.h"
+#include "pipeline/structure/nominal_die.h"
 #include "pipeline/structure/nominal_radii.h"
 #include "pipeline/structure/round_bends.h"
 #include "pipeline/structure/structure.h"
@@ -205,6 +207,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
   blocks = final.Fitted(tube.blocks);
   TryOneDie(blocks, final.options, solution);
+  if (nominal) TryNominalDie(*nominal, blocks, final.options, solution);
   FitLast(blocks, final.options, solution);
   TryFaintDents(blocks, final.options, solution);
   if (nominal) TakeNominalRadii(*nominal, final.options.free_pipe_radius, solution.fit);
@@ -327,6 +330,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   TellDents(tube->blocks, ends, final.noise_mm, measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
+  SayWhatIsAroundBends(fit, final.bowed, fitted, final.options.reach_mm, measurement);
   SayGrooves(FindGrooves(fit, fitted, final.options.reach_mm), measurement);
   DropPlanesOfFittings(measurement);
   AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);

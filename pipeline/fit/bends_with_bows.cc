@@ -152,27 +152,6 @@ bool IsHardlyEased(const SurfaceFit& fit) {
                      [&](double of_bend) { return of_bend < hardly_mm * hardly_mm; });
 }
 
-// `chosen` is less sure by as much as the other, `part` of the odds, lies elsewhere.
-void DoubtBy(const BowedSolution& other, double part, bool free_pipe_radius,
-             BowedSolution& chosen) {
-  const auto is_lost = [](const BowedSolution& one) { return one.bows.is_lost; };
-  const std::size_t bends = chosen.fit.tube.program.bend_count();
-  if (part < kRevise.hardly_likely || is_lost(other) || is_lost(chosen) ||
-      other.fit.tube.program.bend_count() != bends) {
-    return;
-  }
-  const auto numbers = [&](const SurfaceFit& fit) {
-    return TubeParameters(fit.tube, free_pipe_radius, fit.flattening, {}).Initial();
-  };
-  const TubeParameters parameters(chosen.fit.tube, free_pipe_radius, chosen.fit.flattening, {});
-  Eigen::VectorXd apart = numbers(other.fit) - numbers(chosen.fit);
-  for (std::size_t i = 1; i < bends; ++i) {
-    double& turn = apart[parameters.rotation(i)];
-    turn = std::remainder(turn, 2.0 * std::numbers::pi);
-  }
-  Widen(part * apart * apart.transpose(), free_pipe_radius, chosen.fit);
-}
-
 BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> blocks,
                            const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution = Solve(start, blocks, options, std::move(straight));
@@ -266,6 +245,26 @@ bool ExplainsParted(const BowedSolution& solution) {
 }
 
 }  // namespace
+
+void DoubtBy(const BowedSolution& other, double part, bool free_pipe_radius,
+             BowedSolution& chosen) {
+  const auto is_lost = [](const BowedSolution& one) { return one.bows.is_lost; };
+  const std::size_t bends = chosen.fit.tube.program.bend_count();
+  if (part < kRevise.hardly_likely || is_lost(other) || is_lost(chosen) ||
+      other.fit.tube.program.bend_count() != bends) {
+    return;
+  }
+  const auto numbers = [&](const SurfaceFit& fit) {
+    return TubeParameters(fit.tube, free_pipe_radius, fit.flattening, {}).Initial();
+  };
+  const TubeParameters parameters(chosen.fit.tube, free_pipe_radius, chosen.fit.flattening, {});
+  Eigen::VectorXd apart = numbers(other.fit) - numbers(chosen.fit);
+  for (std::size_t i = 1; i < bends; ++i) {
+    double& turn = apart[parameters.rotation(i)];
+    turn = std::remainder(turn, 2.0 * std::numbers::pi);
+  }
+  Widen(part * apart * apart.transpose(), free_pipe_radius, chosen.fit);
+}
 
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm) {

@@ -37,7 +37,10 @@ double AdvantageAt(std::span<const PointBlock> blocks, const BowedSolution& a,
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);
 
-// The same where it is not known whether the bends ease.
+// `chosen` is less sure by as much as the other, `part` of the odds, lies elsewhere.
+void DoubtBy(const BowedSolution& other, double part, bool free_pipe_radius, BowedSolution& chosen);
+
+// The same as SolveWithBows() where it is not known whether the bends ease.
 BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> blocks,
                         SurfaceFitOptions options);
 

@@ -84,10 +84,13 @@ class Describer {
  public:
   // Every `sparse`-th point is kept for the surface. `cells`: counts the points on the wall; none:
   // nobody asks.
-  Describer(const EasedSpine& spine, double pipe_radius_mm, double sigma_mm, const Bins& bins,
-            std::size_t sparse, WallCellCounter* cells, Description& description)
+  Describer(const EasedSpine& spine, std::span<const Flattening> flattening, double pipe_radius_mm,
+            double sigma_mm, const Bins& bins, std::size_t sparse, WallCellCounter* cells,
+            Description& description)
       : segments_(spine.segments),
         frames_(SegmentFrames(spine, kBeyond * pipe_radius_mm, {})),
+        flattened_(flattening.empty() ? std::vector<SegmentFrame>()
+                                      : SegmentFrames(spine, kBeyond * pipe_radius_mm, flattening)),
         pipe_radius_mm_(pipe_radius_mm),
         length_mm_(bins.length_mm),
         reach_mm_(kDescription.outlier * sigma_mm),
@@ -110,6 +113,7 @@ class Describer {
     if (cells_ && !shares) cells_->Add(block, index);
     if (candidates_.empty()) return;
     along_mm_.resize(std::max(along_mm_.size(), candidates_.size()));
+    inside_mm_.resize(along_mm_.size());
     // Counted down: a division for each point would cost more than all the rest.
     std::size_t until_kept = (sparse_ - index % sparse_) % sparse_;
     for (std::size_t first = 0; first < block.points.size(); first += kBatch) {
@@ -118,6 +122,7 @@ class Describer {
       for (std::size_t c = 0; c < candidates_.size(); ++c) {
         const SegmentFrame& frame = frames_[static_cast<std::size_t>(candidates_[c])];
         if (frame.bend_radius_mm > 0) AlongArc(frame, nearest_.Local(c), count, along_mm_[c]);
+        FlattenedInside(c);
       }
       if (shares) cells_->AddShared(nearest_, candidates_, along_mm_, count, index + first);
       for (std::size_t i = 0; i < count; ++i) {
@@ -129,10 +134,20 @@ class Describer {
   }
 
  private:
+  void FlattenedInside(std::size_t candidate) {
+    if (flattened_.empty()) return;
+    const SegmentFrame& frame = flattened_[static_cast<std::size_t>(candidates_[candidate])];
+    if (frame.flattening) {
+      FlattenedBy(frame, pipe_radius_mm_, nearest_.Local(candidate), inside_mm_[candidate]);
+    } else {
+      inside_mm_[candidate].fill(0.0);
+    }
+  }
   void Add(const Eigen::Vector3d& point, std::size_t i, bool keep) {
     const std::size_t c = nearest_.Candidate(i);
     const auto k = static_cast<std::size_t>(candidates_[c]);
-    const double d = nearest_.Local(c).distance[i] - pipe_radius_mm_;
+    const double off_round_mm = nearest_.Local(c).distance[i] - pipe_radius_mm_;
+    const double d = flattened_.empty() ? off_round_mm : off_round_mm + inside_mm_[c][i];
     const double along_mm =
         frames_[k].bend_radius_mm > 0
             ? along_mm_[c][i]
@@ -150,13 +165,13 @@ class Describer {
     out_.magnitudes.Add(d);
     out_.sum2_mm2 += d * d;
     ++out_.points;
-    if (keep) out_.surface.push_back({point, d});
+    if (keep) out_.surface.push_back({point, off_round_mm});
     ++out_.count[bin];
-    out_.sum_mm[bin] += d;
+    out_.sum_mm[bin] += off_round_mm;
   }
 
   const std::vector<hal::SpineSegment>& segments_;
-  std::vector<SegmentFrame> frames_;
+  std::vector<SegmentFrame> frames_, flattened_;
   double pipe_radius_mm_, length_mm_, reach_mm_, inverse_bin_;
   std::size_t sparse_;
   bool is_sharp_;
@@ -165,12 +180,13 @@ class Describer {
   std::vector<std::int32_t> candidates_;
   NearestLanes nearest_;
   WallCellCounter::AlongArcs along_mm_;
+  std::vector<std::array<double, kBatch>> inside_mm_;  // of flattened bends, by candidate
 };
 
 // A walk over all points. `cells`: becomes where they are, if it has any.
 Description Describe(std::span<const PointBlock> blocks, const EasedSpine& spine,
-                     const hal::Tube& tube, double sigma_mm, const Bins& bins,
-                     EmptyWallCells& cells, Workers* workers) {
+                     std::span<const Flattening> flattening, const hal::Tube& tube, double sigma_mm,
+                     const Bins& bins, EmptyWallCells& cells, Workers* workers) {
   const std::size_t sparse = CountPoints(blocks) / kDescription.most_kept + 1;
   std::vector<std::size_t> first_index;
   std::size_t index = 0;
@@ -189,7 +205,7 @@ Description Describe(std::span<const PointBlock> blocks, const EasedSpine& spine
     if (counts) counter.emplace(tube, cells);
     const std::size_t end = (part + 1) * rounds.size() / parts.size();
     for (std::size_t round = part * rounds.size() / parts.size(); round < end; ++round) {
-      Describer describer(spine, tube.pipe_radius_mm, sigma_mm, bins, sparse,
+      Describer describer(spine, flattening, tube.pipe_radius_mm, sigma_mm, bins, sparse,
                           counts ? &*counter : nullptr, descriptions[round]);
       for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
         describer.Add(blocks[i], first_index[i]);
@@ -331,7 +347,8 @@ WallCells DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_sa
   const EasedSpine spine = SpineOf(tube.program, tube.X_WT, measurement.easing);
   const Bins bins(spine, tube.pipe_radius_mm);
   EmptyWallCells cells = EmptyCellsOf(tube, blocks);
-  Description points = Describe(blocks, spine, tube, sigma_mm, bins, cells, workers);
+  Description points =
+      Describe(blocks, spine, measurement.flattening, tube, sigma_mm, bins, cells, workers);
   SetDistances(points, all_samples, measurement.fit);
   SayOutliers(bins, points, measurement);
   SayOtherSections(bins, points, measurement);

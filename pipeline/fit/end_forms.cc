@@ -63,14 +63,17 @@ struct AlongAxis {
   std::array<bool, kEndSides> tube_side{};      // of the turn: where the plain tube is seen
   double on_tube_per_mm = 0;                    // points of the plain tube
   double last_per_mm = 0;                       // of its last piece, however short its straight is
+  double part_of = 1;                           // each of these stands for so many
 };
 
 AlongAxis Sorted(const PlainEnd& end, double r_mm, double noise_mm,
                  std::span<const PointBlock> near) {
   const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
   const double out_mm = std::max(kEndForms.out_sigmas * noise_mm, kEndForms.out * r_mm);
-  const OwnedBlocks few = Thinned(near, StrideTo(CountPoints(near), kEndForms.enough_points));
+  const std::size_t stride = StrideTo(CountPoints(near), kEndForms.enough_points);
+  const OwnedBlocks few = Thinned(near, stride);
   AlongAxis along;
+  along.part_of = static_cast<double>(stride);
   double on_tube = 0, last = 0;
   for (const PointBlock& block : std::span<const PointBlock>(few)) {
     for (const Eigen::Vector3d& point : block.points) {
@@ -308,8 +311,8 @@ FoundEnd FindEndForm(const PlainEnd& end, double pipe_radius_mm, double noise_mm
   const AlongAxis along = Sorted(end, pipe_radius_mm, noise_mm, near);
   FoundEnd found = Fitting(along, pipe_radius_mm, noise_mm);
   const PlainEnd beyond{end.position_mm + found.form.length_mm * end.outward, end.outward};
-  const bool is_thin =
-      std::max(along.on_tube_per_mm, along.last_per_mm) < kEndForms.thin * usual_per_mm;
+  const double per_mm = along.part_of * std::max(along.on_tube_per_mm, along.last_per_mm);
+  const bool is_thin = per_mm < kEndForms.thin * usual_per_mm;
   found.form.continues_mm = ContinuesMm(beyond, pipe_radius_mm, others, is_thin);
   return found;
 }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "pipeline/fit/bends_with_bows.h"
+#include "pipeline/fit/end_forms.h"
 #include "tests/support/real_tube.h"
 #include "tests/support/shapes.h"
 #include "tests/unit/fit/three_bends.h"
@@ -110,6 +111,26 @@ TEST(TubeEnds, AreFoundFarBeyondTheNodes) {
     EXPECT_LT(std::abs(errors.first), 6 * ends.first_sigma_mm);
     EXPECT_LT(std::abs(errors.last), 6 * ends.last_sigma_mm);
   }
+}
+
+// Of many points a part is looked at: that made ends look thin, and a few fliers beyond like a tube
+// that goes on.
+TEST(TubeEnds, OfManyPointsAreNotThin) {
+  Random random(5);
+  constexpr std::size_t kPoints = 300'000;
+  constexpr double kLong = 40;
+  const auto on_tube = [&random](double x) {
+    const double turn = Uniform(random, 0, 2 * kPi);
+    return Eigen::Vector3d(x, kRadius * std::cos(turn), kRadius * std::sin(turn));
+  };
+  Points near, fliers;
+  for (std::size_t i = 0; i < kPoints; ++i) near.push_back(on_tube(Uniform(random, -kLong, 0)));
+  for (int i = 0; i < 8; ++i) fliers.push_back(on_tube(Uniform(random, 2, 4)));
+  const PlainEnd end{Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitX()};
+  const FoundEnd found =
+      FindEndForm(end, kRadius, kNoise, tests::Blocks(near, kRadius),
+                  tests::Blocks(fliers, kRadius), static_cast<double>(kPoints) / kLong);
+  EXPECT_EQ(found.form.continues_mm, 0);
 }
 
 TEST(TubeEnds, ScatteredPointsAreWithinTheirSpacing) {
