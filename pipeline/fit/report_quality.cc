@@ -294,6 +294,18 @@ void DoubtBendUponBend(const SurfaceFit& fit, Measurement& measurement) {
   }
 }
 
+// Curvature that rises and falls all along has no straights: lines between such bends are nowhere
+// on the tube.
+void DoubtStraights(std::span<const StraightForm> straights, Measurement& measurement) {
+  const bool is_any = std::any_of(straights.begin(), straights.end(),
+                                  [](const StraightForm& of) { return of.length_mm > 0; });
+  if (is_any || measurement.easing.empty()) return;
+  measurement.warnings.push_back(
+      "the bends ease over all of the straights between them: the tube may be bent freely, as a "
+      "hose "
+      "is, and its rows are of lines that no part of it follows; compare it with the drawing");
+}
+
 }  // namespace
 
 bool LiesOffTogether(const SurfaceFit& fit) {
@@ -412,6 +424,7 @@ void ReportEndForm(bool at_start, const FoundEnd& found, Measurement& measuremen
 
 void ReportForm(const SurfaceForm& form, bool radii_alike, Measurement& measurement) {
   measurement.straights = form.straights;
+  DoubtStraights(form.straights, measurement);
   for (std::size_t i = 0; i < form.straights.size(); ++i) {
     const StraightForm& straight = form.straights[i];
     if (straight.height_mm < kDoubts.bow_sigmas * straight.sigma_mm ||

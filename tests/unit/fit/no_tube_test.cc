@@ -35,6 +35,35 @@ TEST(NoTube, ACoilIsNoStraightPipeAsWideAsAllOfIt) {
   }
 }
 
+// A hose: its curvature is a sine all along.
+TEST(NoTube, OneThatIsBentFreelyIsToldToHaveNoStraights) {
+  constexpr double kPipe_mm = 10, kLong_mm = 300, kStep_mm = 0.05, kTightest_mm = 60;
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> turn(0, 2 * std::numbers::pi);
+  std::normal_distribution<double> noise(0, 0.03);
+  std::vector<Eigen::Vector3d> points;
+  Eigen::Vector2d at = Eigen::Vector2d::Zero();
+  double heading = 0;
+  for (double along = 0; along < kLong_mm; along += kStep_mm) {
+    const Eigen::Vector2d ahead(std::cos(heading), std::sin(heading));
+    at += kStep_mm * ahead;
+    heading += kStep_mm / kTightest_mm * std::sin(2 * std::numbers::pi * along / kLong_mm);
+    for (int i = 0; i < 4; ++i) {
+      const double around = turn(random), r_mm = kPipe_mm + noise(random);
+      const Eigen::Vector2d place =
+          at + r_mm * std::cos(around) * Eigen::Vector2d(-ahead.y(), ahead.x());
+      points.emplace_back(place.x(), place.y(), r_mm * std::sin(around));
+    }
+  }
+  const auto found = Reconstruct(points, {}, kClock);
+  ASSERT_TRUE(found) << found.error().message;
+  const auto is_told = [](const std::string& warning) {
+    return warning.find("the tube may be bent freely") != warning.npos;
+  };
+  EXPECT_TRUE(found->tube.program.rows.empty() ||
+              std::any_of(found->warnings.begin(), found->warnings.end(), is_told));
+}
+
 // Pressed to an ellipse over 30 mm of 270, as in a vice: a twentieth of all points.
 TEST(NoTube, AFlatPlaceIsToldHoweverShort) {
   hal::Tube tube;
