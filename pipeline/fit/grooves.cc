@@ -30,19 +30,19 @@ constexpr GrooveSettings kGrooves;
 constexpr std::size_t kColumns = 12;  // around
 
 // Points of a piece of the wall.
-struct Piece {
+struct GroovePiece {
   double n = 0, sum = 0, squares = 0;
 };
 
 // What pieces side by side along the tube have of their own, and what is left within each (one-way
 // analysis of variance with random effects, pieces of any number of points).
-struct Scatter {
+struct GrooveScatter {
   double between = 0, pieces = 0, counted = 0;
   double within = 0, freedom = 0;
 
-  void Add(std::span<const Piece> compared) {
+  void Add(std::span<const GroovePiece> compared) {
     double n = 0, sum = 0, of_pieces = 0, n2 = 0, filled = 0;
-    for (const Piece& piece : compared) {
+    for (const GroovePiece& piece : compared) {
       if (piece.n < 1) continue;
       const double own = piece.sum * piece.sum / piece.n;
       within += piece.squares - own;
@@ -63,12 +63,13 @@ struct Scatter {
   }
 };
 
-Scatter ScatterAlong(const SegmentPoints& points, double length_mm, double r_mm, double limit_mm) {
+GrooveScatter ScatterAlong(const SegmentPoints& points, double length_mm, double r_mm,
+                           double limit_mm) {
   const double row_mm = kGrooves.long_part * r_mm;
   const auto stretches = static_cast<std::size_t>(
       std::ceil(length_mm / (row_mm * static_cast<double>(kGrooves.together))));
   const std::size_t rows = stretches * kGrooves.together;
-  std::vector<Piece> pieces(rows * kColumns);
+  std::vector<GroovePiece> pieces(rows * kColumns);
   for (std::size_t i = 0; i < points.size; ++i) {
     const auto at = static_cast<Eigen::Index>(i);
     const double distance_mm = points.distance[at], along = points.x[at] / row_mm;
@@ -77,10 +78,10 @@ Scatter ScatterAlong(const SegmentPoints& points, double length_mm, double r_mm,
     const double around = std::atan2(points.z[at], points.y[at]) / (2.0 * std::numbers::pi) + 0.5;
     const auto row = static_cast<std::size_t>(along);
     const auto column = std::min(kColumns - 1, static_cast<std::size_t>(around * kColumns));
-    Piece& piece = pieces[column * rows + row];
+    GroovePiece& piece = pieces[column * rows + row];
     piece.n += 1, piece.sum += distance_mm, piece.squares += distance_mm * distance_mm;
   }
-  Scatter scatter;
+  GrooveScatter scatter;
   for (std::size_t i = 0; i < pieces.size(); i += kGrooves.together) {
     scatter.Add(std::span(pieces).subspan(i, kGrooves.together));
   }
@@ -100,7 +101,7 @@ std::vector<GroovesFound> FindGrooves(const SurfaceFit& fit, std::span<const Poi
   std::vector<GroovesFound> found;
   for (std::size_t k = 0; k < segments.size(); k += 2) {
     if (segments[k].length_mm < kGrooves.shortest * r_mm) continue;
-    const Scatter scatter =
+    const GrooveScatter scatter =
         ScatterAlong(points.segments[k], segments[k].length_mm, r_mm, kNoWeight * fit.sigma_mm);
     if (!(scatter.freedom > 0 && scatter.counted > 0)) continue;
     const double grooves_mm2 = scatter.OfPieces(), noise_mm2 = scatter.Noise();
