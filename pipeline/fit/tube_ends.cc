@@ -34,8 +34,9 @@ struct EndSettings {
   // the plain tube goes on behind that. Points that go on so far are followed further, step by
   // step, up to so far.
   double beyond_nodes = 2.0, most_beyond_nodes = 8.0;
-  // [sigma] So near to where no more are looked at points go on.
-  double goes_on = 2.0;
+  // [sigma] So near to where no more are looked at points go on; of thin ends, whose border is
+  // vaguer than this [of r_P], it is told that they do (end_forms.h).
+  double goes_on = 2.0, thin_end = 0.1;
   // By trial; of scattered points so many that two or three fliers are no crowd.
   Crowd line_crowd = {1.0 / 3.0, 0.15}, scattered_crowd = {10.0, 0.2};
   // Usual number on a line; where fewer stand together the points are scattered. By trial.
@@ -452,19 +453,26 @@ Borders FindBorders(const hal::Tube& tube, const std::vector<hal::SpineSegment>&
   const double step_mm = kEnds.beyond_nodes * tube.pipe_radius_mm;
   std::array<double, 2> beyond_mm = {step_mm, step_mm};
   Borders borders = look(beyond_mm);
-  for (bool is_further = true; is_further;) {
-    is_further = false;
+  std::array<bool, 2> goes_on = {true, true};
+  const auto reaches_limit = [&](std::size_t end) {
+    if (!borders[end] || beyond_mm[end] > kEnds.most_beyond_nodes * tube.pipe_radius_mm)
+      return false;
+    if (borders[end]->sigma_mm > kEnds.thin_end * tube.pipe_radius_mm) return false;
+    const double from_limit_mm = borders[end]->at_mm - nodes_mm[end] + beyond_mm[end];
+    return from_limit_mm < kEnds.goes_on * borders[end]->sigma_mm;
+  };
+  while (true) {
     for (const std::size_t end : {0U, 1U}) {
-      if (!borders[end]) continue;
-      const bool goes_on = borders[end]->at_mm - nodes_mm[end] <
-                           kEnds.goes_on * borders[end]->sigma_mm - beyond_mm[end];
-      if (!goes_on || beyond_mm[end] > kEnds.most_beyond_nodes * tube.pipe_radius_mm) continue;
-      beyond_mm[end] += step_mm;
-      is_further = true;
+      goes_on[end] = goes_on[end] && reaches_limit(end);
+      if (goes_on[end]) beyond_mm[end] += step_mm;
     }
-    if (is_further) borders = look(beyond_mm);
+    if (!goes_on[0] && !goes_on[1]) return borders;
+    const Borders further = look(beyond_mm);
+    for (const std::size_t end : {0U, 1U}) {
+      goes_on[end] = goes_on[end] && further[end] && further[end]->at_mm < borders[end]->at_mm;
+      if (goes_on[end]) borders[end] = further[end];
+    }
   }
-  return borders;
 }
 
 }  // namespace
