@@ -203,12 +203,7 @@ double UsualRadiusMm(const hal::BendProgram& program) {
 // together they lead a fit astray. Those of one die do not. As `solution` otherwise.
 BowedSolution OfOneDie(const BowedSolution& solution, std::span<const PointBlock> blocks,
                        SurfaceFitOptions options) {
-  auto corners = PolygonFromTube(solution.straight);
-  if (!corners) return {};
-  for (auto& radius_mm : corners->bend_radii_mm) {
-    radius_mm = UsualRadiusMm(solution.straight.program);
-  }
-  auto start = TubeFromPolygon(*corners);
+  auto start = WithBendRadii(solution.straight, UsualRadiusMm(solution.straight.program));
   if (!start) return {};
   start->pipe_radius_mm = solution.fit.tube.pipe_radius_mm;
   options.easing = solution.fit.easing;

@@ -112,6 +112,16 @@ double ChanceOf(const BowedSolution& solution, const Die& die) {
 
 }  // namespace
 
+std::optional<hal::Tube> WithBendRadii(const hal::Tube& tube, double bend_radius_mm) {
+  auto corners = PolygonFromTube(tube);
+  if (!corners) return std::nullopt;
+  for (auto& radius_mm : corners->bend_radii_mm) radius_mm = bend_radius_mm;
+  auto with = TubeFromPolygon(*corners);
+  if (!with) return std::nullopt;
+  with->pipe_radius_mm = tube.pipe_radius_mm;
+  return *with;
+}
+
 void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                BowedSolution& solution) {
   const SurfaceFit& fit = solution.fit;
@@ -120,12 +130,8 @@ void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& opti
   if (bends < (is_sharp ? kOneDie.least_bends : 2)) return;
   const auto die = DieOf(fit);
   if (!die || (is_sharp && !LooksEased(fit, *die))) return;
-  auto corners = PolygonFromTube(fit.tube);
-  if (!corners) return;
-  for (auto& radius_mm : corners->bend_radii_mm) radius_mm = die->bend_radius_mm;
-  auto start = TubeFromPolygon(*corners);
+  const auto start = WithBendRadii(fit.tube, die->bend_radius_mm);
   if (!start) return;
-  start->pipe_radius_mm = fit.tube.pipe_radius_mm;
   SurfaceFitOptions of_die = options;
   of_die.priors.bend_radius.reset();
   of_die.priors.radii_alike = kRadiiOfOneDie;

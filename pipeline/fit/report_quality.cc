@@ -302,8 +302,7 @@ void DoubtStraights(std::span<const StraightForm> straights, Measurement& measur
   if (is_any || measurement.easing.empty()) return;
   measurement.warnings.push_back(
       "the bends ease over all of the straights between them: the tube may be bent freely, as a "
-      "hose "
-      "is, and its rows are of lines that no part of it follows; compare it with the drawing");
+      "hose is, and its rows are of lines that no part of it follows; compare it with the drawing");
 }
 
 }  // namespace

@@ -9,9 +9,7 @@
 
 #include "hal/angles.h"
 #include "pipeline/fit/one_die.h"
-#include "pipeline/inspection/direction.h"
 #include "pipeline/structure/nominal_along.h"
-#include "pipeline/tube/representations.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -94,16 +92,6 @@ double AgainstRadii(const hal::BendProgram& program, double nominal_mm) {
   return std::pow(mean / kNominalDie.springback, 2) + apart;
 }
 
-std::optional<hal::Tube> WithRadii(const hal::Tube& tube, double radius_mm) {
-  auto corners = PolygonFromTube(tube);
-  if (!corners) return std::nullopt;
-  for (auto& of_bend_mm : corners->bend_radii_mm) of_bend_mm = radius_mm;
-  auto with = TubeFromPolygon(*corners);
-  if (!with) return std::nullopt;
-  with->pipe_radius_mm = tube.pipe_radius_mm;
-  return *with;
-}
-
 }  // namespace
 
 void TryNominalDie(const hal::BendProgram& nominal, std::span<const PointBlock> blocks,
@@ -116,7 +104,7 @@ void TryNominalDie(const hal::BendProgram& nominal, std::span<const PointBlock> 
   if (!nominal_mm || !(is_sharp || IsVague(fit, *nominal_mm))) return;
   const auto easing_mm2 = EasingMm2(fit, *nominal_mm);
   if (!easing_mm2) return;
-  const auto start = WithRadii(fit.tube, *nominal_mm);
+  const auto start = WithBendRadii(fit.tube, *nominal_mm);
   if (!start) return;
   SurfaceFitOptions of_die = options;
   of_die.priors.radii_alike = 0;
