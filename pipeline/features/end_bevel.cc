@@ -303,7 +303,9 @@ BevelSearch FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_m
       if (found.bevel && left.all > least - kBevel.by_chance) continue;
       least = left.all;
       found.bevel = std::move(cone->bevel);
-      if (has_face) TakeSamples(near, inside, face, noise_mm, *found.bevel);
+      if (!has_face) continue;
+      TakeSamples(near, inside, face, noise_mm, *found.bevel);
+      found.bevel->face_mm = face.beyond_mm;
     }
   }
   return found;

@@ -16,6 +16,7 @@ struct EndBevel {
   double fall = 0;       // of the wall towards the axis, along it
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of both
   std::vector<NearEnd> samples;                          // that lie on it
+  std::optional<double> face_mm;  // beyond that plane, of the face that it ends at, if that is seen
 
   // How far a sample that lies so far beyond that plane, and inside, is from the cone.
   double SigmasOff(double beyond_mm, double in_mm, double noise_mm) const;

@@ -10,6 +10,7 @@
 
 #include "pipeline/features/band_columns.h"
 #include "pipeline/features/even_table.h"
+#include "pipeline/features/weighed_draws.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/math/dense_solve.h"
 
@@ -25,13 +26,13 @@ struct EndBorderSettings {
   // Part of the samples that may lie anywhere.
   double flier = 1e-3;
   // Samples within 2 sigma of noise of the plane: from so many on the likelihood is as a normal
-  // density is. Fewer are asked by a walk.
+  // density is. Fewer are asked by so many draws.
   double enough_about = 50.0;
-  int walk = 1200;
-  // Of a cloud: steps of a walk, so that all steps together look at about so many samples.
-  int least_cloud_walk = 600, most_cloud_walk = 3000;
-  double cloud_walked = 1.5e6;
-  int places = 10;  // where such a walk may begin, on either side
+  int draws = 400;
+  // Of a cloud: draws, so that all together look at about so many samples.
+  int least_of_cloud = 300, most_of_cloud = 600;
+  double cloud_looked_at = 0.6e6;
+  int places = 10;  // where such draws may begin, on either side
   // The noise is thought to be what is said but for this part of it; anything else is rarer, but
   // not so rare that samples could not say it (Cauchy).
   double sure_noise = 0.15;
@@ -270,9 +271,9 @@ double LogOfNoise(double log_noise, bool knows_rays) {
 }
 
 // The same where few samples lie about the border, so that its likelihood has edges.
-Posterior Walked(const BorderLikelihood& likelihood, const Posterior& from, int walk,
-                 bool knows_rays, WalkDice& dice) {
-  const Posterior all = SamplePosterior(from, walk, dice, [&](const Eigen::VectorXd& x) {
+Posterior Drawn(const BorderLikelihood& likelihood, const Posterior& from, int draws,
+                bool knows_rays, WalkDice& dice) {
+  const Posterior all = WeighPosterior(from, draws, dice, [&](const Eigen::VectorXd& x) {
     const double log = LogOfNoise(x[3], knows_rays);
     return log < -1e299 ? log : log + likelihood.Log(x);
   });
@@ -280,18 +281,18 @@ Posterior Walked(const BorderLikelihood& likelihood, const Posterior& from, int 
 }
 
 // Of rays, whose noise is about what was thought.
-Posterior WalkedOfRays(const BorderLikelihood& likelihood, const Posterior& rough, WalkDice& dice) {
+Posterior DrawnOfRays(const BorderLikelihood& likelihood, const Posterior& rough, WalkDice& dice) {
   Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
   from.mean.head<3>() = rough.mean;
   from.covariance.topLeftCorner<3, 3>() = rough.covariance;
   from.covariance(3, 3) = kEndBorder.sure_noise * kEndBorder.sure_noise;
-  return Walked(likelihood, from, kEndBorder.walk, true, dice);
+  return Drawn(likelihood, from, kEndBorder.draws, true, dice);
 }
 
 // Of a cloud, from where, of many places and noises, it is likeliest. An edge is as unsure as
-// samples lie apart, `gap_mm`; a walk with shorter steps would stay where it is.
-Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm,
-                        WalkDice& dice) {
+// samples lie apart, `gap_mm`; closer draws would see one of them only.
+Posterior DrawnOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm,
+                       WalkDice& dice) {
   const double around_mm = std::hypot(rough.plane.Sigma(0), gap_mm, rough.smear_mm);
   Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
   // From wide to narrow: of less noise the border lies near to where it does of more.
@@ -313,9 +314,9 @@ Posterior WalkedOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, dou
   const double slope_mm = std::min(rough.slope_mm, 1.5 * edge_mm);
   from.covariance.diagonal() << edge_mm * edge_mm, slope_mm * slope_mm, slope_mm * slope_mm, 0.1;
   likelihood.CountFrom(from.mean.head<3>());
-  const double walk = std::clamp<double>(kEndBorder.cloud_walked / likelihood.samples(),
-                                         kEndBorder.least_cloud_walk, kEndBorder.most_cloud_walk);
-  return Walked(likelihood, from, static_cast<int>(walk), false, dice);
+  const double draws = std::clamp<double>(kEndBorder.cloud_looked_at / likelihood.samples(),
+                                          kEndBorder.least_of_cloud, kEndBorder.most_of_cloud);
+  return Drawn(likelihood, from, static_cast<int>(draws), false, dice);
 }
 
 // The planes that the likelihood leaves. `about`: samples within 2 sigma of noise of it.
@@ -323,8 +324,8 @@ std::optional<Posterior> Among(BorderLikelihood& likelihood, const RoughEnd& rou
                                double spread_mm, WalkDice& dice) {
   const double gap_mm = 2.0 * rough.smear_mm / about;
   if (about < kEndBorder.enough_about) {
-    return rough.knows_rays ? WalkedOfRays(likelihood, rough.plane, dice)
-                            : WalkedOfCloud(likelihood, rough, gap_mm, dice);
+    return rough.knows_rays ? DrawnOfRays(likelihood, rough.plane, dice)
+                            : DrawnOfCloud(likelihood, rough, gap_mm, dice);
   }
   const Eigen::Vector3d plane_mm = rough.plane.mean.head<3>();
   const auto thought =
@@ -333,7 +334,7 @@ std::optional<Posterior> Among(BorderLikelihood& likelihood, const RoughEnd& rou
   const auto free = WithLikeliestNoise(likelihood, thought->x, rough.knows_rays);
   const double least = free ? std::exp(std::min(0.0, free->x[3])) : 1.0;
   if (!rough.knows_rays && about * least < kEndBorder.enough_about) {
-    return WalkedOfCloud(likelihood, rough, gap_mm, dice);
+    return DrawnOfCloud(likelihood, rough, gap_mm, dice);
   }
   return Together(likelihood, *thought, free);
 }

@@ -66,11 +66,10 @@ class RingSums {
     least_.fill(kNone);
     crossed_.fill(0.0);
   }
-  // `part`: where around the column is, from 0 to 1.
-  void Add(double rarity, double around_rad, double part) {
-    const double root = std::numbers::sqrt2;
-    sums_ += (rarity - 1.0) *
-             Eigen::Vector3d(1.0, root * std::cos(around_rad), root * std::sin(around_rad));
+  // `direction`: of the column, from the axis; `part`: where around it is, from 0 to 1.
+  void Add(double rarity, const Eigen::Vector2d& direction, double part) {
+    const Eigen::Vector2d evenly = std::numbers::sqrt2 * direction;
+    sums_ += (rarity - 1.0) * Eigen::Vector3d(1.0, evenly.x(), evenly.y());
     count_ += 1;
     const auto k = static_cast<std::size_t>(part * static_cast<double>(kParts));
     least_[k] = std::min(least_[k], rarity);
@@ -208,11 +207,13 @@ void EndColumns::LookAtSharedLines(const Eigen::Vector2d& rise_mm) {
 // stop at the last line, so that the nearest of them stops farther off, and all together differ
 // more from ring to ring. None: there are too few rings.
 std::optional<double> EndColumns::ColumnsOfLine(const Eigen::Vector2d& rise_mm) const {
+  std::vector<Eigen::Vector2d> directions;
   std::vector<double> off_mm;
   double last_mm = 1e300, first_mm = 1e300;
   for (std::size_t k = 0; k < seen_.size(); ++k) {
     const double around = seen_[k].around_rad;
-    off_mm.push_back(rise_mm[0] * std::cos(around) + rise_mm[1] * std::sin(around));
+    directions.emplace_back(std::cos(around), std::sin(around));
+    off_mm.push_back(rise_mm.dot(directions.back()));
     last_mm = std::min(last_mm, at_[k].back() - off_mm[k]);
     first_mm = std::min(first_mm, at_[k].front() - off_mm[k]);
   }
@@ -225,7 +226,7 @@ std::optional<double> EndColumns::ColumnsOfLine(const Eigen::Vector2d& rise_mm) 
       const auto next = std::upper_bound(at_[k].begin(), at_[k].end(), here_mm);
       if (next == at_[k].begin() || next == at_[k].end()) continue;
       const double missing = (here_mm - *(next - 1)) / seen_[k].mean_gap_mm;
-      sums.Add(gaps_before_.Rarity(missing), seen_[k].around_rad,
+      sums.Add(gaps_before_.Rarity(missing), directions[k],
                static_cast<double>(k) / static_cast<double>(seen_.size()));
     }
     if (sums.count() >= kColumns.least_crossed * static_cast<double>(seen_.size())) sums.End();

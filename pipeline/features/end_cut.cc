@@ -35,8 +35,8 @@ struct EndCutSettings {
   // stands out before the end parts the wall into pieces, whose distance is none of its samples.
   double much_surer = 4.0;
   // [sigma] Samples of a cloud that lie so near to its plane below the wall, so many, are of the
-  // face; those that noise lifts so far above the wall are asked alone then, if the face lies no
-  // further beyond the plane that they tell. By trial.
+  // face; those that noise lifts so far above the wall are asked alone then. A face that lies
+  // further beyond the plane that they tell has something between. By trial.
   double near_face = 4.0, above_face = 0.7, face_beyond = 1.0;
   double least_of_face = 12.0;
   // Odds before the scan that an end is not square, and how many times the least slope that is not
@@ -85,7 +85,9 @@ class CutSearch {
     // Where the wall comes in or stands out, it ends before the tube does.
     const BevelSearch search = FindBevel(near, of_wall_mm, r_mm_, sigma_mm_);
     if (const auto& bevel = search.bevel) {
-      if (const auto tip = PlaneOfWall(near.With(bevel->samples))) {
+      if (auto tip = PlaneOfWall(near.With(bevel->samples))) {
+        // Its samples become few towards the tip, where those of the face are still seen.
+        if (bevel->face_mm) PlaceAtFace(of_wall_mm[0] + *bevel->face_mm, *tip);
         found = {*tip, Found(*tip)};
         found.cut.bevel = bevel->Found(tip->at_mm - of_wall_mm[0], tip->at_sigma_mm);
       }
@@ -95,9 +97,7 @@ class CutSearch {
     // Beside what stands out, as a flare does, the face is another's.
     const auto out = static_cast<double>(near.outside().size());
     if (search.perhaps_mm > 0 && MayBeFliers(out, near.wall().size())) {
-      found.plane.at_mm += search.perhaps_mm;
-      found.plane.at_sigma_mm =
-          std::hypot(found.plane.at_sigma_mm, kCut.perhaps_bevelled * search.perhaps_mm);
+      PlaceAtFace(found.plane.at_mm + search.perhaps_mm, found.plane);
       found.may_be_bevelled = true;
     } else if (const auto cut = WithoutFace(near, *plane)) {
       return cut;
@@ -108,19 +108,30 @@ class CutSearch {
   }
 
  private:
+  // A tube ends at its face: as unsure as that lies off where samples beside it end.
+  static void PlaceAtFace(double face_mm, EndPlane& plane) {
+    plane.at_sigma_mm =
+        std::hypot(plane.at_sigma_mm, kCut.perhaps_bevelled * (face_mm - plane.at_mm));
+    plane.at_mm = face_mm;
+  }
+
   // Noise along the tube moves samples of the face beyond the border: most lie below the wall.
-  // None: no face is seen, or it does not lie where the wall ends without it.
+  // Where they lie further out than the wall goes without them, what is between may be bevelled.
+  // None: no face is seen.
   std::optional<FoundCut> WithoutFace(const SamplesNearEnd& near, const EndPlane& with_face) {
-    const double near_mm = kCut.near_face * sigma_mm_;
-    const auto face_mm = [&](const EndPlane& plane) {
-      return near.FaceBeyondMm(plane.Numbers(r_mm_), near_mm, kCut.least_of_face);
-    };
-    if (near.knows_passes() || !with_face.of_border || !face_mm(with_face)) return std::nullopt;
+    if (near.knows_passes() || !with_face.of_border) return std::nullopt;
+    const auto beyond_mm =
+        near.FaceBeyondMm(with_face.Numbers(r_mm_), kCut.near_face * sigma_mm_, kCut.least_of_face);
+    if (!beyond_mm) return std::nullopt;
+    const double face_mm = with_face.at_mm + *beyond_mm;
     const auto plane = PlaneOfWall(near.Above(r_mm_ + kCut.above_face * sigma_mm_));
     if (!plane) return std::nullopt;
-    const auto beyond_mm = face_mm(*plane);
-    if (!beyond_mm || *beyond_mm > kCut.face_beyond * sigma_mm_) return std::nullopt;
-    return FoundCut{*plane, Found(*plane)};
+    FoundCut found{*plane, Found(*plane)};
+    if (face_mm - plane->at_mm > kCut.face_beyond * sigma_mm_) {
+      PlaceAtFace(face_mm, found.plane);
+      found.may_be_bevelled = true;
+    }
+    return found;
   }
 
   std::optional<FoundCut> WithRim(const SamplesNearEnd& near, const Eigen::Vector3d& of_wall_mm) {

@@ -129,7 +129,9 @@ class EndFit {
   // `columns`: is told how many of them say the same where samples are not scattered.
   EndPlane OfColumns(EndEvidence& columns, const Eigen::Vector2d& slope_mm) {
     // Where laser lines are seen the columns have said all; a few samples look like some by chance.
-    if (!AreLines(columns)) {
+    EndPlane plane;
+    const bool are_lines = AreLines(columns);
+    if (!are_lines) {
       RoughEnd rough = Rough();
       bool of_border = false;
       const auto better = [&](const Posterior& about) {
@@ -139,14 +141,18 @@ class EndFit {
         of_border = border.has_value();
         return border;
       };
-      EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane, better);
+      plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane, better);
       plane.of_border = of_border;
       if (of_border) PlaceOfSquare(rough, plane);
       if (of_border) return plane;
     }
+    const double columns_of_line = columns.columns_of_line;
     const auto lines = EndColumnsAbout(of_columns_, window_mm_, smear_mm_, slope_mm, true);
     if (lines) columns = *lines;
-    EndPlane plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane);
+    // Columns that share nothing say what they said.
+    if (are_lines || columns.columns_of_line != columns_of_line) {
+      plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane);
+    }
     // Of a cloud nobody knows how far noise moves samples along the tube.
     if (!all_.knows_passes) {
       plane.at_sigma_mm = std::hypot(plane.at_sigma_mm, kFit.along_of_cloud * sigma_mm_);

@@ -119,8 +119,7 @@ EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, doubl
     if (better && walk == kWalk.short_walk) {
       Posterior whole = posterior;
       whole.mean.tail<2>() += slope_mm;
-      const auto found = better(whole);
-      return found ? PlaneOf(*found, Eigen::Vector2d::Zero(), r_mm) : plane;
+      if (const auto found = better(whole)) return PlaneOf(*found, Eigen::Vector2d::Zero(), r_mm);
     }
     if (!plane.MayBeOblique()) break;
   }

@@ -15,7 +15,7 @@ namespace bendloop::pipeline {
 using BetterPlane = std::function<std::optional<Posterior>(const Posterior&)>;
 
 // Mean and spread of all planes that lines and columns allow; `better`: asked when where about they
-// lie is known, which is all that is said where it knows nothing. `slope_mm`: that the evidence
+// lie is known. `slope_mm`: that the evidence
 // counts from.
 EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, double pipe_radius_mm,
                     WalkDice& dice, const BetterPlane& better = {});

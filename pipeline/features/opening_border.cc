@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <tuple>
 #include <vector>
 
 #include "pipeline/features/opening_likelihood.h"
@@ -40,9 +41,16 @@ struct BorderSettings {
   // of one over leans, which are tied to the place.
   int walk = 2500, short_walk = 600, lean_walk = 5000;
   double may_lean = 2.5;
+  // Of its width: a slot that is so long may have samples in it, and its sides rest on few.
+  double long_slot = 2.0;
+  // [of its length] How far beyond either end such a one is looked for, in so many steps.
+  double lengthened = 0.25;
+  int lengths = 4;
   // Of lines: walks before, over samples and rays that are displaced so many times more. Short
   // ones do but for slots, whose ends have far to go.
   std::array<double, 3> blurs = {20.0, 5.0, 2.0};
+  // The same of a long slot in scattered samples, by how far these lie apart.
+  std::array<double, 2> gaps = {0.5, 0.2};
 };
 constexpr BorderSettings kBorder;
 
@@ -221,11 +229,14 @@ class ShapeWalk {
       scale.tail<2>().setConstant(0.1);
       start = LeanMoves(about_).Walked(start);
     }
+    if (is_long()) start = Lengthened(start);
     Posterior posterior{start, scale.array().square().matrix().asDiagonal(), 0.0};
-    if (!wall_.has_missed()) return Taken(Sample(posterior, walk, 1.0), true);
-    // Of lines, whose rays are known to a hundredth of a millimetre, no step from afar would hit.
-    const int blurred_walk = shape_ == Shape::kSlot ? walk : kBorder.short_walk;
-    for (const double blur : kBorder.blurs) {
+    if (!wall_.has_missed() && !is_long()) {
+      return Taken(Sample(posterior, walk, 1.0), true);
+    }
+    const int blurred_walk =
+        shape_ == Shape::kSlot && wall_.has_missed() ? walk : kBorder.short_walk;
+    for (const double blur : Blurs()) {
       const Posterior sharper = Sample(posterior, blurred_walk, blur);
       if (WentOn(sharper, posterior)) posterior = sharper;
     }
@@ -239,7 +250,44 @@ class ShapeWalk {
   }
 
  private:
+  // A sample in a slot parts what is empty, and no walk finds the way past it: the likeliest of
+  // those that go on from where one was seen, at either end of it or at both.
+  Eigen::VectorXd Lengthened(const Eigen::VectorXd& start) const {
+    const double half_mm = start[3];
+    const Eigen::Vector2d axis(std::cos(start[4]), std::sin(start[4]));
+    Eigen::VectorXd likeliest = start;
+    double most = LogDensity(start, 1.0);
+    for (int first = 0; first <= kBorder.lengths; ++first) {
+      for (int last = 0; last <= kBorder.lengths; ++last) {
+        const double step_mm = kBorder.lengthened * about_.length_mm / kBorder.lengths;
+        Eigen::VectorXd longer = start;
+        longer.head<2>() += 0.5 * step_mm * (last - first) * axis;
+        longer[3] = half_mm + 0.5 * step_mm * (last + first);
+        // Where no sample was looked at nothing says that it goes on.
+        const Eigen::Vector2d half = (longer[2] + longer[3]) * axis;
+        const bool ends = wall_.HasSampleBeyond(longer.head<2>() + half, axis) &&
+                          wall_.HasSampleBeyond(longer.head<2>() - half, -axis);
+        if (!ends) continue;
+        const double log = LogDensity(longer, 1.0);
+        if (log > most) std::tie(most, likeliest) = std::make_tuple(log, longer);
+      }
+    }
+    return likeliest;
+  }
+  // Of lines, whose rays are known to a hundredth of a millimetre, no step from afar would hit; of
+  // scattered samples the sides of a slot each rest on one or two, and others are likely, too.
+  std::vector<double> Blurs() const {
+    if (wall_.has_missed()) return {kBorder.blurs.begin(), kBorder.blurs.end()};
+    std::vector<double> blurs;
+    for (const double part : kBorder.gaps) {
+      if (const double blur = wall_.BlurOfGaps(part); blur > 1.0) blurs.push_back(blur);
+    }
+    return blurs;
+  }
   bool leans() const { return shape_ == Shape::kLeaningHole; }
+  bool is_long() const {
+    return shape_ == Shape::kSlot && about_.length_mm > kBorder.long_slot * about_.width_mm;
+  }
   Posterior Sample(const Posterior& from, int steps, double blur) const {
     return SamplePosterior(from, steps,
                            [&](const Eigen::VectorXd& x) { return LogDensity(x, blur); });

@@ -78,6 +78,13 @@ bool OpeningLikelihood::IsInZone(const Eigen::Vector2d& place_mm) const {
   return zone_.DistanceMm(place_mm) < kLikelihood.near * zone_.width_mm;
 }
 
+bool OpeningLikelihood::HasSampleBeyond(const Eigen::Vector2d& place_mm,
+                                        const Eigen::Vector2d& direction) const {
+  return std::any_of(near_.begin(), near_.end(), [&](const Eigen::Vector2d& sample) {
+    return (sample - place_mm).dot(direction) > 0;
+  });
+}
+
 double OpeningLikelihood::Log(const OpeningBorder& border, double blur) const {
   return density_.Missing(border, zone_.middle_mm) +
          (border.lean.isZero() ? LogFlat(border, blur) : LogLeaning(border, blur));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -21,8 +22,12 @@ class OpeningLikelihood {
                     double smear_mm);
 
   bool has_missed() const { return !missed_.empty(); }
+  // Of the displacement of samples: this part of how far scattered ones lie apart.
+  double BlurOfGaps(double part) const { return part / std::sqrt(density_.per_mm2) / smear_mm_; }
   // Whether what lies there was looked at.
   bool IsInZone(const Eigen::Vector2d& place_mm) const;
+  // Whether there are samples that lie further this way than a place does.
+  bool HasSampleBeyond(const Eigen::Vector2d& place_mm, const Eigen::Vector2d& direction) const;
   // [log] `blur`: how many times more samples and rays are displaced than they are.
   double Log(const OpeningBorder& border, double blur) const;
 

@@ -171,9 +171,9 @@ Measurement MeasureCut(const OpeningBorder& opening, double along_mm, double aro
 
 // 3.3 to 5.4 times as wide as samples lie apart: too narrow for a void among voids, but none of the
 // fifty samples and more that it lacks is missing by chance. A sample here and there parts what is
-// empty; it is told whole, or not at all.
+// empty; it is told whole, or not at all. One was told ten millimetres short, twenty of its sigmas.
 TEST(CutCloud, HasSlotsAFewSamplesWide) {
-  std::mt19937_64 random(5);
+  std::mt19937_64 random(7);
   constexpr int kSlots = 60;
   int found = 0;
   for (int i = 0; i < kSlots; ++i) {
@@ -192,7 +192,7 @@ TEST(CutCloud, HasSlotsAFewSamplesWide) {
       found += 1;
     }
   }
-  EXPECT_GE(found, 50);
+  EXPECT_GE(found, 55);
 }
 
 TEST(PlainCloud, HasNoOpenings) {
