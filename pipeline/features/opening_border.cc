@@ -409,8 +409,10 @@ ShapeFit HoleOf(std::span<const ShapeFit> fits, bool may_tell) {
   if (may_tell && part > kBorder.sure_lean && likeliest.LeansSigmas() > kBorder.lean_sigmas) {
     return Doubted(fits, likeliest);
   }
-  round.fitted.border.lean.setZero();
-  round.fitted.sigma.lean.setZero();
+  // What is told as radial may lean by as much as it seemed to, and as the samples leave open.
+  Eigen::Vector2d &lean = round.fitted.border.lean, &sigma = round.fitted.sigma.lean;
+  sigma = (sigma.cwiseAbs2() + lean.cwiseAbs2()).cwiseSqrt();
+  lean.setZero();
   return round;
 }
 

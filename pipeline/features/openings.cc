@@ -353,11 +353,11 @@ class Candidate {
           std::atan2(drill.dot(own.tangent), out) * hal::kDegreesPerRadian;
       found.opening.lean_around_deg =
           std::atan2(-drill.dot(own.sideways()), out) * hal::kDegreesPerRadian;
-      found.sigma.lean_along_deg =
-          degrees * fitted.sigma.lean.x() / (1.0 + std::pow(border.lean.x(), 2));
-      found.sigma.lean_around_deg =
-          degrees * fitted.sigma.lean.y() / (1.0 + std::pow(border.lean.y(), 2));
     }
+    found.sigma.lean_along_deg =
+        degrees * fitted.sigma.lean.x() / (1.0 + std::pow(border.lean.x(), 2));
+    found.sigma.lean_around_deg =
+        degrees * fitted.sigma.lean.y() / (1.0 + std::pow(border.lean.y(), 2));
     found.position_mm = own.spine_mm + r_mm_ * own.outward;
     const double axis = found.opening.axis_deg * hal::kRadiansPerDegree;
     found.direction = std::cos(axis) * own.tangent + std::sin(axis) * own.sideways();

@@ -115,7 +115,11 @@ class Inspector {
                      const hal::WallOpening& sigma_of, OpeningInspection& out) const {
     const double k = decision_sigmas_;
     const OpeningShape named = ShapeOf(nominal.opening), is = ShapeOf(measured);
-    const OpeningShape sigma = ShapeSigma(measured, sigma_of);
+    OpeningShape sigma = ShapeSigma(measured, sigma_of);
+    // As long as the drill that is named leaves it where samples do not say how it leans.
+    if (out.named == OpeningKind::kLeaningHole && out.found_as == OpeningKind::kHole) {
+      sigma.length_mm = std::hypot(sigma.length_mm, LongerByLeanMm(measured, sigma_of));
+    }
     const auto size = nominal.size_tolerance_mm;
     const bool both_holes = out.named == OpeningKind::kHole && out.found_as == OpeningKind::kHole;
     const bool both_slots = out.named == OpeningKind::kSlot && out.found_as == OpeningKind::kSlot;

@@ -65,6 +65,12 @@ OpeningShape ShapeSigma(const hal::WallOpening& opening, const hal::WallOpening&
   return of;
 }
 
+double LongerByLeanMm(const hal::WallOpening& hole, const hal::WallOpening& sigma) {
+  const double slope = std::hypot(std::tan(sigma.lean_along_deg * hal::kRadiansPerDegree),
+                                  std::tan(sigma.lean_around_deg * hal::kRadiansPerDegree));
+  return hole.width_mm * (std::hypot(1.0, slope) - 1.0);
+}
+
 double AngleBetweenDrillsDeg(const hal::WallOpening& one, const hal::WallOpening& other) {
   const Eigen::Vector3d a = SlopeOf(one).homogeneous(), b = SlopeOf(other).homogeneous();
   return std::atan2(a.cross(b).norm(), a.dot(b)) * hal::kDegreesPerRadian;

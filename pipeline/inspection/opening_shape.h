@@ -28,6 +28,9 @@ OpeningShape ShapeOf(const hal::WallOpening& opening);
 // 1 sigma of each; `sigma`: of each value of the opening.
 OpeningShape ShapeSigma(const hal::WallOpening& opening, const hal::WallOpening& sigma);
 
+// How much longer than its diameter a hole that is told as radial may be: its drill may lean by
+// 1 sigma of that.
+double LongerByLeanMm(const hal::WallOpening& hole, const hal::WallOpening& sigma);
 // Between the axes of both drills.
 double AngleBetweenDrillsDeg(const hal::WallOpening& one, const hal::WallOpening& other);
 

@@ -22,12 +22,14 @@ using ::testing::IsEmpty;
 constexpr double kPipeRadiusMm = 8;
 constexpr double kAlongMm = 40, kAroundDeg = 90;
 
-OpeningFound FoundOn(const hal::Tube& tube, const hal::WallOpening& opening) {
+// `radial_sigma_deg`: by which one that does not lean may lean each way.
+OpeningFound FoundOn(const hal::Tube& tube, const hal::WallOpening& opening,
+                     double radial_sigma_deg) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const hal::SurfaceFrame frame = hal::FrameAt(segments, opening.along_mm, opening.around_deg);
   const double axis = opening.axis_deg * std::acos(-1.0) / 180;
   const bool leans = opening.lean_along_deg != 0 || opening.lean_around_deg != 0;
-  const double lean_sigma_deg = leans ? 0.25 : 0.0;
+  const double lean_sigma_deg = leans ? 0.25 : radial_sigma_deg;
   return {opening,
           {0.02, 0.1, 0.02, 0.02, opening.is_hole() ? 0.0 : 0.2, lean_sigma_deg, lean_sigma_deg},
           frame.spine_mm + kPipeRadiusMm * frame.outward,
@@ -35,7 +37,7 @@ OpeningFound FoundOn(const hal::Tube& tube, const hal::WallOpening& opening) {
 }
 
 Inspection InspectOpening(const hal::WallOpening& named, const hal::WallOpening& found,
-                          bool from_other_end = false) {
+                          bool from_other_end = false, double radial_sigma_deg = 0) {
   support::Rng rng(7);
   Measurement measured = support::MeasurementOf({kPipeRadiusMm, kPart, {}}, rng);
   hal::TubeFeatures cut;
@@ -45,7 +47,7 @@ Inspection InspectOpening(const hal::WallOpening& named, const hal::WallOpening&
     measured.tube = ReverseTube(measured.tube);
     measured.sigma = ReverseProgram(measured.sigma);
   }
-  measured.features.openings = {FoundOn(measured.tube, cut.openings.front())};
+  measured.features.openings = {FoundOn(measured.tube, cut.openings.front(), radial_sigma_deg)};
   InspectionOptions options;
   options.features.openings = {{named.is_hole() ? "hole 1" : "slot 1", named, false, 0.5, 2.0, 0.3,
                                 named.is_hole() ? std::nullopt : std::optional<double>(2.0)}};
@@ -122,6 +124,14 @@ TEST(OpeningKinds, AnOvalAndASlotThatLookTheSameAreJudgedTheSame) {
   EXPECT_EQ(InspectOpening(Slot(6.93, 6, 90), Hole(6, 30, 0)).verdict, Verdict::kFail);
   EXPECT_EQ(InspectOpening(Slot(6.93, 6, 90), Hole(6, 0, 30)).verdict, Verdict::kPass);
   EXPECT_EQ(InspectOpening(Slot(6.93, 6, -45), Hole(6, 22.2, 22.2)).verdict, Verdict::kPass);
+}
+
+// A hole counts as radial until its lean is certain: that of a good part failed.
+TEST(OpeningKinds, ALeanThatSamplesLeaveOpenIsNotOut) {
+  EXPECT_EQ(InspectOpening(Hole(6, 30, 0), Hole(6), false, 25).verdict, Verdict::kUndecided);
+  EXPECT_EQ(InspectOpening(Hole(6, 30, 0), Hole(6.6), false, 25).verdict, Verdict::kFail);
+  EXPECT_EQ(InspectOpening(Hole(6, 30, 0), Hole(6), false, 5).verdict, Verdict::kFail);
+  EXPECT_EQ(InspectOpening(Hole(6, 10, 0), Hole(6), false, 5).verdict, Verdict::kPass);
 }
 
 TEST(OpeningKinds, ANamedLeanIsFoundFromBothEnds) {
