@@ -33,6 +33,7 @@ struct MissedSettings {
   // Parts of the width of a pass, over which the distance of its rays is about even; it is taken
   // over so many rays, whose noise it thereby holds down.
   std::size_t parts = 24, over_rays = 4;
+  std::size_t least_rises = 8;  // of lines that tell how they are slanted in a part
   // [of the distance of rays] and [1 sigma of it] Where neighbours in a line are further from each
   // other, rays are missing between them.
   double missing = 1.5, missing_sigmas = 3.0;
@@ -115,9 +116,15 @@ class Pass {
   bool AddMissed(std::vector<MissedRay>& rays) {
     if (!(high_mm_ > low_mm_) || !FindGap()) return false;
     FindLines();
+    Level();
+    FindLines();
     if (!FindNumbers()) return false;
     FindSides();
+    const std::size_t before = rays.size();
     for (const Line& line : lines_) AddMissedOf(line, rays);
+    for (std::size_t i = before; i < rays.size(); ++i) {
+      rays[i].place_mm.x() += SlantMm(rays[i].place_mm.y());
+    }
     return true;
   }
 
@@ -152,8 +159,54 @@ class Pass {
     return false;
   }
 
+  // The laser of a scanner that is held askew meets the tube in curves: across a wide opening none
+  // goes on as straight as it was before. All lines of a pass are slanted alike; levelled by that
+  // each goes on where it is.
+  void Level() {
+    FindSlant();
+    for (Hit& hit : hits_) hit.place_mm.x() -= SlantMm(hit.place_mm.y());
+    std::sort(hits_.begin(), hits_.end(),
+              [](const Hit& a, const Hit& b) { return a.place_mm.x() < b.place_mm.x(); });
+  }
+  // How far along lines are, from part to part round the tube: the usual rise of those that cross
+  // it, or that of the part beside it, summed up.
+  void FindSlant() {
+    std::vector<std::vector<double>> rises(kMissed.parts);
+    for (const Line& line : lines_) {
+      for (std::size_t i = kMissed.over_rays; i < line.hits.size(); ++i) {
+        const Eigen::Vector2d from = line.hits[i - kMissed.over_rays].place_mm;
+        const Eigen::Vector2d to = line.hits[i].place_mm;
+        if (!(to.y() > from.y())) continue;
+        rises[PartOf(0.5 * (from.y() + to.y()), kMissed.parts)].push_back((to.x() - from.x()) /
+                                                                          (to.y() - from.y()));
+      }
+    }
+    std::vector<double> rise(kMissed.parts, 0.0);
+    std::size_t first = kMissed.parts;  // that is known
+    for (std::size_t part = 0; part < kMissed.parts; ++part) {
+      if (rises[part].size() >= kMissed.least_rises) {
+        rise[part] = Median(std::move(rises[part]));
+        if (first == kMissed.parts) std::fill_n(rise.begin(), part, rise[part]);
+        first = std::min(first, part);
+      } else if (part > first) {
+        rise[part] = rise[part - 1];
+      }
+    }
+    slant_mm_.assign(1, 0.0);
+    for (const double of_part : rise) slant_mm_.push_back(slant_mm_.back() + of_part * PartMm());
+  }
+  double PartMm() const { return (high_mm_ - low_mm_) / static_cast<double>(kMissed.parts); }
+  double SlantMm(double y_mm) const {
+    const double at =
+        std::clamp((y_mm - low_mm_) / PartMm(), 0.0, static_cast<double>(kMissed.parts) - 1e-9);
+    const auto part = static_cast<std::size_t>(at);
+    const double rest = at - static_cast<double>(part);
+    return (1.0 - rest) * slant_mm_[part] + rest * slant_mm_[part + 1];
+  }
+
   // Each hit, in their order round the tube, goes on the line that it continues.
   void FindLines() {
+    lines_.clear();
     std::vector<Hit> around = hits_;
     std::sort(around.begin(), around.end(),
               [](const Hit& a, const Hit& b) { return a.place_mm.y() < b.place_mm.y(); });
@@ -321,6 +374,7 @@ class Pass {
   double noise_mm_;
   double low_mm_ = 0, high_mm_ = 0;  // round the tube
   double gap_mm_ = 0;                // of its lines
+  std::vector<double> slant_mm_;     // of its lines, where parts round the tube begin and end
   std::vector<Line> lines_;          // sorted along
   std::optional<RayNumbers> numbers_;
   std::vector<std::pair<double, double>> sides_;

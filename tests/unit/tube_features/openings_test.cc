@@ -344,6 +344,40 @@ TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
   EXPECT_LT(std::sqrt(size_sigmas), 1.5);
 }
 
+// A scanner that is held askew sweeps curves over the tube: beyond a wide slot they go on elsewhere
+// than straight lines would. Rays that seemed to meet no wall lay beside the slot, which was told
+// half a millimetre too wide, twenty of its sigmas.
+TEST(OpeningLines, OfAPassAskewRaysAreMissedInTheSlotAlone) {
+  constexpr double kOfTubeMm = 8.4, kLineMm = 0.62, kRayMm = 0.58;
+  for (const double askew : {-0.2, -0.12, 0.0, 0.12, 0.2}) {
+    SCOPED_TRACE(askew);
+    const auto is_in_slot = [](double along_mm, double across_mm, double wider_mm) {
+      return std::abs(along_mm) < 6 + wider_mm && std::abs(across_mm) < 3.36 + wider_mm;
+    };
+    std::vector<WallSample> samples;
+    double in_slot = 0;
+    for (int line = -32; line <= 32; ++line) {
+      for (int ray = -13; ray <= 13; ++ray) {
+        const double across_mm = kRayMm * ray + 0.1, turn = std::asin(across_mm / kOfTubeMm);
+        const double along_mm = kLineMm * line + askew * across_mm;
+        if (is_in_slot(along_mm, across_mm, 0)) {
+          in_slot += 1;
+          continue;
+        }
+        samples.push_back(
+            {{along_mm, kOfTubeMm * turn}, WithPass(PackDirection(Eigen::Vector3d::UnitZ()), 0)});
+      }
+    }
+    const MissedRays missed =
+        FindMissed(samples, kOfTubeMm, 0.01, Eigen::Vector3d::UnitZ(), Eigen::Vector3d::UnitY());
+    EXPECT_NEAR(static_cast<double>(missed.rays.size()), in_slot, 0.02 * in_slot);
+    for (const MissedRay& ray : missed.rays) {
+      const double across_mm = kOfTubeMm * std::sin(ray.place_mm.y() / kOfTubeMm);
+      EXPECT_TRUE(is_in_slot(ray.place_mm.x(), across_mm, 0.05)) << ray.place_mm.transpose();
+    }
+  }
+}
+
 // Rays that come in flat lie further apart: which of them met nothing, and where they would have
 // met the wall, is known to a hundredth of that all the same.
 TEST(RayNumbers, OfRaysFromOnePlaceTellWhereMissedOnesWouldBe) {
