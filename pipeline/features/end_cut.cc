@@ -96,7 +96,9 @@ class CutSearch {
     if (const auto rimmed = WithRim(near, of_wall_mm)) return rimmed;
     // Beside what stands out, as a flare does, the face is another's.
     const auto out = static_cast<double>(near.outside().size());
-    if (search.perhaps_mm > 0 && MayBeFliers(out, near.wall().size())) {
+    // Behind the crests of a border the bore goes on as they do.
+    const bool may_be_face = search.perhaps_mm > 0 && plane->border.empty();
+    if (may_be_face && MayBeFliers(out, near.wall().size())) {
       PlaceAtFace(found.plane.at_mm + search.perhaps_mm, found.plane);
       found.may_be_bevelled = true;
     } else if (const auto cut = WithoutFace(near, *plane)) {

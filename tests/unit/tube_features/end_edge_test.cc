@@ -259,6 +259,33 @@ TEST(EndEdge, AnEndThatMayBeBevelledIsWhereItsFaceLies) {
   EXPECT_LT(square, 1.3 * 1.3);
 }
 
+// Over the troughs of a lasered end the bore is seen behind its crests, as far as these go: that is
+// no face beyond the border. Ends were as much too long as their waves are high.
+TEST(EndEdge, TheBoreInAWavyEndIsNoFaceBeyondIt) {
+  std::mt19937_64 random(9);
+  constexpr double kRadiusOfTubeMm = 6, kThickMm = 1.5, kNoiseMm = 0.02, kEndMm = 60;
+  std::normal_distribution<double> noise(0, kNoiseMm);
+  for (const double wave_mm : {1.5, 2.5}) {
+    SCOPED_TRACE(wave_mm);
+    std::vector<Eigen::Vector3d> points;
+    for (int i = 0; i < 22'000; ++i) {
+      const double around = tests::Uniform(random, -std::numbers::pi, std::numbers::pi);
+      const double border_mm = kEndMm + wave_mm * std::cos(2 * around);
+      const bool is_bore = i % 8 == 0;
+      const double along_mm = kEndMm + (is_bore ? tests::Uniform(random, 0.6 * wave_mm, wave_mm)
+                                                : tests::Uniform(random, -kEndMm, wave_mm));
+      if (along_mm > border_mm) continue;
+      const double out_mm = kRadiusOfTubeMm - (is_bore ? kThickMm : 0) + noise(random);
+      points.emplace_back(along_mm, out_mm * std::cos(around), out_mm * std::sin(around));
+    }
+    const CloudEnd end = EndOf(points, kRadiusOfTubeMm, kNoiseMm);
+    ASSERT_TRUE(end.cuts.last);
+    EXPECT_FALSE(end.cuts.last->border.empty());
+    EXPECT_NEAR(end.at_mm, kEndMm, 4 * end.sigma_mm);
+    EXPECT_LT(end.sigma_mm, 0.2);
+  }
+}
+
 // Noise in all directions moves samples of the face of a square cut, half of them beyond it: ends
 // were 11 of their sigmas too long.
 TEST(EndEdge, AnEndWhoseFaceIsSeenIsWhereItWasCut) {
