@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
-
 #include "firmware-host/result/program_json.h"
 #include "firmware-host/result/sections.h"
 
@@ -90,9 +88,7 @@ Json OpeningJson(const pipeline::OpeningFound& found, double length_mm) {
     json["axis_deg"] = Number(opening.axis_deg);
     json["axis_sigma_deg"] = Number(found.sigma.axis_deg);
   }
-  // Of one that is told as radial: how much it may lean.
-  if (opening.is_hole() &&
-      std::hypot(found.sigma.lean_along_deg, found.sigma.lean_around_deg) > 0) {
+  if (opening.lean_along_deg != 0 || opening.lean_around_deg != 0) {
     json["lean_along_deg"] = Number(opening.lean_along_deg);
     json["lean_along_sigma_deg"] = Number(found.sigma.lean_along_deg);
     json["lean_around_deg"] = Number(opening.lean_around_deg);
