@@ -168,30 +168,14 @@ class Pass {
     std::sort(hits_.begin(), hits_.end(),
               [](const Hit& a, const Hit& b) { return a.place_mm.x() < b.place_mm.x(); });
   }
-  // How far along lines are, from part to part round the tube: the usual rise of those that cross
-  // it, or that of the part beside it, summed up.
+  // How far along lines are, from part to part round the tube: their usual rise, summed up.
   void FindSlant() {
-    std::vector<std::vector<double>> rises(kMissed.parts);
-    for (const Line& line : lines_) {
-      for (std::size_t i = kMissed.over_rays; i < line.hits.size(); ++i) {
-        const Eigen::Vector2d from = line.hits[i - kMissed.over_rays].place_mm;
-        const Eigen::Vector2d to = line.hits[i].place_mm;
-        if (!(to.y() > from.y())) continue;
-        rises[PartOf(0.5 * (from.y() + to.y()), kMissed.parts)].push_back((to.x() - from.x()) /
-                                                                          (to.y() - from.y()));
-      }
-    }
-    std::vector<double> rise(kMissed.parts, 0.0);
-    std::size_t first = kMissed.parts;  // that is known
-    for (std::size_t part = 0; part < kMissed.parts; ++part) {
-      if (rises[part].size() >= kMissed.least_rises) {
-        rise[part] = Median(std::move(rises[part]));
-        if (first == kMissed.parts) std::fill_n(rise.begin(), part, rise[part]);
-        first = std::min(first, part);
-      } else if (part > first) {
-        rise[part] = rise[part - 1];
-      }
-    }
+    using Rise = std::optional<double>;
+    std::vector<double> rise = UsualOfParts(
+        kMissed.least_rises, [](const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+          return to.y() > from.y() ? Rise((to.x() - from.x()) / (to.y() - from.y())) : Rise();
+        });
+    rise.resize(kMissed.parts, 0.0);
     slant_mm_.assign(1, 0.0);
     for (const double of_part : rise) slant_mm_.push_back(slant_mm_.back() + of_part * PartMm());
   }
@@ -257,28 +241,35 @@ class Pass {
 
   // About how far rays lie apart round the tube, part by part.
   std::vector<double> PitchesMm() const {
-    std::vector<std::vector<double>> apart_mm(kMissed.parts);
+    return UsualOfParts(1, [](const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+      return std::optional((to.y() - from.y()) / static_cast<double>(kMissed.over_rays));
+    });
+  }
+
+  // The median of what stretches of lines say, each of some rays, part by part round the tube;
+  // where fewer than `least` do, as in the part beside it. Empty: no part knows.
+  template <class Value>
+  std::vector<double> UsualOfParts(std::size_t least, Value value) const {
+    std::vector<std::vector<double>> values(kMissed.parts);
     for (const Line& line : lines_) {
       for (std::size_t i = kMissed.over_rays; i < line.hits.size(); ++i) {
-        const double from_mm = line.hits[i - kMissed.over_rays].place_mm.y();
-        const double to_mm = line.hits[i].place_mm.y();
-        apart_mm[PartOf(0.5 * (from_mm + to_mm), kMissed.parts)].push_back(
-            (to_mm - from_mm) / static_cast<double>(kMissed.over_rays));
+        const Eigen::Vector2d& from = line.hits[i - kMissed.over_rays].place_mm;
+        const Eigen::Vector2d& to = line.hits[i].place_mm;
+        const std::size_t part = PartOf(0.5 * (from.y() + to.y()), kMissed.parts);
+        if (const auto said = value(from, to)) values[part].push_back(*said);
       }
     }
-    std::vector<double> pitch_mm;
-    std::size_t empty = 0;
-    for (auto& part : apart_mm) {
-      if (part.empty()) {
-        ++empty;
-        if (!pitch_mm.empty()) pitch_mm.push_back(pitch_mm.back());
+    std::vector<double> usual;
+    for (std::size_t part = 0; part < values.size(); ++part) {
+      if (values[part].size() < least) {
+        if (!usual.empty()) usual.push_back(usual.back());
         continue;
       }
-      const double of_part_mm = Median(std::move(part));
-      while (pitch_mm.empty() && empty > 0) pitch_mm.assign(empty, of_part_mm);
-      pitch_mm.push_back(of_part_mm);
+      const double of_part = Median(std::move(values[part]));
+      if (usual.empty()) usual.assign(part, of_part);
+      usual.push_back(of_part);
     }
-    return pitch_mm;
+    return usual;
   }
 
   // The first and the last line that reach each place round the tube.

@@ -66,9 +66,7 @@ OpeningShape ShapeSigma(const hal::WallOpening& opening, const hal::WallOpening&
 }
 
 double LongerByLeanMm(const hal::WallOpening& hole, const hal::WallOpening& sigma) {
-  const double slope = std::hypot(std::tan(sigma.lean_along_deg * hal::kRadiansPerDegree),
-                                  std::tan(sigma.lean_around_deg * hal::kRadiansPerDegree));
-  return hole.width_mm * (std::hypot(1.0, slope) - 1.0);
+  return hole.width_mm * (std::hypot(1.0, SlopeOf(sigma).norm()) - 1.0);
 }
 
 double AngleBetweenDrillsDeg(const hal::WallOpening& one, const hal::WallOpening& other) {

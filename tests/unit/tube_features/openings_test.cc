@@ -346,7 +346,7 @@ TEST(OpeningLines, RaysThatMeetNoWallAreInTheHole) {
 
 // A scanner that is held askew sweeps curves over the tube: beyond a wide slot they go on elsewhere
 // than straight lines would. Rays that seemed to meet no wall lay beside the slot, which was told
-// half a millimetre too wide, twenty of its sigmas.
+// too wide.
 TEST(OpeningLines, OfAPassAskewRaysAreMissedInTheSlotAlone) {
   constexpr double kOfTubeMm = 8.4, kLineMm = 0.62, kRayMm = 0.58;
   for (const double askew : {-0.2, -0.12, 0.0, 0.12, 0.2}) {
