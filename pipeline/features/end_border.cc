@@ -254,6 +254,26 @@ Posterior Together(const BorderLikelihood& likelihood, const BorderFitted& thoug
   return result;
 }
 
+// [1/mm2] By how much surer the rise of an end is before the scan that is to be square.
+double SurerOfSquare(const RoughEnd& rough) {
+  return std::max(
+      0.0, 1.0 / (rough.square_mm * rough.square_mm) - 1.0 / (rough.slope_mm * rough.slope_mm));
+}
+
+// What it would be of an end that is to be square.
+Posterior OfSquare(const Posterior& any, const RoughEnd& rough) {
+  Eigen::MatrixXd certainty = Inverse(any.covariance);
+  const Eigen::VectorXd weighed = certainty * any.mean;
+  certainty.diagonal().segment<2>(1).array() += SurerOfSquare(rough);
+  const Eigen::MatrixXd covariance = Inverse(certainty);
+  return {covariance * weighed, covariance, 0.0};
+}
+
+// Without the noise.
+Posterior OfPlane(const Posterior& all) {
+  return {all.mean.head<3>(), all.covariance.topLeftCorner<3, 3>(), 0.0};
+}
+
 // What was thought of the noise before, in logarithms: of its own over what was thought.
 double LogOfNoise(double log_noise, bool knows_rays) {
   if (knows_rays) {
@@ -271,77 +291,97 @@ double LogOfNoise(double log_noise, bool knows_rays) {
 }
 
 // The same where few samples lie about the border, so that its likelihood has edges.
-Posterior Drawn(const BorderLikelihood& likelihood, const Posterior& from, int draws,
-                bool knows_rays, WalkDice& dice) {
-  const Posterior all = WeighPosterior(from, draws, dice, [&](const Eigen::VectorXd& x) {
-    const double log = LogOfNoise(x[3], knows_rays);
+EndBorder Drawn(const BorderLikelihood& likelihood, const RoughEnd& rough, const Posterior& from,
+                int draws, WalkDice& dice) {
+  const auto log_of = [&](const Eigen::VectorXd& x) {
+    const double log = LogOfNoise(x[3], rough.knows_rays);
     return log < -1e299 ? log : log + likelihood.Log(x);
-  });
-  return {all.mean.head<3>(), all.covariance.topLeftCorner<3, 3>()};
+  };
+  const auto log_of_square = [&](const Eigen::VectorXd& x) {
+    return -0.5 * SurerOfSquare(rough) * x.segment<2>(1).squaredNorm();
+  };
+  const WeighedDraws drawn = WeighPosterior(from, draws, dice, log_of);
+  const Posterior any = drawn.Told();
+  auto square = drawn.ToldTimes(log_of_square);
+  if (!square) {
+    const auto log_of_both = [&](const Eigen::VectorXd& x) { return log_of(x) + log_of_square(x); };
+    square = WeighPosterior(OfSquare(any, rough), draws, dice, log_of_both).Told();
+  }
+  return {OfPlane(any), OfPlane(*square)};
 }
 
 // Of rays, whose noise is about what was thought.
-Posterior DrawnOfRays(const BorderLikelihood& likelihood, const Posterior& rough, WalkDice& dice) {
+EndBorder DrawnOfRays(const BorderLikelihood& likelihood, const RoughEnd& rough, WalkDice& dice) {
   Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
-  from.mean.head<3>() = rough.mean;
-  from.covariance.topLeftCorner<3, 3>() = rough.covariance;
+  from.mean.head<3>() = rough.plane.mean.head<3>();
+  from.covariance.topLeftCorner<3, 3>() = rough.plane.covariance;
   from.covariance(3, 3) = kEndBorder.sure_noise * kEndBorder.sure_noise;
-  return Drawn(likelihood, from, kEndBorder.draws, true, dice);
+  return Drawn(likelihood, rough, from, kEndBorder.draws, dice);
 }
 
-// Of a cloud, from where, of many places and noises, it is likeliest. An edge is as unsure as
-// samples lie apart, `gap_mm`; closer draws would see one of them only.
-Posterior DrawnOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm,
-                       WalkDice& dice) {
-  const double around_mm = std::hypot(rough.plane.Sigma(0), gap_mm, rough.smear_mm);
-  Posterior from{Eigen::VectorXd::Zero(4), Eigen::MatrixXd::Zero(4, 4)};
+// The likeliest of many places and noises of a cloud. An edge is as unsure as samples lie apart,
+// `gap_mm`.
+Numbers LikeliestOfMany(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm) {
+  double most = -1e300;
+  double wide_mm = 4.0 * std::hypot(rough.plane.Sigma(0), gap_mm, rough.smear_mm);
+  Numbers likeliest = Numbers::Zero();
+  likeliest.head<3>() = rough.plane.mean.head<3>();
   // From wide to narrow: of less noise the border lies near to where it does of more.
-  double most = -1e300, wide_mm = 4.0 * around_mm;
-  Eigen::Vector3d middle = rough.plane.mean.head<3>();
   for (const double noise : kEndBorder.noises) {
+    const Eigen::Vector3d middle = likeliest.head<3>();
     likelihood.CountFrom(middle);
     for (int i = -kEndBorder.places; i <= kEndBorder.places; ++i) {
       Numbers x;
       x << middle, std::log(noise);
       x[0] += wide_mm * i / kEndBorder.places;
       const double log = likelihood.Log(x) + LogOfNoise(x[3], false);
-      if (log > most) std::tie(most, from.mean) = std::make_tuple(log, Eigen::VectorXd(x));
+      if (log > most) std::tie(most, likeliest) = std::make_tuple(log, x);
     }
-    middle = from.mean.head<3>();
     wide_mm = std::min(wide_mm, 4.0 * std::hypot(gap_mm, rough.smear_mm * noise));
   }
-  const double edge_mm = std::hypot(gap_mm, 0.3 * rough.smear_mm * std::exp(from.mean[3]));
+  return likeliest;
+}
+
+// Of a cloud, from there; closer draws would see one edge only.
+EndBorder DrawnOfCloud(BorderLikelihood& likelihood, const RoughEnd& rough, double gap_mm,
+                       const Numbers& likeliest, WalkDice& dice) {
+  Posterior from{likeliest, Eigen::MatrixXd::Zero(4, 4), 0.0};
+  const double edge_mm = std::hypot(gap_mm, 0.3 * rough.smear_mm * std::exp(likeliest[3]));
   const double slope_mm = std::min(rough.slope_mm, 1.5 * edge_mm);
   from.covariance.diagonal() << edge_mm * edge_mm, slope_mm * slope_mm, slope_mm * slope_mm, 0.1;
   likelihood.CountFrom(from.mean.head<3>());
   const double draws = std::clamp<double>(kEndBorder.cloud_looked_at / likelihood.samples(),
                                           kEndBorder.least_of_cloud, kEndBorder.most_of_cloud);
-  return Drawn(likelihood, from, static_cast<int>(draws), false, dice);
+  return Drawn(likelihood, rough, from, static_cast<int>(draws), dice);
 }
 
 // The planes that the likelihood leaves. `about`: samples within 2 sigma of noise of it.
-std::optional<Posterior> Among(BorderLikelihood& likelihood, const RoughEnd& rough, double about,
+std::optional<EndBorder> Among(BorderLikelihood& likelihood, const RoughEnd& rough, double about,
                                double spread_mm, WalkDice& dice) {
   const double gap_mm = 2.0 * rough.smear_mm / about;
-  if (about < kEndBorder.enough_about) {
-    return rough.knows_rays ? DrawnOfRays(likelihood, rough.plane, dice)
-                            : DrawnOfCloud(likelihood, rough, gap_mm, dice);
+  const auto are_few = [about](double log_noise) {
+    return about * std::exp(std::min(0.0, log_noise)) < kEndBorder.enough_about;
+  };
+  if (rough.knows_rays && are_few(0.0)) return DrawnOfRays(likelihood, rough, dice);
+  if (!rough.knows_rays) {
+    const Numbers likeliest = LikeliestOfMany(likelihood, rough, gap_mm);
+    if (are_few(likeliest[3])) return DrawnOfCloud(likelihood, rough, gap_mm, likeliest, dice);
   }
   const Eigen::Vector3d plane_mm = rough.plane.mean.head<3>();
   const auto thought =
       Likeliest(likelihood, StartOf(likelihood, plane_mm, spread_mm / rough.smear_mm), 3);
   if (!thought) return std::nullopt;
   const auto free = WithLikeliestNoise(likelihood, thought->x, rough.knows_rays);
-  const double least = free ? std::exp(std::min(0.0, free->x[3])) : 1.0;
-  if (!rough.knows_rays && about * least < kEndBorder.enough_about) {
-    return DrawnOfCloud(likelihood, rough, gap_mm, dice);
+  if (!rough.knows_rays && free && are_few(free->x[3])) {
+    return DrawnOfCloud(likelihood, rough, gap_mm, free->x, dice);
   }
-  return Together(likelihood, *thought, free);
+  const Posterior plane = Together(likelihood, *thought, free);
+  return EndBorder{plane, OfSquare(plane, rough)};
 }
 
 }  // namespace
 
-std::optional<Posterior> FitEndBorder(const RoughEnd& known, const EndBand& band, WalkDice& dice) {
+std::optional<EndBorder> FitEndBorder(const RoughEnd& known, const EndBand& band, WalkDice& dice) {
   RoughEnd rough = known;
   const Eigen::Vector3d plane_mm = rough.plane.mean;
   const double r_mm = rough.pipe_radius_mm;
@@ -374,7 +414,8 @@ std::optional<Posterior> FitEndBorder(const RoughEnd& known, const EndBand& band
   const double gap_mm = 1.0 / (rough.per_mm2 * turn_mm);
   const double doubt_mm =
       columns.DensityDoubt() * std::max(kEndBorder.by_density * rough.smear_mm, gap_mm);
-  border->covariance(0, 0) += doubt_mm * doubt_mm;
+  border->plane.covariance(0, 0) += doubt_mm * doubt_mm;
+  border->square.covariance(0, 0) += doubt_mm * doubt_mm;
   return border;
 }
 

@@ -28,8 +28,14 @@ struct RoughEnd {
   bool knows_rays = true;   // else noise may displace them as far as this, or hardly at all
   double per_mm2 = 0;       // samples
   double slope_mm = 0;      // 1 sigma of the rise before the scan
+  double square_mm = 0;     // the same of an end that is to be square
   bool is_thinned = false;  // from a part of the samples
   EndSectors hidden{};      // samples stop before it there, for another reason
+};
+
+// The plane of an end that may be cut as `slope_mm` says, and of one that is to be square.
+struct EndBorder {
+  Posterior plane, square;
 };
 
 // The plane where scattered samples stop, from all that lie about it. Each of them lies before the
@@ -40,6 +46,6 @@ struct RoughEnd {
 // samples along the tube, in all directions as far as across it; either is thought of alike. None:
 // they are not scattered (laser lines, a grid), some of the turn is hidden, or, of rays, too few
 // lie about the border to tell more than `rough`. `dice`: of four numbers.
-std::optional<Posterior> FitEndBorder(const RoughEnd& rough, const EndBand& band, WalkDice& dice);
+std::optional<EndBorder> FitEndBorder(const RoughEnd& rough, const EndBand& band, WalkDice& dice);
 
 }  // namespace bendloop::pipeline

@@ -133,18 +133,17 @@ class EndFit {
     const bool are_lines = AreLines(columns);
     if (!are_lines) {
       RoughEnd rough = Rough();
-      bool of_border = false;
+      std::optional<EndBorder> border;
       const auto better = [&](const Posterior& about) {
         rough.plane = about;
         if (!rough.knows_rays) rough.hidden = SectorsInShadow(columns, slope_mm, about.mean);
-        const auto border = FitEndBorder(rough, all_.band, dice_.border);
-        of_border = border.has_value();
-        return border;
+        border = FitEndBorder(rough, all_.band, dice_.border);
+        return border ? std::optional(border->plane) : std::nullopt;
       };
       plane = PlaneAmong(columns, slope_mm, r_mm_, dice_.plane, better);
-      plane.of_border = of_border;
-      if (of_border) PlaceOfSquare(rough, plane);
-      if (of_border) return plane;
+      plane.of_border = border.has_value();
+      if (border) PlaceOfSquare(border->square, plane);
+      if (border) return plane;
     }
     const double columns_of_line = columns.columns_of_line;
     const auto lines = EndColumnsAbout(of_columns_, window_mm_, smear_mm_, slope_mm, true);
@@ -164,9 +163,9 @@ class EndFit {
   std::optional<EndPlane> OfBorder(const RoughEnd& rough) const {
     const auto border = FitEndBorder(rough, all_.band, dice_.border);
     if (!border) return std::nullopt;
-    EndPlane plane = PlaneOf(*border, Eigen::Vector2d::Zero(), r_mm_);
+    EndPlane plane = PlaneOf(border->plane, Eigen::Vector2d::Zero(), r_mm_);
     plane.of_border = true;
-    PlaceOfSquare(rough, plane);
+    PlaceOfSquare(border->square, plane);
     return plane;
   }
 
@@ -190,23 +189,21 @@ class EndFit {
     rough.smear_mm = rough.knows_rays ? smear_mm_ : std::max(smear_mm_, sigma_mm_);
     rough.per_mm2 = static_cast<double>(all_.count) / seen_mm2;
     rough.slope_mm = kEndPlane.usual_slope * r_mm_;
+    rough.square_mm = kFit.square_slope * r_mm_;
     rough.is_thinned = all_.count > kFit.enough_samples;
     return rough;
   }
 
   // What is not oblique for all that is seen was cut about square: few samples tell the place of
   // such a plane better than that of any. Where it may be either its place is both planes', by
-  // their odds: the prior's, by Laplace's volume of two slopes, by what speaks for them.
-  void PlaceOfSquare(RoughEnd rough, EndPlane& plane) const {
+  // their odds: the prior's, by Laplace's volume of two slopes, by what speaks for them. `square`:
+  // what is known of it.
+  static void PlaceOfSquare(const Posterior& square, EndPlane& plane) {
     const double volume = std::pow(plane.slope_sigma / kEndPlane.usual_slope, 2);
     const double log_odds =
         std::log(kFit.oblique_odds * volume) + 0.5 * std::pow(plane.slope_sigmas, 2);
     if (log_odds > kFit.sure_odds) return;
-    rough.slope_mm = kFit.square_slope * r_mm_;
-    rough.plane.mean.tail<2>().setZero();
-    const auto square = FitEndBorder(rough, all_.band, dice_.border);
-    if (!square) return;
-    const EndPlace place = OfEither({square->mean[0], square->covariance(0, 0)},
+    const EndPlace place = OfEither({square.mean[0], square.covariance(0, 0)},
                                     {plane.at_mm, std::pow(plane.at_sigma_mm, 2)}, log_odds);
     plane.at_mm = place.at_mm;
     plane.at_sigma_mm = std::sqrt(place.variance_mm2);

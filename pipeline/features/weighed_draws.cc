@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "pipeline/math/definite_solver.h"
@@ -40,7 +41,6 @@ class Draws {
     constexpr double kNarrower2 = 1.0 / (kDraws.wider * kDraws.wider);
     about_ = about.mean;
     off_.setZero(n, count);
-    log_.clear();
     log_weight_.clear();
     for (int i = 0; i < count; ++i) {
       const double* normal = dice_.Of(thrown_++);
@@ -54,10 +54,9 @@ class Draws {
         for (Eigen::Index j = k; j < n; ++j) off[j] += by * column[j];
       }
       for (Eigen::Index k = 0; k < n; ++k) place_.data()[k] = about_.data()[k] + off[k];
-      const double log = log_density_(place_);
-      log_.push_back(log);
-      log_weight_.push_back(log - std::log(kept * std::exp(-0.5 * square) +
-                                           of_wide * std::exp(-0.5 * kNarrower2 * square)));
+      log_weight_.push_back(log_density_(place_) -
+                            std::log(kept * std::exp(-0.5 * square) +
+                                     of_wide * std::exp(-0.5 * kNarrower2 * square)));
     }
   }
 
@@ -72,27 +71,7 @@ class Draws {
     return 1.0 / weight_.squaredNorm();
   }
 
-  // What the draws say, as they were weighed.
-  Posterior Told() const {
-    Posterior told;
-    const Eigen::VectorXd off = off_ * weight_;
-    told.mean = about_ + off;
-    told.covariance = -off * off.transpose();
-    const Eigen::Index n = off.size();
-    for (Eigen::Index i = 0; i < off_.cols(); ++i) {
-      const double* from = off_.data() + i * n;
-      double* sum = told.covariance.data();
-      for (Eigen::Index k = 0; k < n; ++k, sum += n) {
-        const double weighed = weight_[i] * from[k];
-        for (Eigen::Index j = 0; j < n; ++j) sum[j] += weighed * from[j];
-      }
-    }
-    for (std::size_t i = 0; i < log_.size(); ++i) {
-      const double weight = weight_[static_cast<Eigen::Index>(i)];
-      if (weight > 0) told.mean_log_density += weight * log_[i];
-    }
-    return told;
-  }
+  WeighedDraws Drawn() const { return {about_, off_, weight_}; }
 
  private:
   static const double kLogWidePart;
@@ -102,7 +81,7 @@ class Draws {
   std::size_t thrown_ = 0;
   Eigen::VectorXd place_, about_;
   Eigen::MatrixXd off_;  // a draw a column, from there
-  std::vector<double> log_, log_weight_;
+  std::vector<double> log_weight_;
   Eigen::VectorXd weight_;
 };
 
@@ -110,14 +89,45 @@ const double Draws::kLogWidePart = std::log(kDraws.wide_part);
 
 }  // namespace
 
-Posterior WeighPosterior(const Posterior& rough, int draws, WalkDice& dice,
-                         const std::function<double(const Eigen::VectorXd&)>& log_density) {
+WeighedDraws::WeighedDraws(Eigen::VectorXd about, Eigen::MatrixXd off, Eigen::VectorXd weight)
+    : about_(std::move(about)), off_(std::move(off)), weight_(std::move(weight)) {}
+
+Posterior WeighedDraws::Sum(const Eigen::VectorXd& weight) const {
+  Posterior told;
+  const Eigen::VectorXd off = off_ * weight;
+  told.mean = about_ + off;
+  told.covariance = -off * off.transpose();
+  const Eigen::Index n = off.size();
+  for (Eigen::Index i = 0; i < off_.cols(); ++i) {
+    const double* from = off_.data() + i * n;
+    double* sum = told.covariance.data();
+    for (Eigen::Index k = 0; k < n; ++k, sum += n) {
+      const double weighed = weight[i] * from[k];
+      for (Eigen::Index j = 0; j < n; ++j) sum[j] += weighed * from[j];
+    }
+  }
+  return told;
+}
+
+std::optional<Posterior> WeighedDraws::ToldTimes(
+    const std::function<double(const Eigen::VectorXd&)>& log_factor) const {
+  Eigen::VectorXd factor(weight_.size());
+  for (Eigen::Index i = 0; i < off_.cols(); ++i) factor[i] = log_factor(about_ + off_.col(i));
+  Eigen::VectorXd weight = weight_.array() * (factor.array() - factor.maxCoeff()).exp();
+  weight /= weight.sum();
+  const double effective = 1.0 / weight.squaredNorm();
+  if (!(effective >= kDraws.enough * static_cast<double>(weight.size()))) return std::nullopt;
+  return Sum(weight);
+}
+
+WeighedDraws WeighPosterior(const Posterior& rough, int draws, WalkDice& dice,
+                            const std::function<double(const Eigen::VectorXd&)>& log_density) {
   Draws thrown(rough.mean.size(), dice, log_density);
   Posterior about = rough;
   const auto learn = [&](double effective) {
     double power = 1.0;
     while (thrown.Weigh(power) < effective) power *= kDraws.power_step;
-    const Posterior told = thrown.Told();
+    const Posterior told = thrown.Drawn().Told();
     about = {told.mean, told.covariance + kDraws.kept_shape * about.covariance, 0.0};
   };
   for (const double part : kDraws.learning) {
@@ -127,7 +137,7 @@ Posterior WeighPosterior(const Posterior& rough, int draws, WalkDice& dice,
   }
   for (int i = 0;; ++i) {
     thrown.Throw(about, draws);
-    if (thrown.Weigh(1.0) >= kDraws.enough * draws || i == kDraws.more) return thrown.Told();
+    if (thrown.Weigh(1.0) >= kDraws.enough * draws || i == kDraws.more) return thrown.Drawn();
     learn(kDraws.effective * draws);
   }
 }
