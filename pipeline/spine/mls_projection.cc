@@ -32,8 +32,10 @@ struct ProjectionSettings {
   // [of 1/r_P] How far a principal curvature may be off. Section 7 has 0.1; a sample's scatters
   // more than that under 0.1 mm of noise on a 2 mm wire, and the cylinder fit judges again.
   double curvature_tolerance = 0.3;
-  // [of 1/r_P] Less curved is a plane (by trial).
+  // [of 1/r_P] Less curved is a plane; and [of r_P] no rougher, which through both the wall and the
+  // bore behind it would be (by trial).
   double flat = 0.35;
+  double most_rms_of_plane = 0.06;
   // [of r_P] Steps of the cylinder fit end below this: far less than what noise does.
   double step_tolerance = 1e-4;
   // [of r_P] Rougher paraboloids and cylinders fit something else: noise of 0.12 mm on a 2 mm wire
@@ -129,7 +131,7 @@ MlsProjection::BlockStarts MlsProjection::StartsOf(const SampleGrid& grid, std::
   grid.GatherNeighbourhood(block, scratch.around);
   const auto samples = grid.blocks()[static_cast<std::size_t>(block)].samples();
   const std::size_t seeds = std::min(samples.size(), kMls.seeds_of_block);
-  std::size_t surfaces = 0;
+  std::size_t looked_at = 0;
   std::size_t flat = 0;
   for (std::size_t i = 0; i < seeds; ++i) {
     const Eigen::Vector3d& sample = samples[i * samples.size() / seeds];
@@ -139,9 +141,11 @@ MlsProjection::BlockStarts MlsProjection::StartsOf(const SampleGrid& grid, std::
       grid.GatherBall(sample, kMls.wider_paraboloid * radius_mm_, scratch.ball);
       surface = FitLocalParaboloid(sample, scratch.ball, kMls.wider_paraboloid * radius_mm_);
     }
-    if (!surface || surface->rms_mm > kMls.most_rms * radius_mm_) continue;
-    ++surfaces;
-    if (std::abs(surface->curvature[0]) * radius_mm_ < kMls.flat) ++flat;
+    if (!surface) continue;
+    ++looked_at;
+    if (surface->rms_mm > kMls.most_rms * radius_mm_) continue;
+    const bool is_smooth = surface->rms_mm < kMls.most_rms_of_plane * radius_mm_;
+    if (is_smooth && std::abs(surface->curvature[0]) * radius_mm_ < kMls.flat) ++flat;
     // Around the pipe the curvature is 1/r_P. Inside a tight bend the curvature along the pipe may
     // be as large, with the other sign; a sample where both could be meant says nothing.
     const auto agrees = [&](std::size_t k) {
@@ -154,7 +158,7 @@ MlsProjection::BlockStarts MlsProjection::StartsOf(const SampleGrid& grid, std::
     found.starts.push_back(
         {surface->foot_mm + side * radius_mm_ * surface->normal, surface->direction[1 - curved]});
   }
-  found.planar = 2 * flat > surfaces;
+  found.planar = 2 * flat > looked_at;
   return found;
 }
 
