@@ -84,9 +84,9 @@ TEST(MlsProjection, OneViewIsEnough) {
   }
 }
 
-// Where the bore is seen behind the wall, through an opening or an end, most samples' paraboloids are
-// of both and say nothing; a single one that is flat by chance is no plane. What is planar is left
-// out, and a hole in the tube was told instead.
+// Where the bore is seen behind the wall, through an opening or an end, most samples' paraboloids
+// are of both and say nothing; a single one that is flat by chance is no plane. What is planar is
+// left out, and a hole in the tube was told instead.
 TEST(MlsProjection, NoPlaceOfATubeWhoseBoreIsSeenIsPlanar) {
   Random random(6);
   for (int run = 0; run < 12; ++run) {
