@@ -14,7 +14,8 @@ namespace {
 struct BurrSettings {
   // [sigma] and [of r_P] How far a burr stands out at least; and at most.
   double out_sigmas = 5.0, out = 0.01, most_out = 0.2;
-  double tip_sigmas = 2.0;  // [sigma] so much nearer a cloud's tip may lie; by trial
+  double tip_sigmas = 2.0;   // [sigma] so much nearer a cloud's tip may lie; by trial
+  double face_sigmas = 3.0;  // so near to it the face of the cut is seen, where anything inside is
   // [of r_P] How long one may be along the tube; lengths are tried from a part of it on.
   double longest_burr = 0.3, lengths = 32;
   // Samples that stand out, and how many times as many as in the next as long piece of the wall.
@@ -147,13 +148,14 @@ std::optional<EndRim> FindRim(const SamplesNearEnd& near, const RimTip& tip, dou
                               double noise_mm) {
   const double least_mm = LeastOutMm(r_mm, noise_mm);
   const double longest_mm = kBurr.longest_burr * r_mm;
+  const double face_mm = near.inside().empty() ? 0.0 : kBurr.face_sigmas * noise_mm;
   std::vector<BurrSample> samples;
   double out = 0, beyond = 0;
   for (const NearEnd& sample : near.wall()) {
     const double before_mm = -sample.BeyondMm(tip.plane_mm), off_mm = sample.RadiusMm() - r_mm;
     if (std::abs(before_mm) > longest_mm || off_mm > kBurr.most_out * r_mm) continue;
     if (off_mm > least_mm) (before_mm < -kBurr.beyond * r_mm ? beyond : out) += 1;
-    if (before_mm < 0) continue;
+    if (before_mm < face_mm) continue;
     samples.push_back({EndSectorOf(sample.AroundRad()), before_mm, off_mm});
   }
   if (out < kBurr.least_out || beyond > kBurr.least_beyond * out) return std::nullopt;

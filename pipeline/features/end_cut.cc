@@ -14,6 +14,7 @@
 #include "pipeline/features/end_plane_fit.h"
 #include "pipeline/features/end_samples.h"
 #include "pipeline/features/end_sectors.h"
+#include "pipeline/fit/end_face.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -39,6 +40,7 @@ struct EndCutSettings {
   // further beyond the plane that they tell has something between. By trial.
   double near_face = 4.0, above_face = 0.7, face_beyond = 1.0;
   double least_of_face = 12.0;
+  double face_ring = 10.0;  // [sigma] All of a face lies within this along the axis.
   // Odds before the scan that an end is not square, and how many times the least slope that is not
   // is the greatest.
   double oblique_odds = 0.25, slopes = 100.0;
@@ -59,6 +61,19 @@ EndCutFound Found(const EndPlane& plane) {
       std::min(180.0, plane.slope_sigma / std::max(slope, 1e-9) * hal::kDegreesPerRadian);
   found.border = plane.border;
   return found;
+}
+
+// The face of an end, from a plane.
+std::optional<EndFace> FaceFrom(const Eigen::Vector3d& plane_mm, const SamplesNearEnd& near,
+                                double r_mm, double sigma_mm) {
+  if (near.knows_passes()) return std::nullopt;
+  std::vector<double> beyond_mm;
+  for (const auto* samples : {&near.wall(), &near.inside(), &near.outside()}) {
+    for (const NearEnd& sample : *samples) {
+      beyond_mm.push_back(sample.BeyondInsideMm(plane_mm, r_mm));
+    }
+  }
+  return FindEndFace(beyond_mm, 0.0, sigma_mm);
 }
 
 // One end: its plane, and what it has beside it.
@@ -140,8 +155,12 @@ class CutSearch {
     const std::vector<NearEnd> out = StandingOut(near, of_wall_mm, r_mm_, sigma_mm_);
     if (out.empty()) return std::nullopt;
     const SamplesNearEnd whole = near.With(out);
-    const auto tip = PlaneOfWall(whole);
+    auto tip = PlaneOfWall(whole);
     if (!tip) return std::nullopt;
+    if (const auto face = FaceFrom(tip->Numbers(r_mm_), near, r_mm_, sigma_mm_)) {
+      tip->at_mm += face->at_mm;
+      tip->at_sigma_mm = face->sigma_mm;
+    }
     const RimTip ends{tip->Numbers(r_mm_), tip->at_sigma_mm, tip->slope_sigma};
     const auto rim = FindRim(whole, ends, r_mm_, sigma_mm_);
     if (!rim) return std::nullopt;
@@ -215,6 +234,8 @@ struct SeenEnd {
   FoundCut cut;
   bool knows_passes = false;
   bool is_further = false;  // than was looked at first
+  // From where the outermost samples of a cloud are: they are those of the face that noise moved.
+  std::optional<EndFace> face;
 
   // Whether it tells the end's place better than the borders' outermost point does.
   bool IsSurerThan(double sigma_mm) const {
@@ -275,14 +296,20 @@ class EndSearch {
     const double r_mm = tube_.pipe_radius_mm;
     double window_mm = std::min(kCut.window * r_mm, straight_mm);
     SamplesNearEnd near(tube_, at_start_, axis, sigma_mm_, window_mm, blocks_);
+    const auto face = FaceFrom(Eigen::Vector3d::Zero(), near, r_mm, sigma_mm_);
     // A bead parts the wall: samples before it tell nothing of how those of the end lie.
-    if (const auto begins_mm = near.WallBeginsMm(); begins_mm && *begins_mm < 0) {
-      near.LeaveOutWallBefore(*begins_mm);
-      window_mm = std::min(window_mm, -*begins_mm);
+    if (const auto begins_mm = near.WallBeginsMm()) {
+      // What is as wide as the pipe beyond a flare is a ring of the face.
+      if (!near.knows_passes() && near.WallReachesMm(*begins_mm) < kCut.face_ring * sigma_mm_) {
+        near.LeaveOutWallFrom(*begins_mm);
+      } else if (*begins_mm < 0) {
+        near.LeaveOutWallBefore(*begins_mm);
+        window_mm = std::min(window_mm, -*begins_mm);
+      }
     }
     const auto cut = CutSearch(r_mm, window_mm, sigma_mm_, dice_).Find(near);
     if (!cut) return std::nullopt;
-    return SeenEnd{*cut, near.knows_passes(), false};
+    return SeenEnd{*cut, near.knows_passes(), false, face};
   }
 
   const hal::Tube& tube_;
@@ -312,6 +339,7 @@ EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnd
       // Where noise has moved them are the outermost samples of a cloud, by which it was found.
       const double moved_mm = end->knows_passes ? 0.0 : sigma_mm;
       place = {0.0, sigma_of_end_mm * sigma_of_end_mm + moved_mm * moved_mm};
+      if (end->face) place = {end->face->at_mm, std::pow(end->face->sigma_mm, 2)};
       if (end->MayMeetAxisElsewhere()) place = OfEither(place, of_plane, LogOddsOfOblique(plane));
     }
     sigma_of_end_mm = std::sqrt(place.variance_mm2);

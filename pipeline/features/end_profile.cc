@@ -7,7 +7,9 @@
 #include <optional>
 #include <vector>
 
+#include "pipeline/fit/end_face.h"
 #include "pipeline/math/circle_sectors.h"
+#include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -27,6 +29,14 @@ struct ProfileSettings {
   // Points further out than that, and [sigma] than noise takes them: with fewer nobody need look
   // closer.
   double by_noise = 3.5;
+  double face_sigmas = 3.5;  // about the face of its cut where that is seen
+  // Points of a place that tell whether the bore is among them: fewer are lines' or strays.
+  std::size_t tells_bore = 40;
+  // Part of a place's points that lie further in than what is certainly of its outer wall.
+  double outer = 0.75;
+  // [of r_P] and [sigma] The bore lies so far below the outer wall at least. [of a place] Where one
+  // begins along the axis as the other ends they are a step of the wall.
+  double below = 0.01, below_sigmas = 4.0, step = 0.33;
   std::size_t least_points = 20;
   std::size_t asked = 40'000;  // of all points, whether there are any
   // [of its height] The flank, whose line says where it begins.
@@ -47,10 +57,10 @@ struct Beside {
 };
 
 // Calls `take` with every `stride`-th that is no further from the axis than what sits on an end,
-// nor nearer.
+// nor nearer, and no further than `beyond_mm` beyond the end of all.
 template <class Take>
 void ForBeside(const PlainEnd& end, double r_mm, double length_mm, std::span<const PointBlock> near,
-               std::size_t stride, Take take) {
+               std::size_t stride, double beyond_mm, Take take) {
   const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
   const double widest_mm = kProfile.widest * r_mm, narrowest_mm = kProfile.narrowest * r_mm;
   std::size_t next = 0;
@@ -58,7 +68,7 @@ void ForBeside(const PlainEnd& end, double r_mm, double length_mm, std::span<con
     for (; next < block.points.size(); next += stride) {
       const Eigen::Vector3d from = block.points[next] - end.position_mm;
       const double from_end_mm = length_mm - from.dot(end.outward);
-      if (from_end_mm < 0 || from_end_mm > kProfile.look * r_mm) continue;
+      if (from_end_mm < -beyond_mm || from_end_mm > kProfile.look * r_mm) continue;
       const double x = from.dot(u), y = from.dot(v), square = x * x + y * y;
       if (square > widest_mm * widest_mm || square < narrowest_mm * narrowest_mm) continue;
       take(Beside{from_end_mm, x, y, square});
@@ -67,21 +77,106 @@ void ForBeside(const PlainEnd& end, double r_mm, double length_mm, std::span<con
   }
 }
 
-std::vector<EndPoint> PointsOf(const PlainEnd& end, double r_mm, double noise_mm, double length_mm,
-                               std::span<const PointBlock> near) {
+// The points about an end, from so far into the tube on as no face is seen any more.
+struct EndPoints {
+  std::vector<EndPoint> points;
+  double from_mm = 0;
+};
+EndPoints PointsOf(const PlainEnd& end, double r_mm, double noise_mm, double length_mm,
+                   std::span<const PointBlock> near) {
   const double out_mm = r_mm + std::max(kProfile.least_height * r_mm, kProfile.by_noise * noise_mm);
   // Of most ends some say that nothing is wider than the pipe.
   std::size_t wider = 0;
   const std::size_t stride = StrideTo(CountPoints(near), kProfile.asked);
-  ForBeside(end, r_mm, length_mm, near, stride,
+  ForBeside(end, r_mm, length_mm, near, stride, 0.0,
             [&](const Beside& of) { wider += of.square > out_mm * out_mm ? 1 : 0; });
-  std::vector<EndPoint> points;
-  if (wider < kProfile.least_points) return points;
-  ForBeside(end, r_mm, length_mm, near, 1, [&](const Beside& of) {
+  EndPoints of_end;
+  std::vector<EndPoint>& points = of_end.points;
+  if (wider < kProfile.least_points) return of_end;
+  std::vector<double> places_mm;  // from the end on, outwards
+  ForBeside(end, r_mm, length_mm, near, 1, kProfile.face_sigmas * noise_mm, [&](const Beside& of) {
     points.push_back(
         {of.from_end_mm, std::sqrt(of.square), AzimuthSector<kProfileSides>(of.x, of.y)});
+    places_mm.push_back(-of.from_end_mm);
   });
-  return points;
+  const bool knows_passes = std::any_of(
+      near.begin(), near.end(), [](const PointBlock& block) { return !block.to_sensor.empty(); });
+  if (const auto face = FindEndFace(places_mm, 0.0, noise_mm); face && !knows_passes) {
+    of_end.from_mm = std::max(0.0, kProfile.face_sigmas * noise_mm - face->at_mm);
+  }
+  std::erase_if(points, [&](const EndPoint& of) { return of.from_end_mm < of_end.from_mm; });
+  return of_end;
+}
+
+// A piece of the axis, and its points.
+struct Piece {
+  double middle_mm = 0, place_mm = 0;
+  double slope = 0;  // of the outer wall in it, along the axis
+  std::span<EndPoint> points;
+
+  // The radius that a point would have in the middle.
+  double Level(const EndPoint& point) const {
+    return point.radius_mm - slope * (point.from_end_mm - middle_mm);
+  }
+};
+
+// The points of a piece's outer wall: without those of the bore where that is seen, which lie all
+// along it as much further in as the wall is thick.
+std::span<const EndPoint> WithoutBore(const Piece& piece, double r_mm, double noise_mm) {
+  const std::span<EndPoint> points = piece.points;
+  std::sort(points.begin(), points.end(),
+            [&](const EndPoint& a, const EndPoint& b) { return piece.Level(a) < piece.Level(b); });
+  std::size_t outer = 0;
+  double widest_mm = kProfile.below * r_mm + kProfile.below_sigmas * noise_mm;
+  if (points.size() < kProfile.tells_bore) return points;
+  // A stray outside is no wall.
+  const double of_outer = kProfile.outer * static_cast<double>(points.size());
+  for (std::size_t i = 1; i < static_cast<std::size_t>(of_outer); ++i) {
+    const double gap_mm = piece.Level(points[i]) - piece.Level(points[i - 1]);
+    if (gap_mm > widest_mm) widest_mm = gap_mm, outer = i;
+  }
+  const auto middle_mm = [](std::span<const EndPoint> of) {
+    double sum_mm = 0;
+    for (const EndPoint& point : of) sum_mm += point.from_end_mm;
+    return sum_mm / static_cast<double>(of.size());
+  };
+  if (outer == 0) return points;
+  const auto of_bore = points.first(outer), of_wall = points.subspan(outer);
+  const double apart_mm = std::abs(middle_mm(of_bore) - middle_mm(of_wall));
+  return apart_mm > kProfile.step * piece.place_mm ? std::span<const EndPoint>(points) : of_wall;
+}
+
+// Radius of a piece's outer wall, roughly.
+double OuterMm(const Piece& piece) {
+  std::vector<double> radii;
+  for (const EndPoint& point : piece.points) radii.push_back(point.radius_mm);
+  return Quantile(std::move(radii), kProfile.outer);
+}
+
+// One after the other, `place_mm` long, without those that have no points. They become sorted.
+std::vector<Piece> PiecesOf(EndPoints& of_end, double place_mm) {
+  std::vector<EndPoint>& points = of_end.points;
+  const auto place_of = [&](const EndPoint& point) {
+    return std::floor((point.from_end_mm - of_end.from_mm) / place_mm);
+  };
+  std::sort(points.begin(), points.end(),
+            [&](const EndPoint& a, const EndPoint& b) { return place_of(a) < place_of(b); });
+  std::vector<Piece> pieces;
+  std::vector<double> outer_mm;
+  for (auto first = points.begin(); first != points.end();) {
+    const double at = place_of(*first);
+    const auto last = std::find_if(first, points.end(),
+                                   [&](const EndPoint& point) { return place_of(point) != at; });
+    pieces.push_back({of_end.from_mm + (at + 0.5) * place_mm, place_mm, 0.0, {first, last}});
+    outer_mm.push_back(OuterMm(pieces.back()));
+    first = last;
+  }
+  for (std::size_t i = 0; i < pieces.size(); ++i) {
+    const std::size_t before = i > 0 ? i - 1 : i, after = std::min(i + 1, pieces.size() - 1);
+    const double way_mm = pieces[after].middle_mm - pieces[before].middle_mm;
+    if (way_mm > 0) pieces[i].slope = (outer_mm[after] - outer_mm[before]) / way_mm;
+  }
+  return pieces;
 }
 
 // Radii of the points of a place along the axis, side by side.
@@ -107,22 +202,22 @@ std::optional<RadiusAt> RadiusOf(double from_end_mm, const Place& place, double 
   return RadiusAt{from_end_mm, mean, std::sqrt(std::max(variance, least))};
 }
 
-std::vector<RadiusAt> Radii(std::span<const EndPoint> points, double r_mm, double noise_mm) {
+// They become sorted.
+std::vector<RadiusAt> Radii(EndPoints& of_end, double r_mm, double noise_mm) {
+  const std::vector<EndPoint>& points = of_end.points;
   double far_mm = 0;
   for (const EndPoint& point : points) far_mm = std::max(far_mm, point.from_end_mm);
   const double place_mm = std::max(kProfile.place * r_mm,
                                    kProfile.points * far_mm / static_cast<double>(points.size()));
-  std::vector<Place> places(static_cast<std::size_t>(far_mm / place_mm) + 1);
-  for (const EndPoint& point : points) {
-    Place& place = places[static_cast<std::size_t>(point.from_end_mm / place_mm)];
-    place.count[point.side] += 1;
-    place.sum_mm[point.side] += point.radius_mm;
-    place.points += 1;
-  }
   std::vector<RadiusAt> radii;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const double middle_mm = (static_cast<double>(i) + 0.5) * place_mm;
-    if (const auto radius = RadiusOf(middle_mm, places[i], noise_mm)) radii.push_back(*radius);
+  for (const Piece& piece : PiecesOf(of_end, place_mm)) {
+    Place place;
+    for (const EndPoint& point : WithoutBore(piece, r_mm, noise_mm)) {
+      place.count[point.side] += 1;
+      place.sum_mm[point.side] += point.radius_mm;
+      place.points += 1;
+    }
+    if (const auto radius = RadiusOf(piece.middle_mm, place, noise_mm)) radii.push_back(*radius);
   }
   return radii;
 }
@@ -187,10 +282,9 @@ Crossing FlankFoot(std::span<const RadiusAt> radii, std::size_t foot, std::size_
 
 void MeasureEndProfile(const PlainEnd& end, double pipe_radius_mm, double noise_mm,
                        double end_sigma_mm, std::span<const PointBlock> near, EndForm& form) {
-  const std::vector<EndPoint> points =
-      PointsOf(end, pipe_radius_mm, noise_mm, form.length_mm, near);
-  if (points.empty()) return;
-  const std::vector<RadiusAt> radii = Radii(points, pipe_radius_mm, noise_mm);
+  EndPoints of_end = PointsOf(end, pipe_radius_mm, noise_mm, form.length_mm, near);
+  if (of_end.points.empty()) return;
+  const std::vector<RadiusAt> radii = Radii(of_end, pipe_radius_mm, noise_mm);
   const auto is_wider = [&](const RadiusAt& at) {
     return at.radius_mm - pipe_radius_mm >
            std::max(kProfile.wider * pipe_radius_mm, kProfile.wider_sigmas * at.sigma_mm);

@@ -232,11 +232,21 @@ void SamplesNearEnd::LeaveOutWallBefore(double at_mm) {
   std::erase_if(wall_, [at_mm](const NearEnd& near) { return near.at_mm < at_mm; });
 }
 
+void SamplesNearEnd::LeaveOutWallFrom(double at_mm) {
+  std::erase_if(wall_, [at_mm](const NearEnd& near) { return near.at_mm >= at_mm; });
+}
+
+double SamplesNearEnd::WallReachesMm(double from_mm) const {
+  double most_mm = from_mm;
+  for (const NearEnd& near : wall_) most_mm = std::max(most_mm, near.at_mm);
+  return most_mm - from_mm;
+}
+
 std::optional<double> SamplesNearEnd::FaceBeyondMm(const Eigen::Vector3d& plane_mm, double near_mm,
                                                    double least) const {
   double sum_mm = 0, count = 0;
   for (const NearEnd& near : inside_) {
-    const double beyond_mm = near.BeyondMm(plane_mm);
+    const double beyond_mm = near.BeyondInsideMm(plane_mm, r_mm_);
     if (std::abs(beyond_mm) > near_mm) continue;
     sum_mm += beyond_mm;
     count += 1;

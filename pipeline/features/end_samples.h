@@ -29,6 +29,10 @@ struct NearEnd {
     const double out = 1.0 / std::sqrt(x * x + y * y);
     return at_mm - plane_mm[0] - out * (plane_mm[1] * x + plane_mm[2] * y);
   }
+  // The same of a sample that is not on the wall: the plane rises by less the nearer to the axis.
+  double BeyondInsideMm(const Eigen::Vector3d& plane_mm, double pipe_radius_mm) const {
+    return at_mm - plane_mm[0] - (plane_mm[1] * x + plane_mm[2] * y) / pipe_radius_mm;
+  }
 };
 
 // Samples of the tube near one of its ends, all of them; how far around the tube is asked only of
@@ -56,7 +60,10 @@ class SamplesNearEnd {
   // Beyond the end: from where the wall leads to it without a gap that goes all round, as a bead
   // leaves one. None: there is no gap.
   std::optional<double> WallBeginsMm() const;
+  // How far the outermost samples of the wall lie from there.
+  double WallReachesMm(double from_mm) const;
   void LeaveOutWallBefore(double at_mm);
+  void LeaveOutWallFrom(double at_mm);
   // How far the face that a cut left lies beyond a plane: mean of at least so many samples below
   // the wall that lie so near to it. None: fewer do.
   std::optional<double> FaceBeyondMm(const Eigen::Vector3d& plane_mm, double near_mm,

@@ -5,9 +5,11 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <tuple>
 #include <utility>
 #include <vector>
 
+#include "pipeline/fit/end_face.h"
 #include "pipeline/math/circle_sectors.h"
 
 namespace bendloop::pipeline {
@@ -210,6 +212,7 @@ FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
     standing_mm = std::max(standing_mm, along.standing_mm[i]);
   }
   if (!IsAllRoundSomewhere(along, bins, *last)) return found;
+  std::vector<double> places_mm = ends;  // of what the tube ends with
   double end_mm = ThirdFromEnd(ends);
   double per_point_mm = (end_mm + kEndForms.overlap * r_mm) / static_cast<double>(ends.size());
   const bool is_made = IsAllRound(beyond, along, kEndForms.made_sides) &&
@@ -220,11 +223,15 @@ FoundEnd Fitting(const AlongAxis& along, double r_mm, double noise_mm) {
     if (wall_mm > end_mm) {
       per_point_mm = (wall_mm - end_mm) / static_cast<double>(wall.size());
       end_mm = wall_mm;
+      places_mm = std::move(wall);
     }
   }
   found.form.length_mm = end_mm + 3.0 * per_point_mm;
   found.form.outside_mm = standing_mm;
   found.sigma_mm = std::hypot(std::sqrt(3.0) * per_point_mm, noise_mm);
+  if (const auto face = FindEndFace(places_mm, end_mm, noise_mm)) {
+    std::tie(found.form.length_mm, found.sigma_mm) = std::tie(face->at_mm, face->sigma_mm);
+  }
   return found;
 }
 
