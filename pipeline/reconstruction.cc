@@ -29,6 +29,7 @@
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/last_fit.h"
+#include "pipeline/fit/odd_die.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/other_parts.h"
 #include "pipeline/fit/registration.h"
@@ -41,7 +42,6 @@
 #include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
 #include "pipeline/fit/wrinkles.h"
-#include "pipeline/inspection/direction.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/spine/closed_tube.h"
 #include "pipeline/spine/oriented_samples.h"
@@ -55,6 +55,7 @@
 #include "pipeline/structure/nominal_along.h"
 #include "pipeline/structure/nominal_die.h"
 #include "pipeline/structure/nominal_radii.h"
+#include "pipeline/structure/other_part.h"
 #include "pipeline/structure/round_bends.h"
 #include "pipeline/structure/structure.h"
 #include "pipeline/tube/stage_timer.h"
@@ -100,6 +101,7 @@ struct FinalFit {
   double noise_mm = 0;  // 1 sigma of the points
   std::optional<SeamFound> seam;
   std::vector<WrinklesFound> wrinkles;
+  std::optional<OtherDie> other_die;  // than the nominal's, from which the radii are
   // The points left without these, one after the other, if not all.
   std::optional<OwnedBlocks> beside_seam, beside_wrinkles, beside_sunk;
   std::span<const PointBlock> BesideSeam(std::span<const PointBlock> all) const {
@@ -207,9 +209,12 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
   blocks = final.Fitted(tube.blocks);
   TryOneDie(blocks, final.options, solution);
-  if (nominal) TryNominalDie(*nominal, blocks, final.options, solution);
+  std::vector<Doubt> doubts;
+  TryOddDie(blocks, final.options, doubts, solution);
+  if (nominal) final.other_die = TryNominalDie(*nominal, blocks, final.options, doubts, solution);
   FitLast(blocks, final.options, solution);
   TryFaintDents(blocks, final.options, solution);
+  for (const Doubt& doubt : doubts) DoubtBy(doubt, final.options.free_pipe_radius, solution);
   if (nominal) TakeNominalRadii(*nominal, final.options.free_pipe_radius, solution.fit);
   final.fit = std::move(solution.fit);
   final.bowed = std::move(solution.bows.state);
@@ -255,8 +260,6 @@ class Reconstruction::Impl {
   bool IsNominal(const SurfaceFit& structure) const {
     return options_.nominal && MayBeByCorners(*options_.nominal, structure.tube, structure.sigma);
   }
-  // Whether the rows are certainly not those of the nominal.
-  void SayOtherPart(Measurement& measurement) const;
   // Blocks whose points may lie on the tube along the polygon.
   std::vector<std::int32_t> IndicesNear(const SpinePolygon& polygon) const;
   // Samples only, or all points.
@@ -317,7 +320,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
       ExplainedByBowsMm2(final.bowed, measurement.tube, tube->blocks, final.options.reach_mm);
   SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
   LookBeyondEnds(ends, final, measurement);
-  SayOtherPart(measurement);
+  if (options_.nominal) SayOtherPart(*options_.nominal, final.other_die, measurement);
   timer.Done("ends");
   WallCells cells = DescribeSamples(tube->blocks, intake_.grid().kept_count(), final.noise_mm,
                                     measurement, workers);
@@ -507,14 +510,6 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, const FinalFit& 
     MeasureEndProfile(end, r_mm, noise_mm, form.length_mm > 0 ? found.sigma_mm : plain_mm, near,
                       form);
   }
-}
-
-void Reconstruction::Impl::SayOtherPart(Measurement& measurement) const {
-  if (!options_.nominal) return;
-  const DirectionMatch match =
-      MatchDirection(*options_.nominal, measurement.tube.program, measurement.sigma, {});
-  if (match.state != DirectionState::kMirrored && match.state != DirectionState::kNoMatch) return;
-  measurement.warnings.push_back(match.message);
 }
 
 LiveView Reconstruction::Impl::View() const {

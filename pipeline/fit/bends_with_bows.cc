@@ -176,8 +176,11 @@ BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> b
   const bool is_eased = gain > worth * kRevise.insist * kRevise.insist;
   const double of_eased = 1.0 / (1.0 + std::exp(kRevise.easing_price - 0.5 * gain / worth));
   BowedSolution& chosen = is_eased ? eased : sharp;
-  DoubtBy(is_eased ? sharp : eased, is_eased ? 1.0 - of_eased : of_eased, options.free_pipe_radius,
-          chosen);
+  BowedSolution& left = is_eased ? sharp : eased;
+  if (!left.bows.is_lost) {
+    const double of_left = is_eased ? 1.0 - of_eased : of_eased;
+    DoubtBy({std::move(left.fit), of_left}, options.free_pipe_radius, chosen);
+  }
   return std::move(chosen);
 }
 
@@ -241,24 +244,22 @@ bool ExplainsParted(const BowedSolution& solution) {
 
 }  // namespace
 
-void DoubtBy(const BowedSolution& other, double part, bool free_pipe_radius,
-             BowedSolution& chosen) {
-  const auto is_lost = [](const BowedSolution& one) { return one.bows.is_lost; };
+void DoubtBy(const Doubt& doubt, bool free_pipe_radius, BowedSolution& chosen) {
   const std::size_t bends = chosen.fit.tube.program.bend_count();
-  if (part < kRevise.hardly_likely || is_lost(other) || is_lost(chosen) ||
-      other.fit.tube.program.bend_count() != bends) {
+  if (doubt.part < kRevise.hardly_likely || chosen.bows.is_lost ||
+      doubt.other.tube.program.bend_count() != bends) {
     return;
   }
   const auto numbers = [&](const SurfaceFit& fit) {
     return TubeParameters(fit.tube, free_pipe_radius, fit.flattening, {}).Initial();
   };
   const TubeParameters parameters(chosen.fit.tube, free_pipe_radius, chosen.fit.flattening, {});
-  Eigen::VectorXd apart = numbers(other.fit) - numbers(chosen.fit);
+  Eigen::VectorXd apart = numbers(doubt.other) - numbers(chosen.fit);
   for (std::size_t i = 1; i < bends; ++i) {
     double& turn = apart[parameters.rotation(i)];
     turn = std::remainder(turn, 2.0 * std::numbers::pi);
   }
-  Widen(part * apart * apart.transpose(), free_pipe_radius, chosen.fit);
+  Widen(doubt.part * apart * apart.transpose(), free_pipe_radius, chosen.fit);
 }
 
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,

@@ -37,8 +37,13 @@ double AdvantageAt(std::span<const PointBlock> blocks, const BowedSolution& a,
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);
 
-// `chosen` is less sure by as much as the other, `part` of the odds, lies elsewhere.
-void DoubtBy(const BowedSolution& other, double part, bool free_pipe_radius, BowedSolution& chosen);
+// What a tube may be as well, `part` of the odds. `chosen` is less sure by as much as that lies
+// elsewhere.
+struct Doubt {
+  SurfaceFit other;
+  double part = 0;
+};
+void DoubtBy(const Doubt& doubt, bool free_pipe_radius, BowedSolution& chosen);
 
 // The same as SolveWithBows() where it is not known whether the bends ease.
 BowedSolution SolveAnew(const hal::Tube& start, std::span<const PointBlock> blocks,

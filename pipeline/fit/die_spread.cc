@@ -53,11 +53,11 @@ std::vector<Alike> AllAlike(const TubeParameters& parameters, const Eigen::Vecto
                             FitPriors& priors) {
   std::vector<int> radii, easings;
   for (std::size_t i = 0; i < parameters.bends(); ++i) {
-    radii.push_back(parameters.bend_radius(i));
+    if (!priors.IsOdd(i)) radii.push_back(parameters.bend_radius(i));
     if (parameters.eased()) easings.push_back(parameters.easing(i));
   }
   std::vector<Alike> alike;
-  if (priors.radii_alike > 0) alike.push_back(AlikeOf(radii, x, priors.radii_alike));
+  if (priors.radii_alike > 0 && radii.size() > 1) alike.push_back(AlikeOf(radii, x, priors.radii_alike));
   if (parameters.eased()) alike.push_back(AlikeOf(easings, x, priors.easings_alike));
   return alike;
 }

@@ -64,23 +64,25 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
     right.segment(first, bends) -= certainty * (alike * easing);
     add(parameters.easing_reach(), at[parameters.easing_reach()] - kUsualReach, kReachSigma, 1.0);
   }
-  if (radii_alike > 0 && parameters.bends() > 0) {
-    const auto bends = static_cast<double>(parameters.bends());
-    double mean_mm = 0;
+  if (radii_alike > 0) {
+    std::vector<int> radii;
+    double sum_mm = 0;
     for (std::size_t i = 0; i < parameters.bends(); ++i) {
-      mean_mm += at[parameters.bend_radius(i)] / bends;
+      if (IsOdd(i)) continue;
+      radii.push_back(parameters.bend_radius(i));
+      sum_mm += at[radii.back()];
     }
+    const auto bends = static_cast<double>(radii.size());
+    const double mean_mm = sum_mm / bends;
     const double certainty = std::pow(sigma_mm / (radii_alike * mean_mm), 2);
-    for (std::size_t i = 0; i < parameters.bends(); ++i) {
-      right[parameters.bend_radius(i)] -= certainty * (at[parameters.bend_radius(i)] - mean_mm);
-      for (std::size_t k = 0; k < parameters.bends(); ++k) {
-        matrix(parameters.bend_radius(i), parameters.bend_radius(k)) +=
-            certainty * ((i == k ? 1.0 : 0.0) - 1.0 / bends);
-      }
+    for (const int i : radii) {
+      right[i] -= certainty * (at[i] - mean_mm);
+      for (const int k : radii) matrix(i, k) += certainty * ((i == k ? 1.0 : 0.0) - 1.0 / bends);
     }
   }
   if (!bend_radius) return;
   for (std::size_t bend = 0; bend < parameters.bends(); ++bend) {
+    if (IsOdd(bend)) continue;
     const Eigen::Index i = parameters.bend_radius(bend);
     const double deviation_mm = at[i] - bend_radius->mean_mm;
     add(i, deviation_mm, bend_radius->sigma_mm, RobustWeight(deviation_mm, bend_radius->sigma_mm));
@@ -93,6 +95,7 @@ double FitPriors::OccamPenalty(const TubeParameters& parameters, const hal::Tube
   Eigen::VectorXd range = ExpectedRange(parameters, tube.pipe_radius_mm);
   Eigen::VectorXd counted = Eigen::VectorXd::Zero(parameters.size());
   for (std::size_t bend = 0; bend_radius && bend < parameters.bends(); ++bend) {
+    if (IsOdd(bend)) continue;
     const int i = parameters.bend_radius(bend);
     const double deviation_mm = *tube.program.rows[bend].bend_radius_mm - bend_radius->mean_mm;
     if (RobustWeight(deviation_mm, bend_radius->sigma_mm) < 0.5) continue;
@@ -129,16 +132,20 @@ double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Fla
             f.plateau * f.plateau) /
            (kUsualFlattening * kUsualFlattening);
   }
-  double mean_radius_mm = 0;
-  const auto radii = static_cast<double>(program.bend_count());
+  double radii = 0, sum_mm = 0;
   for (std::size_t i = 0; i < program.bend_count(); ++i) {
-    mean_radius_mm += program.rows[i].bend_radius_mm.value_or(0.0) / radii;
+    if (IsOdd(i)) continue;
+    radii += 1;
+    sum_mm += program.rows[i].bend_radius_mm.value_or(0.0);
   }
   for (std::size_t i = 0; radii_alike > 0 && i < program.bend_count(); ++i) {
-    const double off_mm = program.rows[i].bend_radius_mm.value_or(0.0) - mean_radius_mm;
-    sum += std::pow(off_mm / (radii_alike * mean_radius_mm), 2);
+    if (IsOdd(i)) continue;
+    const double mean_mm = sum_mm / radii;
+    const double off_mm = program.rows[i].bend_radius_mm.value_or(0.0) - mean_mm;
+    sum += std::pow(off_mm / (radii_alike * mean_mm), 2);
   }
   for (std::size_t bend = 0; bend_radius && bend < program.bend_count(); ++bend) {
+    if (IsOdd(bend)) continue;
     const double radius_mm = program.rows[bend].bend_radius_mm.value_or(bend_radius->mean_mm);
     sum += RobustSum(radius_mm - bend_radius->mean_mm, bend_radius->sigma_mm);
   }

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "pipeline/fit/tube_parameters.h"
 
@@ -25,6 +28,11 @@ struct FitPriors {
   std::optional<UsualBendRadius> bend_radius;
   // [of their mean] 1 sigma of the bend radii, whatever that is; 0: nothing is known.
   double radii_alike = 0;
+  // Bends of another die: nothing is expected of their radii.
+  std::vector<std::size_t> odd_bends = {};
+  bool IsOdd(std::size_t bend) const {
+    return std::find(odd_bends.begin(), odd_bends.end(), bend) != odd_bends.end();
+  }
   // [of their mean] 1 sigma of the easings' variances: clamp and dies are the same for all bends of
   // a tube. By trial; a tenth of the easing length.
   double easings_alike = 0.2;

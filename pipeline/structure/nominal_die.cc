@@ -27,6 +27,12 @@ struct NominalDieSettings {
   double same = 0.03;
   // [twice the logarithm of the odds] What an easing costs (bends_with_bows.cc).
   double easing_price = 2.0;
+  // [twice the logarithm of the odds] Another die than the nominal's is so much less likely, before
+  // the scan: one in twenty, of any radius up to a few times it.
+  double another_die = 13.0;
+  // [twice the logarithm of the odds] From which on samples tell by themselves. [variances] Radii
+  // that are so far off are told where they do not.
+  double decisive = 9.0, told_variances = 16.0;
 };
 constexpr NominalDieSettings kNominalDie;
 
@@ -77,49 +83,83 @@ std::optional<double> EasingMm2(const SurfaceFit& fit, double nominal_mm) {
   return mean_mm2;
 }
 
-// [twice the logarithm of the odds] Against radii that differ so from the nominal's, as springback
-// makes all of them, and from each other.
-double AgainstRadii(const hal::BendProgram& program, double nominal_mm) {
-  const auto bends = static_cast<double>(program.bend_count());
-  double mean = 0, apart = 0;
-  for (std::size_t i = 0; i < program.bend_count(); ++i) {
-    mean += (program.rows[i].bend_radius_mm.value_or(0.0) / nominal_mm - 1.0) / bends;
+// How far the bends' radii are over the nominal's, all together as a die has them.
+struct OffNominal {
+  double mean = 0, variance = 0;  // the latter as the samples leave it
+  double apart = 0;               // [variances] from each other
+  // [variances] As springback makes all of them.
+  double Wider() const { return mean * mean / (std::pow(kNominalDie.springback, 2) + variance); }
+  // What is left of what springback leaves (MacKay, Bayesian interpolation, 1992: Occam factor).
+  double Left() const {
+    return std::sqrt(variance / (variance + std::pow(kNominalDie.springback, 2)));
   }
-  for (std::size_t i = 0; i < program.bend_count(); ++i) {
-    const double off = program.rows[i].bend_radius_mm.value_or(0.0) / nominal_mm - 1.0 - mean;
-    apart += std::pow(off / kRadiiOfOneDie, 2);
+};
+OffNominal OffNominalOf(const SurfaceFit& fit, double nominal_mm) {
+  OffNominal off;
+  double weights = 0, sum = 0, square = 0, of_samples = 0;
+  for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
+    const double by = fit.tube.program.rows[i].bend_radius_mm.value_or(0.0) / nominal_mm - 1.0;
+    const double sigma = fit.sigma.rows[i].bend_radius_mm.value_or(0.0) / nominal_mm;
+    const double weight = 1.0 / (kRadiiOfOneDie * kRadiiOfOneDie + sigma * sigma);
+    weights += weight, sum += weight * by, square += weight * by * by;
+    of_samples += weight * weight * sigma * sigma;
   }
-  return std::pow(mean / kNominalDie.springback, 2) + apart;
+  off.mean = sum / weights;
+  off.variance = of_samples / (weights * weights);
+  off.apart = std::max(0.0, square - sum * off.mean);
+  return off;
+}
+
+// [twice the logarithm of the odds] Against radii that differ so from the nominal's and from each
+// other.
+double Against(const OffNominal& off) {
+  const double of_another = std::exp(-0.5 * kNominalDie.another_die);
+  return off.apart - 2.0 * std::log(off.Left() * std::exp(-0.5 * off.Wider()) + of_another);
+}
+
+std::optional<OtherDie> MayBeOf(const OffNominal& sharp, double nominal_mm) {
+  if (sharp.Wider() < kNominalDie.told_variances) return std::nullopt;
+  return OtherDie{nominal_mm, (1.0 + sharp.mean) * nominal_mm,
+                  std::sqrt(sharp.variance) * nominal_mm};
 }
 
 }  // namespace
 
-void TryNominalDie(const hal::BendProgram& nominal, std::span<const PointBlock> blocks,
-                   const SurfaceFitOptions& options, BowedSolution& solution) {
+std::optional<OtherDie> TryNominalDie(const hal::BendProgram& nominal,
+                                      std::span<const PointBlock> blocks,
+                                      const SurfaceFitOptions& options, std::vector<Doubt>& doubts,
+                                      BowedSolution& solution) {
   const SurfaceFit& fit = solution.fit;
   const std::size_t bends = fit.tube.program.bend_count();
   const bool is_sharp = fit.easing.empty();
-  if (bends == 0) return;
+  if (bends == 0) return std::nullopt;
   const auto nominal_mm = NominalRadiusMm(nominal, fit);
-  if (!nominal_mm || !(is_sharp || IsVague(fit, *nominal_mm))) return;
+  if (!nominal_mm || !(is_sharp || IsVague(fit, *nominal_mm))) return std::nullopt;
   const auto easing_mm2 = EasingMm2(fit, *nominal_mm);
-  if (!easing_mm2) return;
+  if (!easing_mm2) return std::nullopt;
   const auto start = WithBendRadii(fit.tube, *nominal_mm);
-  if (!start) return;
+  if (!start) return std::nullopt;
   SurfaceFitOptions of_die = options;
   of_die.priors.radii_alike = 0;
   of_die.priors.bend_radius = UsualBendRadius{*nominal_mm, kNominalDie.springback * *nominal_mm};
   of_die.easing = fit.easing;
   of_die.easing.variance_mm2.assign(bends, *easing_mm2);
   BowedSolution eased = SolveWithBows(*start, blocks, of_die);
-  if (eased.fit.tube.program.bend_count() != bends || eased.fit.easing.empty()) return;
-  const double better = AdvantageOf(eased, solution, blocks, options.reach_mm) +
-                        AgainstRadii(fit.tube.program, *nominal_mm) -
-                        AgainstRadii(eased.fit.tube.program, *nominal_mm) -
-                        (is_sharp ? kNominalDie.easing_price : 0.0);
+  if (eased.fit.tube.program.bend_count() != bends || eased.fit.easing.empty()) return std::nullopt;
+  const OffNominal found = OffNominalOf(fit, *nominal_mm);
+  const double of_samples = AdvantageOf(eased, solution, blocks, options.reach_mm) -
+                            (is_sharp ? kNominalDie.easing_price : 0.0);
+  // What eases anyway is only the more certain by the nominal's radius, if it is of that die.
+  const double better =
+      is_sharp ? of_samples + Against(found) - Against(OffNominalOf(eased.fit, *nominal_mm))
+               : kNominalDie.another_die - found.Wider();
   const double of_eased = 1.0 / (1.0 + std::exp(-0.5 * better));
   if (better > 0) std::swap(eased, solution);
-  DoubtBy(eased, std::min(of_eased, 1.0 - of_eased), options.free_pipe_radius, solution);
+  if (!eased.bows.is_lost) {
+    doubts.push_back({std::move(eased.fit), std::min(of_eased, 1.0 - of_eased)});
+  }
+  const bool samples_tell = better < 0 || of_samples > kNominalDie.decisive;
+  return samples_tell ? std::nullopt : MayBeOf(found, *nominal_mm);
 }
 
 }  // namespace bendloop::pipeline

@@ -4,11 +4,13 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <vector>
 
 #include "hal/angles.h"
 #include "pipeline/fit/tube_parameters.h"
+#include "pipeline/fit/usual_bend_radius.h"
 #include "pipeline/inspection/direction.h"
 #include "pipeline/math/quantiles.h"
 #include "pipeline/structure/nominal_along.h"
@@ -24,6 +26,8 @@ struct NominalRadiiSettings {
   double same = 3.0;
   // [variances] By which samples contradict another radius.
   double contradicted = 9.0;
+  // [of the radius] Nominal radii that differ by no more are of one die: no bend has another.
+  double alike = 0.03;
 };
 constexpr NominalRadiiSettings kNominalRadii;
 
@@ -44,22 +48,22 @@ void MoveRadius(const TubeParameters& parameters, std::size_t bend, double by_mm
   if (missing_mm2 > 0) covariance += missing_mm2 * moves * moves.transpose();
 }
 
-// What the fit expected of radii that samples do not tell.
-std::optional<UsualBendRadius> ExpectedRadius(const SurfaceFit& fit) {
-  if (fit.priors.bend_radius || !(fit.priors.radii_alike > 0)) return fit.priors.bend_radius;
-  double mean_mm = 0;
-  const auto bends = static_cast<double>(fit.tube.program.bend_count());
-  for (const hal::BendRow& row : fit.tube.program.rows) {
-    mean_mm += row.bend_radius_mm.value_or(0.0) / bends;
+// Whether all bends are of one die by the nominal.
+bool HasOneDie(const hal::BendProgram& nominal) {
+  double least_mm = std::numeric_limits<double>::infinity(), most_mm = 0;
+  for (const hal::BendRow& row : nominal.rows) {
+    if (!row.bend_radius_mm) continue;
+    least_mm = std::min(least_mm, *row.bend_radius_mm);
+    most_mm = std::max(most_mm, *row.bend_radius_mm);
   }
-  return UsualBendRadius{mean_mm, fit.priors.radii_alike * mean_mm};
+  return most_mm <= (1.0 + kNominalRadii.alike) * least_mm;
 }
 
 }  // namespace
 
 void TakeNominalRadii(const hal::BendProgram& nominal, bool free_pipe_radius, SurfaceFit& fit) {
   const auto usual = ExpectedRadius(fit);
-  if (!usual || !MayBeByCorners(nominal, fit.tube, fit.sigma)) return;
+  if (!usual || HasOneDie(nominal) || !MayBeByCorners(nominal, fit.tube, fit.sigma)) return;
   const bool is_reversed = MatchDirection(nominal, fit.tube.program, fit.sigma, {}).reversed;
   const hal::BendProgram wanted = is_reversed ? ReverseProgram(nominal) : nominal;
   const TubeParameters parameters(fit.tube, free_pipe_radius, fit.flattening, fit.easing);

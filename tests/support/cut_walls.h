@@ -11,6 +11,7 @@
 #include "pipeline/features/end_lines.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/math/dense_solve.h"
+#include "tests/support/uniform.h"
 
 // Walls with known borders, sampled evenly and blurred by noise, and the least 1 sigma that an
 // unbiased estimate of a border's numbers can have of them (Cramer and Rao).
@@ -34,14 +35,6 @@ struct CutTube {
                      (kBorderInformation * per_mm2 * 2 * std::numbers::pi * pipe_radius_mm));
   }
 };
-
-inline double Uniform(std::mt19937_64& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-// The logarithm is even.
-inline double LogUniform(std::mt19937_64& random, double low, double high) {
-  return std::exp(Uniform(random, std::log(low), std::log(high)));
-}
 
 inline std::vector<pipeline::EndSample> SampleEnd(const CutTube& tube, double window_mm,
                                                   double per_mm2, double smear_mm,

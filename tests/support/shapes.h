@@ -14,6 +14,7 @@
 #include "hal/spine.h"
 #include "pipeline/fit/surface_points.h"
 #include "tests/support/synthetic_cloud.h"
+#include "tests/support/uniform.h"
 
 // Surfaces with known curvature, and small helpers, for the tests of the stages.
 namespace bendloop::tests {
@@ -23,10 +24,6 @@ using Points = std::vector<Eigen::Vector3d>;
 
 inline constexpr double kPi = std::numbers::pi;
 inline constexpr double kDegrees = 180.0 / kPi;
-
-inline double Uniform(Random& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
 
 inline Eigen::Vector3d RandomUnit(Random& random) {
   std::normal_distribution<double> normal;

@@ -12,6 +12,7 @@
 #include "hal/spine.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/synthetic_cloud.h"
+#include "tests/support/uniform.h"
 
 // Scans of random tubes and what their reconstruction has to hold to.
 namespace bendloop::tests {
@@ -24,10 +25,6 @@ inline constexpr int kSeeds = 2;
 #else
 inline constexpr int kSeeds = 20;
 #endif
-
-inline double Uniform(Random& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
 
 inline Eigen::Vector3d RandomUnit(Random& random) {
   std::normal_distribution<double> normal;
