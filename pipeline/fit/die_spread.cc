@@ -57,7 +57,8 @@ std::vector<Alike> AllAlike(const TubeParameters& parameters, const Eigen::Vecto
     if (parameters.eased()) easings.push_back(parameters.easing(i));
   }
   std::vector<Alike> alike;
-  if (priors.radii_alike > 0 && radii.size() > 1) alike.push_back(AlikeOf(radii, x, priors.radii_alike));
+  if (priors.radii_alike > 0 && radii.size() > 1)
+    alike.push_back(AlikeOf(radii, x, priors.radii_alike));
   if (parameters.eased()) alike.push_back(AlikeOf(easings, x, priors.easings_alike));
   return alike;
 }

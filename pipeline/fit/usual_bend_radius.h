@@ -12,8 +12,8 @@ namespace bendloop::pipeline {
 // of the others.
 std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit);
 
-// What the fit expected of radii that samples do not tell, but of odd ones: the usual one, or as the
-// others are. None: nothing.
+// What the fit expected of radii that samples do not tell, but of odd ones: the usual one, or as
+// the others are. None: nothing.
 std::optional<UsualBendRadius> ExpectedRadius(const SurfaceFit& fit);
 
 // The tube with the usual radius where the fit allows it: the priors do not pull from afar.
