@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <utility>
 
@@ -36,6 +37,8 @@ struct BevelSettings {
   double least_better = 0.5, by_chance = 100.0;
   // [sigma] A face that lies so far beyond the wall's border has something between.
   double face_beyond = 3.0;
+  // [sigma] From which on a cone follows another plane.
+  double tilted = 3.0, kept = 0.9;
 };
 constexpr BevelSettings kBevel;
 
@@ -47,16 +50,12 @@ struct LineSums {
   double Slope() const { return (xy - x * y / n) / Spread(); }
 };
 
-// `of_cut_mm`: beyond the plane itself, which goes on into the tube; the wall's own face lies in
-// it.
+// `beyond_mm`: the plane itself, which goes on into the tube. The face of the cut lies in one, and
+// a bevel goes as far from it at any depth.
 struct InsideSample {
   std::size_t index;
-  double beyond_mm, in_mm, of_cut_mm;
+  double beyond_mm, in_mm;
 };
-
-double OfCutMm(const NearEnd& sample, const Eigen::Vector3d& plane_mm, double r_mm) {
-  return sample.at_mm - plane_mm[0] - (plane_mm[1] * sample.x + plane_mm[2] * sample.y) / r_mm;
-}
 
 bool AreEnough(const SamplesNearEnd& near, std::span<const InsideSample> inside) {
   EndSectors seen{};
@@ -73,10 +72,11 @@ std::vector<InsideSample> InsideOf(const SamplesNearEnd& near, const Eigen::Vect
   std::vector<InsideSample> inside;
   for (std::size_t i = 0; i < near.inside().size(); ++i) {
     const NearEnd& sample = near.inside()[i];
-    const double beyond_mm = sample.BeyondMm(plane_mm), in_mm = r_mm - sample.RadiusMm();
+    const double beyond_mm = sample.BeyondInsideMm(plane_mm, r_mm);
+    const double in_mm = r_mm - sample.RadiusMm();
     if (beyond_mm < 0 || beyond_mm > kBevel.longest * r_mm || in_mm > kBevel.deepest * r_mm)
       continue;
-    inside.push_back({i, beyond_mm, in_mm, OfCutMm(sample, plane_mm, r_mm)});
+    inside.push_back({i, beyond_mm, in_mm});
   }
   return inside;
 }
@@ -100,7 +100,7 @@ struct CutFace {
   double beyond_mm = 0, cosine = 1;  // of the cut's plane; of its normal, to the tube
 
   double Squares(const InsideSample& sample, double noise_mm) const {
-    return std::pow((sample.of_cut_mm - beyond_mm) * cosine / noise_mm, 2);
+    return std::pow((sample.beyond_mm - beyond_mm) * cosine / noise_mm, 2);
   }
 };
 CutFace FaceOf(std::span<const InsideSample> inside, const Eigen::Vector3d& plane_mm, double r_mm,
@@ -108,7 +108,7 @@ CutFace FaceOf(std::span<const InsideSample> inside, const Eigen::Vector3d& plan
   CutFace face;
   face.cosine = r_mm / std::hypot(r_mm, plane_mm.tail<2>().norm());
   std::vector<double> off_mm;
-  for (const InsideSample& sample : inside) off_mm.push_back(sample.of_cut_mm);
+  for (const InsideSample& sample : inside) off_mm.push_back(sample.beyond_mm);
   face.beyond_mm = MiddleOfMost(std::move(off_mm), 2.0 * kBevel.of_face * noise_mm / face.cosine);
   return face;
 }
@@ -269,9 +269,12 @@ double GoesOnMm(std::span<const InsideSample> inside) {
   return Quantile(std::move(beyond_mm), 0.95);
 }
 
-}  // namespace
-
-BevelSearch FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm, double r_mm,
+// With the likeliest cone, told or not.
+struct ConeSearch {
+  BevelSearch search;
+  std::optional<EndBevel> cone;
+};
+ConeSearch FindConeAt(const Eigen::Vector3d& plane_mm, const SamplesNearEnd& near, double r_mm,
                       double noise_mm) {
   const std::vector<InsideSample> inside = InsideOf(near, plane_mm, r_mm);
   if (!AreEnough(near, inside)) return {};
@@ -282,8 +285,9 @@ BevelSearch FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_m
     if (face.Squares(sample, noise_mm) > kBevel.of_face * kBevel.of_face)
       off_face.push_back(sample);
   }
-  double least = 0;
-  BevelSearch found;
+  double least = std::numeric_limits<double>::infinity();
+  ConeSearch found_at;
+  BevelSearch& found = found_at.search;
   // Of a square or oblique cut the face lies where the wall ends.
   if (face.beyond_mm * face.cosine > kBevel.face_beyond * noise_mm) {
     found.perhaps_mm = face.beyond_mm;
@@ -296,19 +300,69 @@ BevelSearch FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_m
       if (!cone) continue;
       const Left left = LeftBy(cone->bevel, has_face, inside, face, noise_mm);
       if (has_face && left.below < kBevel.least_inside) continue;
-      if (!left.IsBetterThanFace()) {
-        if (left.all < left.by_face - kBevel.by_chance) found.perhaps_mm = GoesOnMm(inside);
-        continue;
+      const bool is_told = left.IsBetterThanFace();
+      if (!is_told && left.all < left.by_face - kBevel.by_chance) {
+        found.perhaps_mm = GoesOnMm(inside);
       }
-      if (found.bevel && left.all > least - kBevel.by_chance) continue;
+      // Nothing but one that is told takes the place of one that is.
+      if (found.bevel && (!is_told || left.all > least - kBevel.by_chance)) continue;
+      if (!is_told && left.all > least) continue;
       least = left.all;
+      found_at.cone = cone->bevel;
+      if (!is_told) continue;
       found.bevel = std::move(cone->bevel);
       if (!has_face) continue;
       TakeSamples(near, inside, face, noise_mm, *found.bevel);
       found.bevel->face_mm = face.beyond_mm;
     }
   }
-  return found;
+  return found_at;
+}
+
+// By how much the plane that a cone follows rises against the one that it was found about, with the
+// cosine and the sine of the angle around; none: its samples do not say so.
+std::optional<Eigen::Vector2d> TiltOf(const EndBevel& cone, const Eigen::Vector3d& plane_mm,
+                                      double r_mm, double noise_mm) {
+  // How far in, by how far beyond, and around.
+  Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d right = Eigen::Vector4d::Zero();
+  for (const NearEnd& sample : cone.samples) {
+    const Eigen::Vector4d row(sample.BeyondInsideMm(plane_mm, r_mm), 1.0, sample.x / r_mm,
+                              sample.y / r_mm);
+    normal += row * row.transpose();
+    right += (r_mm - sample.RadiusMm()) * row;
+  }
+  const Eigen::FullPivLU<Eigen::Matrix4d> solver(normal);
+  if (!solver.isInvertible()) return std::nullopt;
+  const Eigen::Vector4d fit = solver.solve(right);
+  const double variance = noise_mm * noise_mm * (1.0 + fit[0] * fit[0]);
+  const Eigen::Matrix2d of_rise = variance * solver.inverse().bottomRightCorner<2, 2>();
+  const Eigen::Vector2d rise = fit.tail<2>();
+  if (!(fit[0] > kBevel.least_fall) ||
+      rise.dot(of_rise.inverse() * rise) < kBevel.tilted * kBevel.tilted) {
+    return std::nullopt;
+  }
+  return Eigen::Vector2d(-rise / fit[0]);
+}
+
+}  // namespace
+
+BevelSearch FindBevel(const SamplesNearEnd& near, const Eigen::Vector3d& plane_mm, double r_mm,
+                      double noise_mm) {
+  Eigen::Vector3d plane = plane_mm;
+  ConeSearch found = FindConeAt(plane, near, r_mm, noise_mm);
+  for (int round = 0; round < kBevel.rounds && found.cone; ++round) {
+    const auto tilt = TiltOf(*found.cone, plane, r_mm, noise_mm);
+    if (!tilt) break;
+    plane.tail<2>() += *tilt;
+    ConeSearch along = FindConeAt(plane, near, r_mm, noise_mm);
+    const auto samples = [](const ConeSearch& of) {
+      return of.cone ? static_cast<double>(of.cone->samples.size()) : 0.0;
+    };
+    if (samples(along) < kBevel.kept * samples(found)) break;
+    found = std::move(along);
+  }
+  return std::move(found.search);
 }
 
 }  // namespace bendloop::pipeline

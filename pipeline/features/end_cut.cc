@@ -40,6 +40,9 @@ struct EndCutSettings {
   // further beyond the plane that they tell has something between. By trial.
   double near_face = 4.0, above_face = 0.7, face_beyond = 1.0;
   double least_of_face = 12.0;
+  // [sigma] By which a bevel's border and its tip's may rise differently by chance; [of that] what
+  // both are unsure by at least; [of how far a tip lies off at the rim] and at the axis. By trial.
+  double rise_alike = 3.0, unlike = 0.25, misplaced = 0.3;
   double face_ring = 10.0;  // [sigma] All of a face lies within this along the axis.
   // Odds before the scan that an end is not square, and how many times the least slope that is not
   // is the greatest.
@@ -103,6 +106,7 @@ class CutSearch {
       if (auto tip = PlaneOfWall(near.With(bevel->samples))) {
         // Its samples become few towards the tip, where those of the face are still seen.
         if (bevel->face_mm) PlaceAtFace(of_wall_mm[0] + *bevel->face_mm, *tip);
+        AlignWithBevel(*plane, *tip);
         found = {*tip, Found(*tip)};
         found.cut.bevel = bevel->Found(tip->at_mm - of_wall_mm[0], tip->at_sigma_mm);
       }
@@ -130,6 +134,25 @@ class CutSearch {
     plane.at_sigma_mm =
         std::hypot(plane.at_sigma_mm, kCut.perhaps_bevelled * (face_mm - plane.at_mm));
     plane.at_mm = face_mm;
+  }
+
+  // A tool that bevels follows the edge of the cut: where the bevel begins and where the tube ends
+  // are planes that rise alike, and if they do not, one of them is not what it was taken for.
+  void AlignWithBevel(const EndPlane& begins, EndPlane& tip) const {
+    const Eigen::Vector2d apart(begins.cosine - tip.cosine, begins.sine - tip.sine);
+    const double of_begin = std::pow(begins.slope_sigma, 2), of_tip = std::pow(tip.slope_sigma, 2);
+    if (!(of_begin + of_tip > 0)) return;
+    if (apart.squaredNorm() > 2.0 * std::pow(kCut.rise_alike, 2) * (of_begin + of_tip)) {
+      tip.slope_sigma = std::hypot(tip.slope_sigma, apart.norm() / std::sqrt(2.0));
+      tip.at_sigma_mm =
+          std::hypot(tip.at_sigma_mm, kCut.misplaced * r_mm_ * apart.norm() / std::sqrt(2.0));
+    } else {
+      const double part = of_tip / (of_begin + of_tip);
+      tip.cosine += part * apart.x();
+      tip.sine += part * apart.y();
+      tip.slope_sigma = std::hypot(std::sqrt(part * of_begin), kCut.unlike * apart.norm());
+    }
+    tip.slope_sigmas = tip.Slope() / tip.slope_sigma;
   }
 
   // Noise along the tube moves samples of the face beyond the border: most lie below the wall.

@@ -220,6 +220,30 @@ CloudEnd EndOf(std::span<const Eigen::Vector3d> points, double r_mm, double nois
           ends.last_sigma_mm};
 }
 
+// The plane of a cut rises by less nearer to the axis, where a bevel goes: its cone is not about
+// the plane of the wall's border.
+TEST(EndEdge, ABevelOfAnObliqueEndIsAsSteepAsItIs) {
+  std::mt19937_64 random(1);
+  constexpr double kRadiusOfTubeMm = 6, kNoiseMm = 0.02;
+  constexpr int kEnds = 24;
+  double square = 0;
+  for (int i = 0; i < kEnds; ++i) {
+    SCOPED_TRACE(i);
+    const double bevel_mm = tests::Uniform(random, 0.6, 1.2);
+    const double depth_mm = bevel_mm * tests::Uniform(random, 0.7, 1.3);
+    auto points = BevelledCloud(kRadiusOfTubeMm, {bevel_mm, depth_mm, kNoiseMm, 0}, random);
+    const double slope = std::tan(tests::Uniform(random, 4, 9) * hal::kRadiansPerDegree);
+    for (Eigen::Vector3d& point : points) point.x() += slope * point.y() * point.x() / 60;
+    const EndCuts cuts = EndOf(points, kRadiusOfTubeMm, kNoiseMm).cuts;
+    ASSERT_TRUE(cuts.last && cuts.last->bevel);
+    const double angle_deg = std::atan(depth_mm / bevel_mm) * hal::kDegreesPerRadian;
+    const double off_deg = cuts.last->bevel->angle_deg - angle_deg;
+    EXPECT_LT(std::abs(off_deg), 1.0);
+    square += std::pow(off_deg / cuts.last->bevel->angle_sigma_deg, 2) / kEnds;
+  }
+  EXPECT_LT(std::sqrt(square), 2.2);
+}
+
 TEST(EndEdge, ABevelIsFoundBesideMixedPixels) {
   std::mt19937_64 random(1);
   constexpr double kRadiusOfTubeMm = 6;
