@@ -32,6 +32,9 @@ struct OpeningSettings {
   // have there, as fewer may be missing by chance (e^-16). Of one that is narrower more must be,
   // and places like it beside it must have samples.
   double least_gaps = 2.2, least_missing = 16.0, least_missing_narrow = 25.0;
+  // The same where so many rays of lines are known to have gone through: these say so themselves.
+  double least_missing_through = 9.0;
+  std::ptrdiff_t least_through_rays = 3;
   // [of its width] So far outside of what is roughly its border the face of the cut may be.
   double face = 0.15;
   // Of its area, where passes are known: so much was looked through by all of them.
@@ -137,6 +140,16 @@ double LeastMissing(const OpeningBorder& border, const Look& look) {
   return IsNarrow(border, look) ? kOpening.least_missing_narrow : kOpening.least_missing;
 }
 
+// Where rays that went through are known.
+double LeastMissing(const OpeningBorder& border, const Look& look, const PassSurroundings& passes) {
+  const auto through = std::count_if(
+      passes.missed.begin(), passes.missed.end(),
+      [&](const MissedPlace& missed) { return border.DistanceMm(missed.place_mm) < 0; });
+  const bool is_seen_through =
+      passes.are_known && passes.has_lines && through >= kOpening.least_through_rays;
+  return is_seen_through ? kOpening.least_missing_through : LeastMissing(border, look);
+}
+
 // How many of these lie in a border, and further in than this.
 double CountInside(const OpeningBorder& border, std::span<const Eigen::Vector2d> places,
                    double deeper_mm) {
@@ -186,7 +199,7 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSu
       DensityBeside(border, are_scattered ? passes.scattered : around.wall).per_mm2 *
       border.AreaMm2();
   const double clear_mm = 0.1 * border.width_mm;
-  if (!(missing >= LeastMissing(border, look))) return false;
+  if (!(missing >= LeastMissing(border, look, passes))) return false;
   if (CountInside(border, around.present, clear_mm) >
           std::max(1.0, kOpening.most_inside * missing) ||
       CountInside(border, around.below, clear_mm) > std::max(1.0, kOpening.most_below * missing)) {

@@ -101,6 +101,40 @@ TEST(CutScan, FindsEndsHolesAndSlot) {
   EXPECT_LE(sigmas.beyond_3(), 1);
 }
 
+// Holes that few lines cross. Rays that went through are known: what such a hole lacks need not be
+// so much that nothing else could be the reason. 4 of 36 were told before.
+TEST(CutScan, FindsHolesThatFewLinesCross) {
+  const hal::Tube tube = drivers::LayOnTable(BentTube(), 4);
+  const double length_mm = hal::SpineLength(tube.program);
+  std::vector<hal::WallOpening> holes;
+  for (int i = 0; i < 6; ++i) {
+    const double size_mm = 2.2 + 0.04 * i;
+    holes.push_back({20.0 + 12.0 * i, 60.0 * i - 150, size_mm, size_mm, 0});
+  }
+  int found = 0;
+  SigmasOf sigmas;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    drivers::VirtualScanOptions options = AllAround(seed);
+    options.path.profile_spacing_mm = 0.7;
+    options.features.openings = holes;
+    const Measurement m = MeasureScan(tube, options);
+    for (const OpeningFound& of : m.features.openings) {
+      // From either end, as the scan began.
+      const double along_mm = of.opening.along_mm;
+      const auto truth = std::find_if(holes.begin(), holes.end(), [&](const auto& hole) {
+        return std::min(std::abs(along_mm - hole.along_mm),
+                        std::abs(length_mm - along_mm - hole.along_mm)) < 2;
+      });
+      ASSERT_NE(truth, holes.end());
+      ++found;
+      sigmas.Add(of.opening.width_mm - truth->width_mm, of.sigma.width_mm);
+    }
+  }
+  EXPECT_GE(found, 8);
+  EXPECT_LE(sigmas.beyond_3(), 1);
+}
+
 // A wide hole across a tight bend, drilled radially: what is left of that wall is no lean's oval.
 TEST(CutScan, AHoleInABendIsRadial) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
