@@ -37,7 +37,8 @@ struct BevelSettings {
   double least_better = 0.5, by_chance = 100.0;
   // [sigma] A face that lies so far beyond the wall's border has something between.
   double face_beyond = 3.0;
-  // [sigma] From which on a cone follows another plane.
+  // [sigma] From which on a cone follows another plane; about that it has to keep so much of its
+  // samples.
   double tilted = 3.0, kept = 0.9;
 };
 constexpr BevelSettings kBevel;

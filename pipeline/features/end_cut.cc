@@ -318,21 +318,28 @@ class EndSearch {
     const double straight_mm = at_start_ ? rows.front().length_mm : rows.back().length_mm;
     const double r_mm = tube_.pipe_radius_mm;
     double window_mm = std::min(kCut.window * r_mm, straight_mm);
-    SamplesNearEnd near(tube_, at_start_, axis, sigma_mm_, window_mm, blocks_);
-    const auto face = FaceFrom(Eigen::Vector3d::Zero(), near, r_mm, sigma_mm_);
+    const SamplesNearEnd near(tube_, at_start_, axis, sigma_mm_, window_mm, blocks_);
     // A bead parts the wall: samples before it tell nothing of how those of the end lie.
+    std::optional<SamplesNearEnd> parted;
     if (const auto begins_mm = near.WallBeginsMm()) {
       // What is as wide as the pipe beyond a flare is a ring of the face.
       if (!near.knows_passes() && near.WallReachesMm(*begins_mm) < kCut.face_ring * sigma_mm_) {
-        near.LeaveOutWallFrom(*begins_mm);
+        parted = near;
+        parted->LeaveOutWallFrom(*begins_mm);
       } else if (*begins_mm < 0) {
-        near.LeaveOutWallBefore(*begins_mm);
+        parted = near;
+        parted->LeaveOutWallBefore(*begins_mm);
         window_mm = std::min(window_mm, -*begins_mm);
       }
     }
-    const auto cut = CutSearch(r_mm, window_mm, sigma_mm_, dice_).Find(near);
+    const auto cut = CutSearch(r_mm, window_mm, sigma_mm_, dice_).Find(parted ? *parted : near);
     if (!cut) return std::nullopt;
-    return SeenEnd{*cut, near.knows_passes(), false, face};
+    SeenEnd end{*cut, near.knows_passes(), false, std::nullopt};
+    // The face is asked by all samples, and only where the border tells less.
+    if (!end.IsSurerThan(0.0)) {
+      end.face = FaceFrom(Eigen::Vector3d::Zero(), near, r_mm, sigma_mm_);
+    }
+    return end;
   }
 
   const hal::Tube& tube_;

@@ -93,16 +93,17 @@ EndPoints PointsOf(const PlainEnd& end, double r_mm, double noise_mm, double len
   EndPoints of_end;
   std::vector<EndPoint>& points = of_end.points;
   if (wider < kProfile.least_points) return of_end;
-  std::vector<double> places_mm;  // from the end on, outwards
   ForBeside(end, r_mm, length_mm, near, 1, kProfile.face_sigmas * noise_mm, [&](const Beside& of) {
     points.push_back(
         {of.from_end_mm, std::sqrt(of.square), AzimuthSector<kProfileSides>(of.x, of.y)});
-    places_mm.push_back(-of.from_end_mm);
   });
   const bool knows_passes = std::any_of(
       near.begin(), near.end(), [](const PointBlock& block) { return !block.to_sensor.empty(); });
-  if (const auto face = FindEndFace(places_mm, 0.0, noise_mm); face && !knows_passes) {
-    of_end.from_mm = std::max(0.0, kProfile.face_sigmas * noise_mm - face->at_mm);
+  if (!knows_passes) {
+    std::vector<double> places_mm;  // from the end on, outwards
+    for (const EndPoint& of : points) places_mm.push_back(-of.from_end_mm);
+    const auto face = FindEndFace(places_mm, 0.0, noise_mm);
+    if (face) of_end.from_mm = std::max(0.0, kProfile.face_sigmas * noise_mm - face->at_mm);
   }
   std::erase_if(points, [&](const EndPoint& of) { return of.from_end_mm < of_end.from_mm; });
   return of_end;

@@ -142,12 +142,12 @@ double LeastMissing(const OpeningBorder& border, const Look& look) {
 
 // Where rays that went through are known.
 double LeastMissing(const OpeningBorder& border, const Look& look, const PassSurroundings& passes) {
+  if (!passes.are_known || !passes.has_lines) return LeastMissing(border, look);
   const auto through = std::count_if(
       passes.missed.begin(), passes.missed.end(),
       [&](const MissedPlace& missed) { return border.DistanceMm(missed.place_mm) < 0; });
-  const bool is_seen_through =
-      passes.are_known && passes.has_lines && through >= kOpening.least_through_rays;
-  return is_seen_through ? kOpening.least_missing_through : LeastMissing(border, look);
+  return through >= kOpening.least_through_rays ? kOpening.least_missing_through
+                                                : LeastMissing(border, look);
 }
 
 // How many of these lie in a border, and further in than this.

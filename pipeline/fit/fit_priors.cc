@@ -117,6 +117,16 @@ double FitPriors::OccamPenalty(const TubeParameters& parameters, const hal::Tube
   return pivots.cwiseMax(1.0).array().log().sum();
 }
 
+std::optional<double> FitPriors::MeanRadiusMm(const hal::BendProgram& program) const {
+  double radii = 0, sum_mm = 0;
+  for (std::size_t i = 0; i < program.bend_count(); ++i) {
+    if (IsOdd(i)) continue;
+    radii += 1;
+    sum_mm += program.rows[i].bend_radius_mm.value_or(0.0);
+  }
+  return radii > 0 ? std::optional(sum_mm / radii) : std::nullopt;
+}
+
 double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Flattening> flattening,
                             const Easing& easing) const {
   double sum = 0;
@@ -132,17 +142,11 @@ double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Fla
             f.plateau * f.plateau) /
            (kUsualFlattening * kUsualFlattening);
   }
-  double radii = 0, sum_mm = 0;
-  for (std::size_t i = 0; i < program.bend_count(); ++i) {
+  const auto mean_mm = MeanRadiusMm(program);
+  for (std::size_t i = 0; radii_alike > 0 && mean_mm && i < program.bend_count(); ++i) {
     if (IsOdd(i)) continue;
-    radii += 1;
-    sum_mm += program.rows[i].bend_radius_mm.value_or(0.0);
-  }
-  for (std::size_t i = 0; radii_alike > 0 && i < program.bend_count(); ++i) {
-    if (IsOdd(i)) continue;
-    const double mean_mm = sum_mm / radii;
-    const double off_mm = program.rows[i].bend_radius_mm.value_or(0.0) - mean_mm;
-    sum += std::pow(off_mm / (radii_alike * mean_mm), 2);
+    const double off_mm = program.rows[i].bend_radius_mm.value_or(0.0) - *mean_mm;
+    sum += std::pow(off_mm / (radii_alike * *mean_mm), 2);
   }
   for (std::size_t bend = 0; bend_radius && bend < program.bend_count(); ++bend) {
     if (IsOdd(bend)) continue;

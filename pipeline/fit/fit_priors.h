@@ -33,6 +33,8 @@ struct FitPriors {
   bool IsOdd(std::size_t bend) const {
     return std::find(odd_bends.begin(), odd_bends.end(), bend) != odd_bends.end();
   }
+  // Of the bends that are not odd; none: there are none.
+  std::optional<double> MeanRadiusMm(const hal::BendProgram& program) const;
   // [of their mean] 1 sigma of the easings' variances: clamp and dies are the same for all bends of
   // a tube. By trial; a tenth of the easing length.
   double easings_alike = 0.2;

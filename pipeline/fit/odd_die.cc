@@ -9,10 +9,9 @@
 #include <optional>
 #include <utility>
 
-#include "hal/angles.h"
+#include "pipeline/fit/one_die.h"
 #include "pipeline/fit/tube_parameters.h"
 #include "pipeline/fit/usual_bend_radius.h"
-#include "pipeline/tube/representations.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -98,22 +97,12 @@ std::optional<double> AskedForMm(const SurfaceFit& fit, const UsualBendRadius& u
   }
   // The samples know how long arc and easing are together: what is of neither's length is of both.
   if (eased_apart * eased_apart > kOddDie.pulls) {
-    const double angle = row.angle_deg * hal::kRadiansPerDegree, square = angle * angle / 12.0;
+    const double square = VarianceOfArc(row);
     const double arc_mm2 =
         square * radius_mm * radius_mm + fit.easing.variance_mm2[bend] - others_mm2;
     return within(std::sqrt(std::max(0.0, arc_mm2) / square));
   }
   return std::nullopt;
-}
-
-std::optional<hal::Tube> WithBendRadius(const hal::Tube& tube, std::size_t bend, double radius_mm) {
-  auto corners = PolygonFromTube(tube);
-  if (!corners) return std::nullopt;
-  corners->bend_radii_mm[bend] = radius_mm;
-  auto with = TubeFromPolygon(*corners);
-  if (!with) return std::nullopt;
-  with->pipe_radius_mm = tube.pipe_radius_mm;
-  return *with;
 }
 
 // [twice the logarithm of the odds] That a bend is of another die, which its samples alone tell so.
@@ -132,7 +121,7 @@ double OddsOfOdd(const hal::BendRow& found, const hal::BendRow& sigma,
 std::optional<Doubt> TryOdd(std::size_t bend, double asked_mm, const UsualBendRadius& usual,
                             std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                             BowedSolution& solution) {
-  const auto start = WithBendRadius(solution.straight, bend, asked_mm);
+  const auto start = WithBendRadii(solution.straight, asked_mm, bend);
   if (!start) return std::nullopt;
   SurfaceFitOptions from_there = options;
   from_there.priors = solution.fit.priors;

@@ -36,12 +36,6 @@ struct Die {
   double bend_radius_mm = 0, easing_mm2 = 0;
 };
 
-// [rad^2] Of a sharp bend: the variance of its curvature over its radius' square.
-double SquareOf(const hal::BendRow& row) {
-  const double angle = row.angle_deg * hal::kRadiansPerDegree;
-  return angle * angle / 12.0;
-}
-
 std::vector<double> EasedMm2(const SurfaceFit& fit) {
   if (fit.easing.empty()) return std::vector<double>(fit.tube.program.bend_count(), 0.0);
   return EasingWithin(fit.tube.program, fit.easing).variance_mm2;
@@ -55,7 +49,7 @@ std::optional<Die> DieOf(const SurfaceFit& fit) {
   double x = 0, y = 0, xx = 0, xy = 0;
   for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
     const hal::BendRow& row = fit.tube.program.rows[i];
-    const double square = SquareOf(row);
+    const double square = VarianceOfArc(row);
     const double radius_mm = row.bend_radius_mm.value_or(0.0);
     const double variance = square * radius_mm * radius_mm + eased_mm2[i];
     x += square / bends;
@@ -82,7 +76,7 @@ bool LooksEased(const SurfaceFit& fit, const Die& die) {
     const double sigma_mm = std::hypot(fit.sigma.rows[i].bend_radius_mm.value_or(0.0),
                                        kOneDie.alike * die.bend_radius_mm);
     const double as_sharp_mm =
-        std::sqrt(std::pow(die.bend_radius_mm, 2) + die.easing_mm2 / SquareOf(row));
+        std::sqrt(std::pow(die.bend_radius_mm, 2) + die.easing_mm2 / VarianceOfArc(row));
     differ += std::pow((radius_mm - die.bend_radius_mm) / sigma_mm, 2) / bends;
     agree += std::pow((radius_mm - as_sharp_mm) / sigma_mm, 2) / bends;
   }
@@ -101,7 +95,7 @@ double ChanceOf(const BowedSolution& solution, const Die& die) {
   const std::vector<double> eased_mm2 = EasedMm2(solution.fit);
   double apart = 0;
   for (std::size_t i = 0; i < bends; ++i) {
-    const double radius_mm = rows[i].bend_radius_mm.value_or(0.0), square = SquareOf(rows[i]);
+    const double radius_mm = rows[i].bend_radius_mm.value_or(0.0), square = VarianceOfArc(rows[i]);
     const double of_die_mm2 = square * die.bend_radius_mm * die.bend_radius_mm + die.easing_mm2;
     const double off = (square * radius_mm * radius_mm + eased_mm2[i]) / of_die_mm2 - 1.0;
     apart += off * off / static_cast<double>(bends);
@@ -112,10 +106,18 @@ double ChanceOf(const BowedSolution& solution, const Die& die) {
 
 }  // namespace
 
-std::optional<hal::Tube> WithBendRadii(const hal::Tube& tube, double bend_radius_mm) {
+double VarianceOfArc(const hal::BendRow& row) {
+  const double angle = row.angle_deg * hal::kRadiansPerDegree;
+  return angle * angle / 12.0;
+}
+
+std::optional<hal::Tube> WithBendRadii(const hal::Tube& tube, double bend_radius_mm,
+                                       std::optional<std::size_t> only) {
   auto corners = PolygonFromTube(tube);
   if (!corners) return std::nullopt;
-  for (auto& radius_mm : corners->bend_radii_mm) radius_mm = bend_radius_mm;
+  for (std::size_t i = 0; i < corners->bend_radii_mm.size(); ++i) {
+    if (!only || i == *only) corners->bend_radii_mm[i] = bend_radius_mm;
+  }
   auto with = TubeFromPolygon(*corners);
   if (!with) return std::nullopt;
   with->pipe_radius_mm = tube.pipe_radius_mm;

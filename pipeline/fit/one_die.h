@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 
@@ -11,9 +12,13 @@ namespace bendloop::pipeline {
 // [of their mean] 1 sigma of the radii of one die: as of usual ones (usual_bend_radius.cc).
 inline constexpr double kRadiiOfOneDie = 0.015;
 
-// The tube with all bends of this radius, its corners where they are. None: its bends would not fit
-// between them.
-std::optional<hal::Tube> WithBendRadii(const hal::Tube& tube, double bend_radius_mm);
+// [rad^2] Of a sharp bend: the variance of its curvature along the spine over its radius' square.
+double VarianceOfArc(const hal::BendRow& row);
+
+// The tube with all bends, or `only` one, of this radius, its corners where they are. None: its
+// bends would not fit between them.
+std::optional<hal::Tube> WithBendRadii(const hal::Tube& tube, double bend_radius_mm,
+                                       std::optional<std::size_t> only = std::nullopt);
 
 // Of a short bend that eases in and out the samples know the variance of its curvature along the
 // spine, arc^2 / 12 and the easing's, and neither by itself. All bends of a tube together tell: of

@@ -63,15 +63,9 @@ std::optional<UsualBendRadius> FindUsualBendRadius(const SurfaceFit& fit) {
 
 std::optional<UsualBendRadius> ExpectedRadius(const SurfaceFit& fit) {
   if (fit.priors.bend_radius || !(fit.priors.radii_alike > 0)) return fit.priors.bend_radius;
-  double sum_mm = 0, bends = 0;
-  for (std::size_t i = 0; i < fit.tube.program.bend_count(); ++i) {
-    if (fit.priors.IsOdd(i)) continue;
-    sum_mm += fit.tube.program.rows[i].bend_radius_mm.value_or(0.0);
-    bends += 1;
-  }
-  if (!(bends > 0)) return std::nullopt;
-  const double mean_mm = sum_mm / bends;
-  return UsualBendRadius{mean_mm, fit.priors.radii_alike * mean_mm};
+  const auto mean_mm = fit.priors.MeanRadiusMm(fit.tube.program);
+  if (!mean_mm) return std::nullopt;
+  return UsualBendRadius{*mean_mm, fit.priors.radii_alike * *mean_mm};
 }
 
 hal::Tube WithUsualRadii(const SurfaceFit& fit, const UsualBendRadius& usual) {

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "hal/angles.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/structure/nominal_along.h"
+#include "pipeline/structure/nominal_radii.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -23,8 +23,6 @@ struct NominalDieSettings {
   std::size_t few_bends = 3;
   // [sigma] From which on they are wider.
   double wider_sigmas = 3.0;
-  // [of the radius] Nominal radii that differ by no more are of one die.
-  double same = 0.03;
   // [twice the logarithm of the odds] What an easing costs (bends_with_bows.cc).
   double easing_price = 2.0;
   // [twice the logarithm of the odds] Another die than the nominal's is so much less likely, before
@@ -39,16 +37,13 @@ constexpr NominalDieSettings kNominalDie;
 // Of the bends' radii, along the found tube. None: not all are of one die, or it is another part.
 std::optional<double> NominalRadiusMm(const hal::BendProgram& nominal, const SurfaceFit& fit) {
   if (nominal.bend_count() != fit.tube.program.bend_count()) return std::nullopt;
-  double least_mm = 0, most_mm = 0;
   for (std::size_t i = 0; i < nominal.bend_count(); ++i) {
-    const double radius_mm = nominal.rows[i].bend_radius_mm.value_or(0.0);
-    if (!(radius_mm > 0)) return std::nullopt;
-    least_mm = i == 0 ? radius_mm : std::min(least_mm, radius_mm);
-    most_mm = std::max(most_mm, radius_mm);
+    if (!(nominal.rows[i].bend_radius_mm.value_or(0.0) > 0)) return std::nullopt;
   }
-  if (most_mm > (1.0 + kNominalDie.same) * least_mm) return std::nullopt;
+  const NominalRadii radii = NominalRadiiOf(nominal);
+  if (!radii.AreOfOneDie()) return std::nullopt;
   if (!MayBeByCorners(nominal, fit.tube, fit.sigma)) return std::nullopt;
-  return 0.5 * (least_mm + most_mm);
+  return 0.5 * (radii.least_mm + radii.most_mm);
 }
 
 // Of bends that ease, whether the samples leave their arcs open.
@@ -65,7 +60,7 @@ std::optional<double> EasingMm2(const SurfaceFit& fit, double nominal_mm) {
   const std::size_t bends = fit.tube.program.bend_count();
   for (std::size_t i = 0; i < bends; ++i) {
     const hal::BendRow& row = fit.tube.program.rows[i];
-    const double angle = row.angle_deg * hal::kRadiansPerDegree, square = angle * angle / 12.0;
+    const double square = VarianceOfArc(row);
     const double radius_mm = row.bend_radius_mm.value_or(0.0);
     const double eased_mm2 = fit.easing.empty() ? 0.0 : fit.easing.variance_mm2[i];
     const double sigma_mm2 = square * 2.0 * std::max(1e-9, radius_mm) *

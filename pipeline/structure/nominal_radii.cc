@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -26,8 +25,6 @@ struct NominalRadiiSettings {
   double same = 3.0;
   // [variances] By which samples contradict another radius.
   double contradicted = 9.0;
-  // [of the radius] Nominal radii that differ by no more are of one die: no bend has another.
-  double alike = 0.03;
 };
 constexpr NominalRadiiSettings kNominalRadii;
 
@@ -48,22 +45,24 @@ void MoveRadius(const TubeParameters& parameters, std::size_t bend, double by_mm
   if (missing_mm2 > 0) covariance += missing_mm2 * moves * moves.transpose();
 }
 
-// Whether all bends are of one die by the nominal.
-bool HasOneDie(const hal::BendProgram& nominal) {
-  double least_mm = std::numeric_limits<double>::infinity(), most_mm = 0;
+}  // namespace
+
+NominalRadii NominalRadiiOf(const hal::BendProgram& nominal) {
+  NominalRadii radii;
   for (const hal::BendRow& row : nominal.rows) {
     if (!row.bend_radius_mm) continue;
-    least_mm = std::min(least_mm, *row.bend_radius_mm);
-    most_mm = std::max(most_mm, *row.bend_radius_mm);
+    radii.least_mm =
+        radii.most_mm > 0 ? std::min(radii.least_mm, *row.bend_radius_mm) : *row.bend_radius_mm;
+    radii.most_mm = std::max(radii.most_mm, *row.bend_radius_mm);
   }
-  return most_mm <= (1.0 + kNominalRadii.alike) * least_mm;
+  return radii;
 }
-
-}  // namespace
 
 void TakeNominalRadii(const hal::BendProgram& nominal, bool free_pipe_radius, SurfaceFit& fit) {
   const auto usual = ExpectedRadius(fit);
-  if (!usual || HasOneDie(nominal) || !MayBeByCorners(nominal, fit.tube, fit.sigma)) return;
+  if (!usual || NominalRadiiOf(nominal).AreOfOneDie() ||
+      !MayBeByCorners(nominal, fit.tube, fit.sigma))
+    return;
   const bool is_reversed = MatchDirection(nominal, fit.tube.program, fit.sigma, {}).reversed;
   const hal::BendProgram wanted = is_reversed ? ReverseProgram(nominal) : nominal;
   const TubeParameters parameters(fit.tube, free_pipe_radius, fit.flattening, fit.easing);

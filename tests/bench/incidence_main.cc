@@ -16,6 +16,7 @@
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/tube_runs.h"
 #include "tests/support/synthetic_cloud.h"
+#include "tests/support/uniform.h"
 
 namespace bendloop::bench {
 namespace {
@@ -33,26 +34,22 @@ struct Both {
   double posed_ms = 0, plain_ms = 0;
 };
 
-double Uniform(std::mt19937_64& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-
 std::optional<Both> RunTube(std::uint64_t seed, double growth, double pose_noise_mm) {
   std::mt19937_64 random(seed);
   const hal::Tube tube = drivers::LayOnTable(
-      tests::RandomTube({.pipe_radius_mm = Uniform(random, 3, 12),
+      tests::RandomTube({.pipe_radius_mm = tests::Uniform(random, 3, 12),
                          .bends = std::uniform_int_distribution<int>(1, 4)(random),
                          .min_angle_deg = 20},
                         random),
       seed);
   drivers::VirtualScanOptions options;
   options.seed = seed;
-  options.noise_mm = Uniform(random, 0.02, 0.05);
+  options.noise_mm = tests::Uniform(random, 0.02, 0.05);
   options.noise_growth = growth;
   options.pose_noise_mm = pose_noise_mm;
   options.fan_half_angle_deg = 10;
   options.rays = 200;
-  options.path.profile_spacing_mm = Uniform(random, 0.5, 2);
+  options.path.profile_spacing_mm = tests::Uniform(random, 0.5, 2);
   options.path.views_deg =
       drivers::SpreadViewsDeg(std::uniform_int_distribution<int>(1, 3)(random));
   const drivers::VirtualScan scan(tube, options);

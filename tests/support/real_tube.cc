@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "hal/spine.h"
+#include "tests/support/uniform.h"
 
 namespace bendloop::tests {
 namespace {
@@ -36,10 +37,6 @@ Sitting SittingOf(EndFitting fitting) {
     default:
       return {};
   }
-}
-
-double Uniform(std::mt19937_64& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
 }
 
 Eigen::Vector3d RandomUnit(std::mt19937_64& random) {

@@ -6,15 +6,12 @@
 #include <numbers>
 
 #include "hal/spine.h"
+#include "tests/support/uniform.h"
 
 namespace bendloop::tests {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-
-double Uniform(std::mt19937_64& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
 
 }  // namespace
 
