@@ -222,9 +222,8 @@ void FitRows(const CanalScan& scan, double design_effect, Measurement& measureme
   }
   const SurfaceFit structure =
       FindStructure(polygon, even_mm, blocks, blocks, {.caution = kDescription.caution});
-  const SurfaceFitOptions options = {.reach_mm = 0.5 * even_mm,
-                                     .max_length_mm = 2.0 * LengthOf(polygon),
-                                     .priors = structure.priors};
+  SurfaceFitOptions options{.reach_mm = 0.5 * even_mm, .max_length_mm = 2.0 * LengthOf(polygon)};
+  options.priors = structure.priors;
   SurfaceFit fit = FitSurface(structure.tube, blocks, options);
   // What lines and arcs leave of the spine turns straights as much as it moves them.
   fit.turn_surplus.resize(0);
