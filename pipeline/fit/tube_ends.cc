@@ -71,6 +71,12 @@ struct EndSettings {
   // Of the points of sectors that tell a border: one that does not has as many of the tube. By
   // trial.
   double silent_part = 0.3;
+  // [of r_P] What is pressed in is no deeper; and where the wall goes on beside it so far beyond
+  // the border that all of the turn agrees on, and [sigma] of that, the tube does.
+  double deepest_dent = 0.25, past_dent = 0.05, past_dent_sigmas = 4.0;
+  // There, so many of the sectors of the turn that the tube is seen in have points, and the
+  // shallowest of them is so deep, of the deepest.
+  double filled = 0.75, shallow = 0.3;
   // Of the whole tube: their border is known better than the points of a scan lie apart.
   std::size_t enough_points = 100'000;
   // Of the walk: least points of a round, and most rounds. By trial.
@@ -244,6 +250,56 @@ std::optional<Border> CommonBorder(Sectors& sectors, double pipe_radius_mm) {
   return FindBorder(pooled, pipe_radius_mm);
 }
 
+// A point a little below the wall.
+struct PressedPoint {
+  double inward_mm = 0, depth_mm = 0;
+};
+using PressedSectors = std::array<std::vector<PressedPoint>, kSectors>;
+
+// How deep the points of a sector lie between two places, on average; NaN: it has none there.
+double MeanDepthMm(std::span<const double> wall, std::span<const PressedPoint> pressed,
+                   double from_mm, double to_mm) {
+  const auto is_within = [&](double at_mm) { return at_mm >= from_mm && at_mm <= to_mm; };
+  double depth_mm = 0;
+  auto points = static_cast<double>(std::count_if(wall.begin(), wall.end(), is_within));
+  for (const PressedPoint& point : pressed) {
+    if (!is_within(point.inward_mm)) continue;
+    depth_mm += point.depth_mm;
+    points += 1;
+  }
+  return depth_mm / points;
+}
+
+// The border of points on the wall, or of these and of those below it where a dent reaches round
+// most of the turn: some sides lie far less deep than others then, and neither those of a bevel nor
+// those of the bore do.
+std::optional<Border> BorderPastDents(Sectors& wall, const PressedSectors& pressed, double r_mm) {
+  const std::optional<Border> border = CommonBorder(wall, r_mm);
+  if (!border) return border;
+  Sectors both = wall;
+  for (std::size_t i = 0; i < kSectors; ++i) {
+    for (const PressedPoint& point : pressed[i]) both[i].push_back(point.inward_mm);
+  }
+  const std::optional<Border> past = CommonBorder(both, r_mm);
+  if (!past) return border;
+  const double further_mm = border->at_mm - past->at_mm;
+  if (further_mm < std::max(kEnds.past_dent * r_mm, kEnds.past_dent_sigmas * border->sigma_mm)) {
+    return border;
+  }
+  double seen = 0;
+  std::vector<double> depths_mm;
+  for (std::size_t i = 0; i < kSectors; ++i) {
+    const double behind_mm = border->at_mm + kEnds.window * r_mm;
+    if (std::isnan(MeanDepthMm(wall[i], pressed[i], border->at_mm, behind_mm))) continue;
+    seen += 1;
+    const double depth_mm = MeanDepthMm(wall[i], pressed[i], past->at_mm, border->at_mm);
+    if (!std::isnan(depth_mm)) depths_mm.push_back(depth_mm);
+  }
+  if (static_cast<double>(depths_mm.size()) < std::max(2.0, kEnds.filled * seen)) return border;
+  const auto [least, most] = std::minmax_element(depths_mm.begin(), depths_mm.end());
+  return *least < kEnds.shallow * *most ? past : border;
+}
+
 // Points of an end straight, in its frame, as if it did not bow. Where it bows the tube's end leans
 // as the spine does there, by L / 75 for a bow of L / 300. And best-fit lines pass each other by
 // tenths of a millimetre, which no tube of lines and arcs has: lengths count from their corner.
@@ -323,9 +379,11 @@ EndAxis AxisOf(const hal::SpineSegment& straight, const WithoutBow& without, dou
           at_start ? Eigen::Vector3d(-along) : along};
 }
 
-// The points on the end straights.
+// The points on the end straights, and those a little below their wall.
 struct EndPoints {
-  Sectors from_start, from_end;
+  // Of the first end and of the last.
+  std::array<Sectors, 2> wall;
+  std::array<PressedSectors, 2> pressed;
 };
 
 // Adds the block's points that are nearest to the first or the last segment.
@@ -344,6 +402,7 @@ class EndCollector {
         beyond_mm_(beyond_mm),
         pipe_radius_mm_(tube.pipe_radius_mm),
         reach_mm_(kEnds.on_surface * sigma_mm),
+        deepest_mm_(std::max(reach_mm_, kEnds.deepest_dent * tube.pipe_radius_mm)),
         points_(points) {}
 
   void Add(const PointBlock& block) {
@@ -365,20 +424,27 @@ class EndCollector {
           point = without(point);
           off_mm = point.tail<2>().norm() - pipe_radius_mm_;
         }
-        if (std::abs(off_mm) <= reach_mm_) AddPoint(point, candidates_[c]);
+        if (off_mm > reach_mm_ || off_mm < -deepest_mm_) continue;
+        AddPoint(point, candidates_[c], off_mm);
       }
     }
   }
 
  private:
-  void AddPoint(const Eigen::Vector3d& point, std::int32_t segment) {
+  void AddPoint(const Eigen::Vector3d& point, std::int32_t segment, double off_mm) {
     // Further out another part of the tube may lie where the straight would go on.
     const std::size_t sector = AzimuthSector<kSectors>(point.y(), point.z());
-    if (segment == 0 && point.x() >= -beyond_mm_[0])
-      points_.from_start[sector].push_back(point.x());
+    const auto add = [&](std::size_t end, double inward_mm) {
+      if (off_mm < -reach_mm_) {
+        points_.pressed[end][sector].push_back({inward_mm, -off_mm});
+      } else {
+        points_.wall[end][sector].push_back(inward_mm);
+      }
+    };
+    if (segment == 0 && point.x() >= -beyond_mm_[0]) add(0, point.x());
     const auto last = static_cast<std::int32_t>(frames_.size()) - 1;
     if (segment == last && point.x() <= segments_.back().length_mm + beyond_mm_[1]) {
-      points_.from_end[sector].push_back(-point.x());
+      add(1, -point.x());
     }
   }
   // Where the two ends of a tube nearly meet, a point beyond the one lies on the other's straight,
@@ -404,18 +470,20 @@ class EndCollector {
   const std::optional<FacingEnds>& facing_;
   std::array<double, 2> beyond_mm_;
   double pipe_radius_mm_;
-  double reach_mm_;
+  double reach_mm_, deepest_mm_;
   EndPoints& points_;
   std::vector<std::int32_t> candidates_;
   NearestLanes nearest_;
 };
 
-// What all parts hold, in their order.
-Sectors Joined(std::span<const EndPoints> parts, Sectors EndPoints::*which) {
-  Sectors joined;
+// What all parts hold of an end, in their order.
+template <typename OfSectors>
+OfSectors Joined(std::span<const EndPoints> parts, std::array<OfSectors, 2> EndPoints::*which,
+                 std::size_t end) {
+  OfSectors joined;
   for (const EndPoints& part : parts) {
     for (std::size_t i = 0; i < kSectors; ++i) {
-      const std::vector<double>& from = (part.*which)[i];
+      const auto& from = (part.*which)[end][i];
       joined[i].insert(joined[i].end(), from.begin(), from.end());
     }
   }
@@ -444,8 +512,9 @@ Borders FindBorders(const hal::Tube& tube, const std::vector<hal::SpineSegment>&
     });
     Borders borders;
     ParallelFor(workers, 2, [&](std::size_t end) {
-      Sectors sectors = Joined(parts, end == 0 ? &EndPoints::from_start : &EndPoints::from_end);
-      borders[end] = CommonBorder(sectors, tube.pipe_radius_mm);
+      Sectors wall = Joined(parts, &EndPoints::wall, end);
+      const PressedSectors pressed = Joined(parts, &EndPoints::pressed, end);
+      borders[end] = BorderPastDents(wall, pressed, tube.pipe_radius_mm);
     });
     return borders;
   };

@@ -298,6 +298,43 @@ TEST(TubeEnds, ATableGoesOnBeyondTheEnd) {
   }
 }
 
+// Presses a dent into the points of the last straight: a Gaussian of these pipe radii.
+void Press(const hal::Tube& tube, double before_end_r, double depth_r, double width_r,
+           double around_rad, Points& cloud) {
+  const auto last = hal::SpineSegments(tube.program, tube.X_WT).back();
+  const Eigen::Vector3d across = last.normal.cross(last.tangent);
+  for (Eigen::Vector3d& p : cloud) {
+    const Eigen::Vector3d from = p - last.start_mm;
+    const double along_mm = from.dot(last.tangent);
+    const Eigen::Vector3d outward = (from - along_mm * last.tangent).normalized();
+    if (along_mm < 0 || (from - along_mm * last.tangent).norm() > 1.5 * kRadius) continue;
+    const double around = std::atan2(outward.dot(across), outward.dot(last.normal)) - around_rad;
+    const double along_r = (along_mm - last.length_mm) / kRadius + before_end_r;
+    const double off2 = along_r * along_r + std::pow(std::remainder(around, 2 * kPi), 2);
+    p -= depth_r * kRadius * std::exp(-0.5 * off2 / (width_r * width_r)) * outward;
+  }
+}
+
+// Where noise is far less than a dent is deep most of the turn lies off the tube, all along it: the
+// end was told up to two pipe radii too short.
+TEST(TubeEnds, AreBeyondDents) {
+  Random random(12);
+  constexpr double kFine = 0.001 * kRadius;
+  for (int run = 0; run < 40; ++run) {
+    SCOPED_TRACE(run);
+    const hal::Tube tube = Truth(2, random);
+    Points cloud = tests::SyntheticCloud(tube, {.points = 20'000, .noise_mm = kFine}, random);
+    const int dents = 1 + run % 2;
+    for (int i = 0; i < dents; ++i) {
+      Press(tube, Uniform(random, 0.3, 2.2), Uniform(random, 0.03, 0.12), Uniform(random, 0.5, 0.9),
+            Uniform(random, -kPi, kPi), cloud);
+    }
+    const TubeEnds ends =
+        FindTubeEnds(EndsUnknown(tube, random), kFine, tests::Blocks(cloud, kRadius));
+    EXPECT_LT(std::abs(EndErrors(tube, ends).last), 4 * ends.last_sigma_mm);
+  }
+}
+
 // The first straight's line, gone on with, passes through the last end.
 TEST(TubeEnds, TheOtherEndsLineMayPassThroughThisEnd) {
   Random random(10);
