@@ -90,7 +90,9 @@ class CurveLikelihood {
         missed_(1 + 2 * order, 0),
         stops_(1 + 2 * order, 0) {
     std::vector<const EndSide*> beyond, before;
-    for (const EndSide& side : evidence.sides) (side.is_beyond ? beyond : before).push_back(&side);
+    for (const EndSide& side : evidence.sides) {
+      if (!side.is_told) (side.is_beyond ? beyond : before).push_back(&side);
+    }
     const auto add = [&](const std::vector<const EndSide*>& sides, double way, Lanes& lanes) {
       lanes = Lanes(1 + 2 * order, static_cast<Eigen::Index>(sides.size()));
       for (std::size_t i = 0; i < sides.size(); ++i) {

@@ -44,9 +44,6 @@ struct EndCutSettings {
   // both are unsure by at least; [of how far a tip lies off at the rim] and at the axis. By trial.
   double rise_alike = 3.0, unlike = 0.25, misplaced = 0.3;
   double face_ring = 10.0;  // [sigma] All of a face lies within this along the axis.
-  // Odds before the scan that an end is not square, and how many times the least slope that is not
-  // is the greatest.
-  double oblique_odds = 0.25, slopes = 100.0;
   // A slope that is known no better may be of any end.
   double unsure_slope = 0.3;
   // [of r_P] From the border into the tube: where the gaps between samples are looked at.
@@ -268,8 +265,9 @@ struct SeenEnd {
     if (cut.cut.bevel || cut.has_rim || cut.is_dented || cut.may_be_bevelled) return true;
     if (!plane.border.empty() || plane.in_shadow) return true;
     if (plane.of_columns && kCut.much_surer * plane.at_sigma_mm < sigma_mm) return true;
-    // Laser lines tell of an end's place at its axis whether it is square or not.
-    return plane.of_lines && (plane.MayBeOblique() || plane.at_sigma_mm < sigma_mm);
+    // Laser lines tell of an end's place at its axis whether it is square or not, and how surely:
+    // samples of lines that a hand tilts lie all along the tube as if they were no lines.
+    return plane.of_lines;
   }
   // Of an end that is not square for sure the outermost samples lie beyond where it meets the axis;
   // all samples beside the border have said so already.
@@ -278,14 +276,6 @@ struct SeenEnd {
     return !plane.of_border && (plane.of_columns || plane.MayBeOblique());
   }
 };
-
-// Of an end that it was cut as oblique as its plane says, and not square: of slopes within `slopes`
-// each power of ten is as likely, so that one of z sigma was expected within its sigma with the
-// probability 1 / (z^2 ln slopes).
-double LogOddsOfOblique(const EndPlane& plane) {
-  const double z2 = plane.slope_sigmas * plane.slope_sigmas;
-  return std::log(kCut.oblique_odds / (std::max(1.0, z2) * std::log(kCut.slopes))) + 0.5 * z2;
-}
 
 class EndSearch {
  public:

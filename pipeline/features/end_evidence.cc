@@ -28,6 +28,8 @@ struct EvidenceSettings {
   double saturated = 12.0;
   // Of the rays that meet the wall: so many return nothing.
   double lost = 0.05;
+  // So many errors of their own have the places where a pass' next line would be (end_lines.h).
+  double told_of_next = 5.0;
   // Of all columns: so many may a laser line cross, which sees one side of the tube.
   double crossed = 0.5;
 };
@@ -94,7 +96,8 @@ void EndEvidence::AddLines(const LineBracket& lines) {
   for (const bool is_beyond : {true, false}) {
     const double around = is_beyond ? lines.last_rad : lines.next_rad;
     sides.push_back({std::cos(around), std::sin(around), is_beyond ? lines.last_mm : lines.next_mm,
-                     is_beyond ? lines.last_sigma_mm : lines.next_sigma_mm, is_beyond});
+                     is_beyond ? lines.last_sigma_mm : lines.next_sigma_mm, is_beyond,
+                     !is_beyond && lines.next_is_told});
   }
 }
 
@@ -136,7 +139,8 @@ Eigen::Vector3d RoughEndPlane(const EndEvidence& evidence, double r_mm) {
 }
 
 std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, double r_mm,
-                                          double window_mm, double smear_mm, double sigma_mm) {
+                                          double window_mm, double smear_mm, double sigma_mm,
+                                          bool knows_passes) {
   std::map<unsigned, std::vector<EndSample>> passes;
   std::vector<EndSample>* own = nullptr;
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -144,11 +148,12 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
     own->push_back(samples[i]);
   }
   EndEvidence evidence;
+  evidence.knows_passes = knows_passes;
   EndSectors seen{};
   std::vector<double> gaps_mm;
   std::size_t most = 0;
   for (const auto& [pass, of_pass] : passes) {
-    const auto brackets = FindLineBrackets(of_pass, window_mm, smear_mm);
+    const auto brackets = FindLineBrackets(of_pass, window_mm, smear_mm, knows_passes);
     most = std::max(most, brackets.size());
     for (const LineBracket& lines : brackets) {
       evidence.AddLines(lines);
@@ -166,8 +171,13 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
   // Noise moves samples around the tube, too, where an oblique border goes along it.
   const Eigen::Vector3d rough = RoughEndPlane(evidence, r_mm);
   const double around_mm = sigma_mm * rough.tail<2>().norm() / r_mm;
+  // Where the next lines were due is known of each pass at once, and not of each strip.
+  const double greatest_of_next = GreatestError(kEvidence.told_of_next);
   for (EndSide& side : evidence.sides) {
     side.sigma_mm = std::max(std::hypot(side.sigma_mm, around_mm), kSampling.least * r_mm);
+    if (knows_passes && !side.is_beyond) {
+      side.at_mm -= (evidence.lines_greatest - greatest_of_next) * side.sigma_mm;
+    }
   }
   return evidence;
 }

@@ -18,6 +18,7 @@ struct EndSide {
   double cosine = 1, sine = 0, at_mm = 0;
   double sigma_mm = 0;
   bool is_beyond = true;  // the border lies beyond
+  bool is_told = false;   // by other sides: it says nothing more
 
   // How far a plane is on the right side [mm]; `x`: at the axis, and by how much it rises towards
   // cosine and sine.
@@ -55,8 +56,9 @@ struct EndEvidence {
   GapsBeforeBorder gaps_before;             // of columns
   double columns_of_line = 1;               // that say the same (EndColumns)
   bool share_lines = false;
-  double gap_mm = 0;     // mean gap between samples
-  double width_rad = 0;  // of a column
+  bool knows_passes = false;  // of `sides`, each line of which is known by itself
+  double gap_mm = 0;          // mean gap between samples
+  double width_rad = 0;       // of a column
 
   void AddLines(const LineBracket& lines);
   std::vector<RoughEndPlace> RoughPlaces() const;
@@ -67,7 +69,8 @@ Eigen::Vector3d RoughEndPlane(const EndEvidence& evidence, double pipe_radius_mm
 
 // The laser lines of all passes, where they cross enough of the turn.
 std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, double pipe_radius_mm,
-                                          double window_mm, double smear_mm, double sigma_mm);
+                                          double window_mm, double smear_mm, double sigma_mm,
+                                          bool knows_passes);
 
 // Samples in columns, about a rough plane so that the border is level within each;
 // the plane's slope goes to `slope_mm`.

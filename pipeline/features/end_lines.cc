@@ -7,7 +7,9 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <utility>
 
+#include "pipeline/features/pass_lines.h"
 #include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
@@ -20,8 +22,14 @@ struct LineSettings {
   // of their number, 0.4 of six. By trial.
   double even = 0.12;
   std::size_t most_period = 6;
-  // Of the usual gap: how much those of one sweep differ. By trial.
-  double even_gap = 0.2;
+  // Of the usual gap: how much those of one sweep differ; of passes that nobody knows, which come
+  // one between the other. By trial: a hand's do by a tenth, and of scattered samples a third do
+  // not differ by more than the former.
+  double even_gap = 0.45, even_gap_of_all = 0.2;
+  // Of the places where lines cross strips.
+  double most_lost = 0.1;
+  // Brackets of a pass whose next lines are off together: so many of them tell of it.
+  std::size_t of_shared = 5;
   // Lines of a strip that tell of the next: the hand's pace changes.
   std::size_t most_lines = 14;
   // Strips of a pass, tried from the most on: as narrow as its rays lie apart, they are crossed by
@@ -102,6 +110,7 @@ class Strips {
     if (narrowest < 1.0) LookAtTip(samples, view, narrowest);
     Part(samples, view);
   }
+  bool from_one_side() const { return from_one_side_; }
   // The samples of strip `k` of `count`, by place along the tube; until the next is asked for.
   std::span<const Placed> Of(std::size_t k, std::size_t count) {
     const std::size_t together = kNarrowest / count, first = k * together;
@@ -230,7 +239,7 @@ struct Sweep {
   double gap_mm = 0;
   double scatter_mm = 0;  // 1 sigma of a gap
 };
-std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings) {
+std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings, double even_gap) {
   if (crossings.size() < kLines.least_lines) return std::nullopt;
   std::vector<double> gaps_mm;
   gaps_mm.reserve(crossings.size() - 1);
@@ -241,7 +250,7 @@ std::optional<Sweep> SweepOf(std::span<const LineCrossing> crossings) {
   double count = 0, sum = 0, square = 0;
   for (const double gap_mm : gaps_mm) {
     const double off_mm = gap_mm - usual_mm;
-    if (std::abs(off_mm) > kLines.even_gap * usual_mm) continue;
+    if (std::abs(off_mm) > even_gap * usual_mm) continue;
     count += 1;
     sum += off_mm;
     square += off_mm * off_mm;
@@ -258,30 +267,76 @@ bool MayBeFace(const LineCrossing& crossing, std::span<const Placed> strip,
                      [&](const Placed& sample) { return samples[sample.index].may_be_face; });
 }
 
-std::optional<LineBracket> BracketOf(std::span<const Placed> strip,
-                                     std::span<const EndSample> samples, double smear_mm,
-                                     std::vector<LineCrossing>& crossings) {
+// What a strip says, and where lines cross it.
+struct StripOfLines {
+  LineBracket bracket;
+  std::vector<StripCrossing> crossings;
+};
+std::optional<StripOfLines> BracketOf(std::span<const Placed> strip,
+                                      std::span<const EndSample> samples, double smear_mm,
+                                      double even_gap, std::vector<LineCrossing>& crossings) {
   FindCrossings(strip, crossings);
-  const auto sweep = SweepOf(crossings);
+  const auto sweep = SweepOf(crossings, even_gap);
   if (!sweep) return std::nullopt;
   // A line that meets the face of the cut has passed the border; what may have is left open.
   const LineCrossing &beyond = crossings.back(), &last = MayBeFace(beyond, strip, samples)
                                                              ? crossings[crossings.size() - 2]
                                                              : beyond;
-  LineBracket bracket;
+  StripOfLines found;
+  LineBracket& bracket = found.bracket;
   bracket.last_rad = AroundRad(last, strip, samples);
   bracket.last_mm = last.at_mm;
   // Even lines say that noise does not move them as far as it might.
-  bracket.last_sigma_mm = std::min(smear_mm / std::sqrt(static_cast<double>(last.samples)),
-                                   sweep->scatter_mm / std::numbers::sqrt2);
+  const auto sigma_mm = [&](const LineCrossing& of) {
+    return std::min(smear_mm / std::sqrt(static_cast<double>(of.samples)),
+                    sweep->scatter_mm / std::numbers::sqrt2);
+  };
+  bracket.last_sigma_mm = sigma_mm(last);
   double around = 0;
   for (const LineCrossing& crossing : crossings) {
-    around += LessThanHalfATurn(AroundRad(crossing, strip, samples) - bracket.last_rad);
+    const double around_rad = AroundRad(crossing, strip, samples);
+    around += LessThanHalfATurn(around_rad - bracket.last_rad);
+    found.crossings.push_back(
+        {crossing.at_mm, {std::cos(around_rad), std::sin(around_rad)}, sigma_mm(crossing)});
   }
   bracket.next_rad = bracket.last_rad + around / static_cast<double>(crossings.size());
   bracket.next_mm = beyond.at_mm + sweep->gap_mm;
   bracket.next_sigma_mm = std::hypot(bracket.last_sigma_mm, sweep->scatter_mm);
-  return bracket;
+  return found;
+}
+
+// The brackets of strips side by side, by what all of them say of each line; without those that
+// have lost their last one. None: so many lines are not seen in strips that they cross that these
+// are too narrow.
+std::optional<std::vector<LineBracket>> Together(std::vector<StripOfLines> strips) {
+  std::vector<std::vector<StripCrossing>> crossings;
+  for (StripOfLines& strip : strips) crossings.push_back(std::move(strip.crossings));
+  const PassLines lines(std::move(crossings));
+  if (lines.lost_part() > kLines.most_lost) return std::nullopt;
+  std::vector<LineBracket> brackets;
+  std::vector<std::size_t> shared;
+  for (std::size_t k = 0; k < strips.size(); ++k) {
+    if (lines.HasLostNext(k)) continue;
+    LineBracket& bracket = brackets.emplace_back(strips[k].bracket);
+    const auto next = lines.After(k);
+    if (!next) continue;
+    bracket.next_mm = next->at_mm;
+    bracket.next_sigma_mm = next->sigma_mm;
+    if (next->is_shared) shared.push_back(brackets.size() - 1);
+  }
+  // The outermost ones and those between.
+  for (std::size_t i = 1; i < shared.size(); ++i) {
+    const std::size_t parts = kLines.of_shared - 1, last = shared.size() - 1;
+    brackets[shared[i]].next_is_told = (i * parts) / last == ((i - 1) * parts) / last;
+  }
+  return brackets;
+}
+
+// The same where lines of other passes lie between.
+std::optional<std::vector<LineBracket>> Apart(std::span<const StripOfLines> strips) {
+  std::vector<LineBracket> brackets;
+  for (const StripOfLines& strip : strips) brackets.push_back(strip.bracket);
+  return brackets;
 }
 
 // Without those whose last line the strips beside it do not miss: a ray was lost there.
@@ -318,16 +373,18 @@ std::optional<LinePattern> FindLinePattern(std::span<const double> at) {
 }
 
 std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, double window_mm,
-                                          double smear_mm) {
+                                          double smear_mm, bool knows_passes) {
   Strips strips(samples);
+  const bool is_one_pass = knows_passes && strips.from_one_side();
+  const double even_gap = is_one_pass ? kLines.even_gap : kLines.even_gap_of_all;
   std::vector<LineCrossing> crossings;  // of a strip, for its room
   for (const std::size_t count : kLines.strips) {
-    std::vector<LineBracket> brackets;
+    std::vector<StripOfLines> found;
     std::size_t with_samples = 0;
     // As soon as too many are not even, the others need no look.
     const double most_uneven = (1.0 - kLines.least_even) * static_cast<double>(count);
     for (std::size_t k = 0; k < count; ++k) {
-      if (static_cast<double>(with_samples - brackets.size()) > most_uneven) break;
+      if (static_cast<double>(with_samples - found.size()) > most_uneven) break;
       const std::span<const Placed> strip = strips.Of(k, count);
       if (strip.empty()) continue;
       const double from_mm = strip.back().at_mm - window_mm;
@@ -336,12 +393,14 @@ std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, do
       const std::span<const Placed> own(first, strip.end());
       if (own.size() < kLines.least_lines) continue;
       ++with_samples;
-      if (const auto bracket = BracketOf(own, samples, smear_mm, crossings))
-        brackets.push_back(*bracket);
+      if (auto strip_of = BracketOf(own, samples, smear_mm, even_gap, crossings)) {
+        found.push_back(std::move(*strip_of));
+      }
     }
-    if (static_cast<double>(brackets.size()) >=
+    if (static_cast<double>(found.size()) >=
         kLines.least_even * static_cast<double>(with_samples)) {
-      return WithoutLost(brackets);
+      const auto brackets = is_one_pass ? Together(std::move(found)) : Apart(found);
+      if (brackets) return WithoutLost(*brackets);
     }
   }
   return {};

@@ -34,6 +34,8 @@ struct EndSample {
 struct LineBracket {
   double last_rad = 0, last_mm = 0, last_sigma_mm = 0;
   double next_rad = 0, next_mm = 0, next_sigma_mm = 0;
+  // The next one is off together with those of other brackets, some of which tell of it.
+  bool next_is_told = false;
 };
 
 // How samples along a narrow strip follow each other if they are those of laser lines that come
@@ -49,8 +51,8 @@ std::optional<LinePattern> FindLinePattern(std::span<const double> at);
 
 // Of one pass of the scan, in as many strips as its rays tell apart. None: these samples are not
 // those of laser lines. `window_mm`: from the border; `smear_mm`: 1 sigma by which noise displaces
-// a sample.
+// a sample. `knows_passes`: else they may be of several.
 std::vector<LineBracket> FindLineBrackets(std::span<const EndSample> samples, double window_mm,
-                                          double smear_mm);
+                                          double smear_mm, bool knows_passes);
 
 }  // namespace bendloop::pipeline

@@ -22,6 +22,12 @@ EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm,
   return plane;
 }
 
+double LogOddsOfOblique(const EndPlane& plane) {
+  const double z2 = plane.slope_sigmas * plane.slope_sigmas;
+  return std::log(kEndPlane.oblique_odds / (std::max(1.0, z2) * std::log(kEndPlane.slopes))) +
+         0.5 * z2;
+}
+
 EndPlace OfEither(const EndPlace& square, const EndPlace& oblique, double log_odds) {
   const double part = 1.0 / (1.0 + std::exp(-log_odds));  // of the oblique one
   const double apart_mm = oblique.at_mm - square.at_mm;

@@ -20,6 +20,9 @@ struct EndPlaneSettings {
   double oblique = 5.0;
   // [sigma] Less may be by chance.
   double may_be_oblique = 2.5;
+  // Odds before the scan that an end is not square, and how many times the least slope that is not
+  // is the greatest.
+  double oblique_odds = 0.25, slopes = 100.0;
   // How many samples of all may lie beyond the end, as fliers do.
   double fliers = 3.0, flier_part = 0.005;
 };
@@ -53,6 +56,11 @@ struct EndPlane {
 // `slope_mm`: that the posterior counts from.
 EndPlane PlaneOf(const Posterior& posterior, const Eigen::Vector2d& slope_mm,
                  double pipe_radius_mm);
+
+// Of an end that it was cut as oblique as its plane says, and not square: of slopes within `slopes`
+// each power of ten is as likely, so that one of z sigma was expected within its sigma with the
+// probability 1 / (z^2 ln slopes).
+double LogOddsOfOblique(const EndPlane& plane);
 
 // Where an end meets the axis.
 struct EndPlace {

@@ -22,6 +22,9 @@ struct EndFitSettings {
   double square_slope = 0.01;
   // Odds before the scan that an end is not square; and the logarithm of odds that leave no doubt.
   double oblique_odds = 0.1, sure_odds = 6.0;
+  // Of the lines near a plane: so many contradict it where rays are lost. More may be of a border
+  // that is none, or it is as unsure as they are off.
+  double few_wrong = 0.03;
   // Samples of an end: so many tell where about the plane is, and then all that lie beside it are
   // asked (end_border.h); laser lines should have theirs whole.
   std::size_t enough_samples = 9'000, enough_of_lines = 40'000;
@@ -83,7 +86,7 @@ class EndFit {
     if (!columns) return std::nullopt;
     const EndPlane plane = OfColumns(*columns, slope_mm);
     is_scattered_ = !columns->share_lines && columns->columns_of_line <= 1.0 && !AreLines(*columns);
-    const bool agrees = Agrees(plane, *columns, slope_mm, r_mm_);
+    const bool agrees = MisfitOf(plane, *columns, slope_mm, r_mm_).is_none;
     const auto border = agrees ? std::nullopt : Bordered(plane, *columns, slope_mm);
     if (border) {
       const bool is_deep =
@@ -94,6 +97,11 @@ class EndFit {
     certain.of_columns = agrees;
     EndPlanes planes{certain, Ragged(plane, agrees)};
     if (!agrees || certain.MayBeOblique()) planes.plane = UnlessInShadow(certain);
+    // Lines of a hand that tilts them look like scattered samples: these end there as little.
+    if (unlike_lines_ && !planes.plane.in_shadow) {
+      planes.plane.at_sigma_mm = std::hypot(planes.plane.at_sigma_mm, unlike_lines_->at_sigma_mm,
+                                            planes.plane.at_mm - unlike_lines_->at_mm);
+    }
     return planes;
   }
 
@@ -117,13 +125,36 @@ class EndFit {
   }
 
   std::optional<EndPlane> OfLines() {
-    const auto lines =
-        LookAtEndLines(all_.every(OfLinesStride()), r_mm_, window_mm_, smear_mm_, sigma_mm_);
+    const auto lines = LookAtEndLines(all_.every(OfLinesStride()), r_mm_, window_mm_, smear_mm_,
+                                      sigma_mm_, all_.knows_passes);
     if (!lines) return std::nullopt;
-    EndPlane plane = PlaneAmong(*lines, Eigen::Vector2d::Zero(), r_mm_, dice_.plane);
+    const auto plane_among = [&](double usual_slope) {
+      return PlaneAmong(*lines, Eigen::Vector2d::Zero(), r_mm_, dice_.plane, {}, usual_slope);
+    };
+    EndPlane plane = plane_among(kEndPlane.usual_slope);
     plane.of_lines = true;
-    if (Agrees(plane, *lines, Eigen::Vector2d::Zero(), r_mm_)) return plane;
-    return Bordered(plane, *lines, Eigen::Vector2d::Zero());
+    const PlaneMisfit misfit = MisfitOf(plane, *lines, Eigen::Vector2d::Zero(), r_mm_);
+    const bool is_doubtful = all_.knows_passes && misfit.part > kFit.few_wrong;
+    if (is_doubtful || !misfit.is_none) {
+      if (const auto border = Bordered(plane, *lines, Eigen::Vector2d::Zero())) return border;
+      if (!misfit.is_none) {
+        unlike_lines_ = plane;
+        unlike_lines_->at_sigma_mm = std::hypot(plane.at_sigma_mm, misfit.rms_mm);
+        return std::nullopt;
+      }
+    }
+    const double log_odds = LogOddsOfOblique(plane);
+    if (all_.knows_passes && log_odds < kFit.sure_odds) {
+      const EndPlane square = plane_among(kFit.square_slope);
+      PlaceOfEither({square.at_mm, std::pow(square.at_sigma_mm, 2)}, log_odds, plane);
+    }
+    if (is_doubtful) {
+      plane.at_sigma_mm = std::hypot(plane.at_sigma_mm, misfit.rms_mm);
+      plane.slope_sigmas *=
+          plane.slope_sigma / std::hypot(plane.slope_sigma, misfit.rms_mm / r_mm_);
+      plane.slope_sigma = std::hypot(plane.slope_sigma, misfit.rms_mm / r_mm_);
+    }
+    return plane;
   }
 
   // `columns`: is told how many of them say the same where samples are not scattered.
@@ -196,17 +227,20 @@ class EndFit {
 
   // What is not oblique for all that is seen was cut about square: few samples tell the place of
   // such a plane better than that of any. Where it may be either its place is both planes', by
-  // their odds: the prior's, by Laplace's volume of two slopes, by what speaks for them. `square`:
-  // what is known of it.
+  // their odds. `square`: what is known of its place then.
+  static void PlaceOfEither(const EndPlace& square, double log_odds, EndPlane& plane) {
+    if (log_odds > kFit.sure_odds) return;
+    const EndPlace place =
+        OfEither(square, {plane.at_mm, std::pow(plane.at_sigma_mm, 2)}, log_odds);
+    plane.at_mm = place.at_mm;
+    plane.at_sigma_mm = std::sqrt(place.variance_mm2);
+  }
+  // The odds: the prior's, by Laplace's volume of two slopes, by what speaks for them.
   static void PlaceOfSquare(const Posterior& square, EndPlane& plane) {
     const double volume = std::pow(plane.slope_sigma / kEndPlane.usual_slope, 2);
     const double log_odds =
         std::log(kFit.oblique_odds * volume) + 0.5 * std::pow(plane.slope_sigmas, 2);
-    if (log_odds > kFit.sure_odds) return;
-    const EndPlace place = OfEither({square.mean[0], square.covariance(0, 0)},
-                                    {plane.at_mm, std::pow(plane.at_sigma_mm, 2)}, log_odds);
-    plane.at_mm = place.at_mm;
-    plane.at_sigma_mm = std::sqrt(place.variance_mm2);
+    PlaceOfEither({square.mean[0], square.covariance(0, 0)}, log_odds, plane);
   }
 
   // Columns of few samples each may stop by chance as those of an oblique cut would: where the
@@ -367,7 +401,8 @@ class EndFit {
   double r_mm_, window_mm_, sigma_mm_, smear_mm_;
   std::vector<EndSample> of_columns_;
   bool is_scattered_ = false;
-  double depth_mm_ = 0;  // along the tube, of the samples of columns
+  std::optional<EndPlane> unlike_lines_;  // of lines that it does not explain
+  double depth_mm_ = 0;                   // along the tube, of the samples of columns
   EndDice& dice_;
 };
 

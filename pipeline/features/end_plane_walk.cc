@@ -23,8 +23,10 @@ struct EndWalkSettings {
   double far = 6.0;  // [sigma]
   // Of the variance after the last blur: less is none.
   double least_moved = 1e-3;
-  // [of the mean gap] Sides that are contradicted by more, and how many of all may be.
-  double wrong = 0.1, most_wrong = 0.15;
+  // [of the mean gap] and [sigma] Sides that are contradicted by more, and how many may be of all
+  // that lie as near [of the mean gap]. Of passes that nobody knows the first, and of all.
+  double wrong = 0.03, wrong_sigmas = 4.0, most_wrong = 0.15, near = 0.5;
+  double wrong_unknown = 0.1;
   // [of its mean gap] A column that stops so far beyond a plane, or before it, contradicts it.
   double stops_beyond = 0.3, stops_before = 6.0;
   // All others contradict it together where they stop so much rarer before it than by chance: of
@@ -40,7 +42,7 @@ class PlaneLikelihood {
   PlaneLikelihood(const EndEvidence& evidence, double blur_mm)
       : evidence_(evidence), sides_(evidence.sides.size()), stops_(evidence.columns.size()) {
     for (const EndSide& side : evidence.sides) {
-      AddSide(side, std::max(side.sigma_mm, blur_mm), sides_);
+      if (!side.is_told) AddSide(side, std::max(side.sigma_mm, blur_mm), sides_);
     }
     for (const EndStop& stop : evidence.columns) {
       stops_.Add(stop.cosine, stop.sine, stop.last_mm, 1.0 / stop.mean_gap_mm, 0);
@@ -90,8 +92,8 @@ bool StopTooFarBefore(const Eigen::Vector3d& x, const EndEvidence& evidence) {
 }  // namespace
 
 EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, double r_mm,
-                    WalkDice& dice, const BetterPlane& better) {
-  const double prior_mm = kEndPlane.usual_slope * r_mm;
+                    WalkDice& dice, const BetterPlane& better, double usual_slope) {
+  const double prior_mm = usual_slope * r_mm;
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
     const PlaneLikelihood likelihood(evidence, blur_mm);
     return SamplePosterior(from, walk, dice, [&](const Eigen::VectorXd& x) {
@@ -126,23 +128,36 @@ EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, doubl
   return plane;
 }
 
-bool Agrees(const EndPlane& plane, const EndEvidence& evidence, const Eigen::Vector2d& slope_mm,
-            double r_mm) {
+PlaneMisfit MisfitOf(const EndPlane& plane, const EndEvidence& evidence,
+                     const Eigen::Vector2d& slope_mm, double r_mm) {
   Eigen::Vector3d x = plane.Numbers(r_mm);
   x.tail<2>() -= slope_mm;
-  auto wrong = std::count_if(
-      evidence.sides.begin(), evidence.sides.end(),
-      [&](const EndSide& side) { return side.Clear(x) < -kWalk.wrong * evidence.gap_mm; });
-  wrong +=
-      std::count_if(evidence.columns.begin(), evidence.columns.end(), [&](const EndStop& stop) {
-        const double off =
-            (x[0] + stop.cosine * x[1] + stop.sine * x[2] - stop.last_mm) / stop.mean_gap_mm;
-        return off < -kWalk.stops_beyond || off > kWalk.stops_before;
-      });
-  return static_cast<double>(wrong) <
-             kWalk.most_wrong *
-                 static_cast<double>(evidence.sides.size() + evidence.columns.size()) &&
-         !StopTooFarBefore(x, evidence);
+  double square = 0;
+  double wrong = 0, all = 0;
+  for (const EndSide& side : evidence.sides) {
+    const double clear_mm = side.Clear(x);
+    // Lines that lie further off say nothing of how the border goes.
+    if (side.is_told) continue;
+    if (evidence.knows_passes && clear_mm > kWalk.near * evidence.gap_mm) continue;
+    all += 1;
+    const double most_mm = evidence.knows_passes ? std::max(kWalk.wrong * evidence.gap_mm,
+                                                            kWalk.wrong_sigmas * side.sigma_mm)
+                                                 : kWalk.wrong_unknown * evidence.gap_mm;
+    if (-clear_mm < most_mm) continue;
+    wrong += 1;
+    square += clear_mm * clear_mm;
+  }
+  PlaneMisfit misfit;
+  if (wrong > 0) misfit.rms_mm = std::sqrt(square / wrong);
+  for (const EndStop& stop : evidence.columns) {
+    const double off =
+        (x[0] + stop.cosine * x[1] + stop.sine * x[2] - stop.last_mm) / stop.mean_gap_mm;
+    all += 1;
+    wrong += off < -kWalk.stops_beyond || off > kWalk.stops_before ? 1 : 0;
+  }
+  misfit.part = wrong / std::max(1.0, all);
+  misfit.is_none = misfit.part <= kWalk.most_wrong && !StopTooFarBefore(x, evidence);
+  return misfit;
 }
 
 }  // namespace bendloop::pipeline
