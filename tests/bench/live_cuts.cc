@@ -11,16 +11,15 @@
 #include "hal/angles.h"
 #include "hal/spine.h"
 #include "tests/bench/bench_table.h"
+#include "tests/bench/ray_bound.h"
 #include "tests/support/reversed_features.h"
+#include "tests/support/uniform.h"
 
 namespace bendloop::bench {
 namespace {
 
+using tests::LogUniform;
 using tests::Uniform;
-
-double LogUniform(std::mt19937_64& random, double low, double high) {
-  return low * std::pow(high / low, Uniform(random, 0, 1));
-}
 
 double Turn(double a_deg, double b_deg) { return std::remainder(a_deg - b_deg, 360.0); }
 
@@ -28,6 +27,7 @@ double Turn(double a_deg, double b_deg) { return std::remainder(a_deg - b_deg, 3
 struct LiveScore {
   std::string name;
   double squares = 0, sigmas2 = 0, count = 0, beyond = 0;
+  double bounds2 = 0, bounded = 0;  // errors in bounds, and of how many one is known
 };
 
 class LiveScores {
@@ -35,8 +35,13 @@ class LiveScores {
   explicit LiveScores(bool told) : told_(told) {}
 
   void Begin(const std::string& scan) { scan_ = scan; }
-  void Add(const std::string& name, double error, double sigma) {
+  // `bound`: the least error that the rays let; none where they tell of none.
+  void Add(const std::string& name, double error, double sigma, double bound = NAN) {
     LiveScore& score = Of(name);
+    if (bound > 0) {
+      score.bounds2 += std::pow(error / bound, 2);
+      score.bounded += 1;
+    }
     score.squares += error * error;
     score.sigmas2 += std::pow(error / sigma, 2);
     score.count += 1;
@@ -56,13 +61,15 @@ class LiveScores {
     if (told_) std::cout << scan_ << ": " << what << "\n";
   }
   std::vector<std::vector<std::string>> Lines() const {
-    std::vector<std::vector<std::string>> lines = {
-        {"what", "number", "rms error", "error over sigma", "beyond 3 sigma, or so"}};
+    std::vector<std::vector<std::string>> lines = {{"what", "number", "rms error",
+                                                    "error over sigma", "error over bound",
+                                                    "beyond 3 sigma, or so"}};
     for (const LiveScore& score : scores_) {
       const bool is_value = score.sigmas2 > 0;
       lines.push_back({score.name, Number(score.count),
                        is_value ? Number(std::sqrt(score.squares / score.count)) : "-",
                        is_value ? Number(std::sqrt(score.sigmas2 / score.count)) : "-",
+                       score.bounded > 0 ? Number(std::sqrt(score.bounds2 / score.bounded)) : "-",
                        Number(score.beyond)});
     }
     return lines;
@@ -100,12 +107,22 @@ void DrawFeatures(const hal::Tube& tube, std::mt19937_64& random, hal::TubeFeatu
                      Uniform(random, 0.02, 0.15) * r_mm, Uniform(random, 0.3, 0.6) * r_mm}};
 }
 
-void ScoreOpenings(const pipeline::Measurement& m, const hal::TubeFeatures& truth,
-                   double true_length_mm, double least_width_mm, LiveScores& scores) {
+// The least errors of the ends as the measurement has them.
+struct EndBounds {
+  Eigen::Vector3d first, last;
+};
+
+// `truth`: in the order of the scan's own.
+void ScoreOpenings(const CutScan& scanned, const pipeline::Measurement& m,
+                   const hal::TubeFeatures& truth, const EndBounds& ends, LiveScores& scores) {
+  const double true_length_mm = hal::SpineLength(scanned.tube.program);
   const double longer_mm = hal::SpineLength(m.tube.program) - true_length_mm;
+  const double least_width_mm = 4 * scanned.options.path.profile_spacing_mm;
   std::vector<bool> is_true(m.features.openings.size(), false);
-  for (const hal::WallOpening& opening : truth.openings) {
-    const double at_mm = opening.along_mm + (2 * opening.along_mm > true_length_mm ? longer_mm : 0);
+  for (std::size_t k = 0; k < truth.openings.size(); ++k) {
+    const hal::WallOpening& opening = truth.openings[k];
+    const bool is_behind = 2 * opening.along_mm > true_length_mm;
+    const double at_mm = opening.along_mm + (is_behind ? longer_mm : 0);
     const std::string kind = opening.is_hole() ? "hole" : "slot";
     const double seen = opening.width_mm / least_width_mm;
     const std::string size = seen < 1 ? "small " : seen < 2 ? "" : "large ";
@@ -119,13 +136,19 @@ void ScoreOpenings(const pipeline::Measurement& m, const hal::TubeFeatures& trut
       is_true[i] = is_found = true;
       scores.Count(kind + ": taken for another", is.is_hole() != opening.is_hole());
       if (is.is_hole() != opening.is_hole()) continue;
-      scores.Add(kind + ": along mm", is.along_mm - at_mm, sigma.along_mm);
-      scores.Add(kind + ": around deg", Turn(is.around_deg, opening.around_deg), sigma.around_deg);
-      scores.Add(kind + ": width mm", is.width_mm - opening.width_mm, sigma.width_mm);
+      const Eigen::VectorXd bound = RayBound(scanned, scanned.options.features.openings[k]);
+      const auto least = [&](Eigen::Index of) { return of < bound.size() ? bound[of] : NAN; };
+      const double degrees_of_mm = hal::kDegreesPerRadian / scanned.tube.pipe_radius_mm;
+      // It is counted from the end.
+      scores.Add(kind + ": along mm", is.along_mm - at_mm, sigma.along_mm,
+                 std::hypot(least(0), is_behind ? ends.last[0] : ends.first[0]));
+      scores.Add(kind + ": around deg", Turn(is.around_deg, opening.around_deg), sigma.around_deg,
+                 least(1) * degrees_of_mm);
+      scores.Add(kind + ": width mm", is.width_mm - opening.width_mm, sigma.width_mm, least(2));
       if (opening.is_hole()) continue;
-      scores.Add("slot: length mm", is.length_mm - opening.length_mm, sigma.length_mm);
+      scores.Add("slot: length mm", is.length_mm - opening.length_mm, sigma.length_mm, least(3));
       scores.Add("slot: axis deg", std::remainder(is.axis_deg - opening.axis_deg, 180.0),
-                 sigma.axis_deg);
+                 sigma.axis_deg, least(4) * hal::kDegreesPerRadian);
     }
     scores.Count(size + kind + ": not found", !is_found);
   }
@@ -169,6 +192,30 @@ void ScoreDents(const pipeline::Measurement& m, const hal::TubeFeatures& truth,
   }
 }
 
+void ScoreEnd(const pipeline::Measurement& m, bool at_start, double true_length_mm,
+              const hal::EndCut& cut, const Eigen::Vector3d& bound, LiveScores& scores) {
+  const auto& end = at_start ? m.features.first_end : m.features.last_end;
+  const auto &rows = m.tube.program.rows, &sigmas = m.sigma.rows;
+  // The bound is over cuts of all slopes, of which a square one is the least likely.
+  const bool is_oblique = cut.obliquity_deg > 0;
+  scores.Add(is_oblique ? "end: length mm" : "square end: length mm",
+             (at_start ? rows.front() : rows.back()).length_mm - true_length_mm,
+             (at_start ? sigmas.front() : sigmas.back()).length_mm, is_oblique ? bound[0] : NAN);
+  scores.Count("end: not told", !end);
+  if (!end) return;
+  scores.Count("end: bevel, burr or border that is none",
+               end->bevel || end->burr || !end->border.empty());
+  // How steep a square end is found is no normal number.
+  const bool is_steep = cut.obliquity_deg > 5 * end->obliquity_sigma_deg;
+  scores.Add(is_steep ? "end: obliquity deg" : "square end: obliquity deg",
+             end->cut.obliquity_deg - cut.obliquity_deg, end->obliquity_sigma_deg,
+             is_steep ? bound[1] * hal::kDegreesPerRadian : NAN);
+  if (!is_steep) return;
+  const double slope = std::tan(cut.obliquity_deg * hal::kRadiansPerDegree);
+  scores.Add("end: longest at deg", Turn(end->cut.around_deg, cut.around_deg),
+             end->around_sigma_deg, bound[2] / slope * hal::kDegreesPerRadian);
+}
+
 void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScores& scores) {
   hal::TubeFeatures truth = scanned.options.features;
   hal::BendProgram program = scanned.tube.program;
@@ -176,33 +223,20 @@ void ScoreLive(const CutScan& scanned, const pipeline::Measurement& m, LiveScore
   const Eigen::Vector3d& start_mm = scanned.tube.X_WT.position_mm;
   const Eigen::Vector3d end_mm = pipeline::ReverseTube(scanned.tube).X_WT.position_mm;
   const Eigen::Vector3d& first_mm = m.tube.X_WT.position_mm;
-  if ((first_mm - start_mm).norm() > (first_mm - end_mm).norm()) {
+  const bool is_reversed = (first_mm - start_mm).norm() > (first_mm - end_mm).norm();
+  if (is_reversed) {
     truth = tests::ReversedFeatures(truth, scanned.tube);
     program = pipeline::ReverseProgram(program);
   }
-  for (const bool at_start : {true, false}) {
-    const auto& end = at_start ? m.features.first_end : m.features.last_end;
-    const hal::EndCut& cut = at_start ? truth.first_end : truth.last_end;
-    const std::size_t row = at_start ? 0 : program.rows.size() - 1;
-    scores.Add("end: length mm", m.tube.program.rows[row].length_mm - program.rows[row].length_mm,
-               m.sigma.rows[row].length_mm);
-    scores.Count("end: not told", !end);
-    if (!end) continue;
-    scores.Count("end: bevel, burr or border that is none",
-                 end->bevel || end->burr || !end->border.empty());
-    scores.Add("end: obliquity deg", end->cut.obliquity_deg - cut.obliquity_deg,
-               end->obliquity_sigma_deg);
-    if (cut.obliquity_deg < 5 * end->obliquity_sigma_deg) continue;
-    scores.Add("end: longest at deg", Turn(end->cut.around_deg, cut.around_deg),
-               end->around_sigma_deg);
-  }
+  const EndBounds ends{RayBound(scanned, !is_reversed), RayBound(scanned, is_reversed)};
+  ScoreEnd(m, true, program.rows.front().length_mm, truth.first_end, ends.first, scores);
+  ScoreEnd(m, false, program.rows.back().length_mm, truth.last_end, ends.last, scores);
   for (std::size_t i = 1; i + 1 < program.rows.size(); ++i) {
     scores.Add("rotation deg",
                Turn(m.tube.program.rows[i].rotation_deg, program.rows[i].rotation_deg),
                m.sigma.rows[i].rotation_deg);
   }
-  const drivers::ScanPathOptions& path = scanned.options.path;
-  ScoreOpenings(m, truth, true_length_mm, 4 * path.profile_spacing_mm, scores);
+  ScoreOpenings(scanned, m, truth, ends, scores);
   if (m.features.openings.empty()) scores.Count("opening where none is", false);
   ScoreDents(m, truth, true_length_mm, scores);
 }
@@ -254,7 +288,7 @@ void PrintLive(std::uint64_t first_seed, int count, double wall_mm, bool told) {
     if (is_right) ScoreLive(scanned, *measurement, scores);
   }
   PrintMarkdown(std::cout, "Random tubes scanned by hand", scores.Lines(),
-                {false, true, true, true, true});
+                {false, true, true, true, true, true});
 }
 
 }  // namespace bendloop::bench

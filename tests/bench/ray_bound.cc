@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <random>
 #include <utility>
 #include <vector>
@@ -65,16 +66,30 @@ struct RayPlace {
 };
 using OffMm = std::function<double(const Eigen::VectorXd&, const Eigen::Vector2d&)>;
 
-// Sees, with the border at `truth`, what a scan would that loses a `lost` part of the spots that
-// lie on the wall and beside it.
-void See(const OffMm& off_mm, const Eigen::VectorXd& truth, double lost, std::uint64_t seed,
+// How a scan tells of a border.
+struct Sight {
+  double blur_mm = 0;  // samples lie beside where the wall was met
+  double lost = 0;     // of the spots that lie on the wall and beside it
+  std::uint64_t seed = 0;
+};
+// Rays come from all within the incidence that a scanner sees: noise displaces samples along the
+// wall by half of it, about.
+Sight SightOf(const CutScan& scanned, double lost) {
+  return {0.5 * scanned.options.noise_mm, lost, scanned.options.seed};
+}
+
+// Sees what a scan would with the border at `truth`.
+void See(const OffMm& off_mm, const Eigen::VectorXd& truth, const Sight& sight,
          std::vector<RayPlace>& places) {
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(sight.seed);
+  std::normal_distribution<double> normal;
   bool was_wall = true;
   for (RayPlace& of : places) {
-    const bool is_wall = off_mm(truth, of.place) > 0;
+    const double off = off_mm(truth, of.place);
+    const bool is_wall = off > 0;
     const bool is_edge = of.follows && is_wall && !was_wall;
-    of.is_seen = is_wall && !(is_edge && tests::Uniform(random, 0, 1) < lost);
+    of.is_seen = off + sight.blur_mm * normal(random) > 0 &&
+                 !(is_edge && tests::Uniform(random, 0, 1) < sight.lost);
     was_wall = is_wall;
   }
 }
@@ -82,28 +97,37 @@ void See(const OffMm& off_mm, const Eigen::VectorXd& truth, double lost, std::ui
 // The spread of all numbers by which the wall is seen where it is; `off_mm`: of a place from the
 // border, by the numbers. The truth is `start`, `scale` about how far it may be left.
 Eigen::VectorXd Spread(const std::vector<RayPlace>& places, const Eigen::VectorXd& start,
-                       const Eigen::VectorXd& scale, double lost, const OffMm& off_mm) {
-  constexpr double kNever = -1e300;
-  const auto log_likelihood = [&](const Eigen::VectorXd& x) {
-    double log = 0;
-    bool was_wall = true;
-    for (const RayPlace& of : places) {
-      const bool is_wall = off_mm(x, of.place) > 0;
-      const bool is_edge = of.follows && is_wall && !was_wall;
-      was_wall = is_wall;
-      if (of.is_seen && !is_wall) return kNever;
-      if (!is_edge && is_wall && !of.is_seen) return kNever;
-      if (is_edge) log += std::log(of.is_seen ? 1.0 - lost : lost);
-    }
-    return log;
-  };
+                       const Eigen::VectorXd& scale, const Sight& sight, const OffMm& off_mm) {
+  constexpr double kLeast = 1e-12;  // probability
   if (places.empty()) return {};
-  const auto posterior = pipeline::SamplePosterior(start, scale, 6000, log_likelihood);
+  pipeline::Posterior posterior{start, scale.array().square().matrix().asDiagonal(), 0.0};
+  // What sharp borders leave free may be a needle: blurred ones lead there.
+  for (const double more_mm : {0.5 * scale[0], 0.1 * scale[0], 0.0}) {
+    const double blur_mm = std::max(std::hypot(sight.blur_mm, more_mm), 1e-9);
+    const double per_mm = 1.0 / (std::numbers::sqrt2 * blur_mm);
+    posterior = pipeline::SamplePosterior(posterior, 4000, [&](const Eigen::VectorXd& x) {
+      double log = 0;
+      bool was_wall = true;
+      for (const RayPlace& of : places) {
+        const double off = off_mm(x, of.place);
+        const bool is_wall = off > 0;
+        const bool is_edge = of.follows && is_wall && !was_wall;
+        const double seen = 0.5 * std::erfc(-off * per_mm) * (is_edge ? 1.0 - sight.lost : 1.0);
+        log += std::log(std::max(kLeast, of.is_seen ? seen : 1.0 - seen));
+        was_wall = is_wall;
+      }
+      return log;
+    });
+  }
   return posterior.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
 }
 
-// Those far from the border say nothing of it.
-bool IsNear(double off_mm) { return std::abs(off_mm) < 1.5; }
+// Those further from the border say nothing of it.
+double NearMm(const CutScan& scanned) {
+  return std::max(1.5, 1.5 * scanned.options.path.profile_spacing_mm);
+}
+// About how far a border may be left.
+double ScaleMm(const CutScan& scanned) { return 0.1 * scanned.options.path.profile_spacing_mm; }
 
 }  // namespace
 
@@ -118,9 +142,12 @@ Eigen::VectorXd RayBound(const CutScan& scanned, const hal::WallOpening& opening
   truth.axis_rad = opening.axis_deg * hal::kRadiansPerDegree;
   const bool is_hole = opening.is_hole();
   const Eigen::Index n = is_hole ? 3 : 5;
-  Eigen::VectorXd start = Eigen::VectorXd::Zero(n), scale = Eigen::VectorXd::Constant(n, 0.02);
+  const double near_mm = NearMm(scanned);
+  Eigen::VectorXd start = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd scale = Eigen::VectorXd::Constant(n, ScaleMm(scanned));
   start[2] = truth.width_mm;
-  if (!is_hole) start[3] = truth.length_mm, start[4] = truth.axis_rad, scale[4] = 0.005;
+  if (!is_hole)
+    start[3] = truth.length_mm, start[4] = truth.axis_rad, scale[4] = scale[3] / truth.length_mm;
   const auto off = [&](const Eigen::VectorXd& x, const Eigen::Vector2d& place) {
     pipeline::OpeningBorder border = truth;
     border.middle_mm = x.head<2>();
@@ -131,17 +158,19 @@ Eigen::VectorXd RayBound(const CutScan& scanned, const hal::WallOpening& opening
   };
   std::vector<RayPlace> places;
   bool was_near = false;
-  ForEachRay(scanned, frame.spine_mm + r_mm * frame.outward, opening.length_mm, 0.0,
+  const double reach_mm = 0.5 * opening.length_mm + near_mm;
+  ForEachRay(scanned, frame.spine_mm + r_mm * frame.outward, reach_mm, 0.0,
              [&](const Vector3d& point, bool follows) {
                const Vector3d from = point - frame.spine_mm;
                const Eigen::Vector2d place(from.dot(frame.tangent), from.dot(frame.sideways()));
-               const bool is_near = from.dot(frame.outward) > 0 && IsNear(off(start, place));
+               const bool is_near =
+                   from.dot(frame.outward) > 0 && std::abs(off(start, place)) < near_mm;
                if (is_near) places.push_back({place, follows && was_near, false});
                was_near = is_near;
              });
-  const double lost = scanned.options.mixed_pixel_fraction;
-  See(off, start, lost, scanned.options.seed, places);
-  return Spread(places, start, scale, lost, off);
+  const Sight sight = SightOf(scanned, scanned.options.mixed_pixel_fraction);
+  See(off, start, sight, places);
+  return Spread(places, start, scale, sight, off);
 }
 
 Eigen::Vector3d RayBound(const CutScan& scanned, bool at_start) {
@@ -159,17 +188,21 @@ Eigen::Vector3d RayBound(const CutScan& scanned, bool at_start) {
   const auto off = [](const Eigen::VectorXd& x, const Eigen::Vector2d& place) {
     return x[0] + x[1] * std::cos(place.x()) + x[2] * std::sin(place.x()) - place.y();
   };
+  const double near_mm = NearMm(scanned);
   std::vector<RayPlace> places;
-  ForEachRay(
-      scanned, frame.spine_mm, rise_mm + 1.5 * r_mm, 3.0 * r_mm, [&](const Vector3d& point, bool) {
-        const Vector3d from = point - frame.spine_mm;
-        const Eigen::Vector2d place(std::atan2(from.dot(frame.sideways()), from.dot(frame.outward)),
-                                    from.dot(outward));
-        if (IsNear(off(truth, place))) places.push_back({place});
-      });
+  ForEachRay(scanned, frame.spine_mm, rise_mm + 1.5 * r_mm + near_mm, 3.0 * r_mm,
+             [&](const Vector3d& point, bool) {
+               const Vector3d from = point - frame.spine_mm;
+               const Eigen::Vector2d place(
+                   std::atan2(from.dot(frame.sideways()), from.dot(frame.outward)),
+                   from.dot(outward));
+               if (std::abs(off(truth, place)) < near_mm) places.push_back({place});
+             });
   // Beside an end there is no other wall that a spot could lie on.
-  See(off, truth, 0.0, scanned.options.seed, places);
-  const Eigen::VectorXd spread = Spread(places, truth, Eigen::Vector3d::Constant(0.05), 0.0, off);
+  const Sight sight = SightOf(scanned, 0.0);
+  See(off, truth, sight, places);
+  const Eigen::Vector3d scale = Eigen::Vector3d::Constant(ScaleMm(scanned));
+  const Eigen::VectorXd spread = Spread(places, truth, scale, sight, off);
   if (spread.size() == 0) return Eigen::Vector3d::Constant(NAN);
   return {spread[0], spread[1] / r_mm, spread[2] / r_mm};
 }

@@ -9,12 +9,12 @@
 namespace bendloop::bench {
 
 // The least error that a scan by laser lines lets a border have: of whoever knows the round tube,
-// every ray of the scan exactly, and so on which side of the border each meets the wall, and how
+// every ray of the scan exactly, where its sample lies along the wall to half the noise, and how
 // often the scanner loses a spot that lies on the wall and beside it (mixed_pixel_fraction): such a
 // ray is taken for one that met none. All borders are as likely as they make such a scan; their
 // mean is the best estimate (Pitman), and their spread, 1 sigma of each number, is this. No number
-// of samples makes an unbiased error smaller that treats all places alike. Noise and not knowing
-// where those rays went that met nothing come on top.
+// of samples makes an unbiased error smaller that treats all places alike. Not knowing where those
+// rays went that met nothing comes on top.
 
 // Of an opening: along and around [mm], width; of a slot length and axis [radians] too. Empty: no
 // ray tells of it.
