@@ -91,17 +91,19 @@ class CurveLikelihood {
         stops_(1 + 2 * order, 0) {
     std::vector<const EndSide*> beyond, before;
     for (const EndSide& side : evidence.sides) {
-      if (!side.is_told) (side.is_beyond ? beyond : before).push_back(&side);
+      if (side.is_told) continue;
+      (side.is_beyond || side.is_whole ? beyond : before).push_back(&side);
     }
-    const auto add = [&](const std::vector<const EndSide*>& sides, double way, Lanes& lanes) {
+    const auto add = [&](const std::vector<const EndSide*>& sides, Lanes& lanes) {
       lanes = Lanes(1 + 2 * order, static_cast<Eigen::Index>(sides.size()));
       for (std::size_t i = 0; i < sides.size(); ++i) {
         lanes.Set(static_cast<Eigen::Index>(i), SeriesAt(sides[i]->cosine, sides[i]->sine, order),
-                  sides[i]->at_mm, way / std::max(sides[i]->sigma_mm, blur_mm));
+                  sides[i]->at_mm,
+                  (sides[i]->is_beyond ? 1.0 : -1.0) / std::max(sides[i]->sigma_mm, blur_mm));
       }
     };
-    add(beyond, 1.0, hits_);
-    add(before, -1.0, missed_);
+    add(beyond, hits_);
+    add(before, missed_);
     stops_ = Lanes(1 + 2 * order, static_cast<Eigen::Index>(evidence.columns.size()));
     for (std::size_t i = 0; i < evidence.columns.size(); ++i) {
       const EndStop& stop = evidence.columns[i];

@@ -78,7 +78,8 @@ double LogOfMisses(std::span<const double> clear) { return TableOfMisses().Sum(c
 void AddSide(const EndSide& side, double sigma_mm, PlaneLanes& lanes) {
   const double scale = side.is_beyond ? 1.0 / sigma_mm : -1.0 / sigma_mm;
   const auto misses = static_cast<std::int32_t>(TableOfHits().at.size());
-  lanes.Add(side.cosine, side.sine, side.at_mm, scale, side.is_beyond ? 0 : misses);
+  lanes.Add(side.cosine, side.sine, side.at_mm, scale,
+            side.is_beyond || side.is_whole ? 0 : misses);
 }
 
 double LogOfSides(const PlaneLanes& sides, const double* x, double more) {
@@ -97,7 +98,7 @@ void EndEvidence::AddLines(const LineBracket& lines) {
     const double around = is_beyond ? lines.last_rad : lines.next_rad;
     sides.push_back({std::cos(around), std::sin(around), is_beyond ? lines.last_mm : lines.next_mm,
                      is_beyond ? lines.last_sigma_mm : lines.next_sigma_mm, is_beyond,
-                     !is_beyond && lines.next_is_told});
+                     !is_beyond && lines.next_is_told, !is_beyond && lines.next_is_whole});
   }
 }
 

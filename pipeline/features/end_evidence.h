@@ -19,6 +19,7 @@ struct EndSide {
   double sigma_mm = 0;
   bool is_beyond = true;  // the border lies beyond
   bool is_told = false;   // by other sides: it says nothing more
+  bool is_whole = false;  // a line that no lost ray hides
 
   // How far a plane is on the right side [mm]; `x`: at the axis, and by how much it rises towards
   // cosine and sine.

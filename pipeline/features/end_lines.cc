@@ -322,7 +322,9 @@ std::optional<std::vector<LineBracket>> Together(std::vector<StripOfLines> strip
     if (!next) continue;
     bracket.next_mm = next->at_mm;
     bracket.next_sigma_mm = next->sigma_mm;
-    if (next->is_shared) shared.push_back(brackets.size() - 1);
+    if (!next->is_shared) continue;
+    bracket.next_is_whole = true;
+    shared.push_back(brackets.size() - 1);
   }
   // The outermost ones and those between.
   for (std::size_t i = 1; i < shared.size(); ++i) {

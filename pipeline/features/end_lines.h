@@ -34,8 +34,9 @@ struct EndSample {
 struct LineBracket {
   double last_rad = 0, last_mm = 0, last_sigma_mm = 0;
   double next_rad = 0, next_mm = 0, next_sigma_mm = 0;
-  // The next one is off together with those of other brackets, some of which tell of it.
-  bool next_is_told = false;
+  // The next one is off together with those of other brackets, some of which tell of it; these tell
+  // of a whole line, which no ray that is lost hides.
+  bool next_is_told = false, next_is_whole = false;
 };
 
 // How samples along a narrow strip follow each other if they are those of laser lines that come

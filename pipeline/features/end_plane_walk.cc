@@ -21,6 +21,9 @@ struct EndWalkSettings {
   std::array<double, 4> blurs = {0.3, 0.1, 0.03, 0.01};
   int blurred_walk = 250;
   double far = 6.0;  // [sigma]
+  // [of the mean gap, and a pipe radius more] Planes lie about where sides roughly have them, 1
+  // sigma.
+  double within = 10.0;
   // Of the variance after the last blur: less is none.
   double least_moved = 1e-3;
   // [of the mean gap] and [sigma] Sides that are contradicted by more, and how many may be of all
@@ -94,11 +97,15 @@ bool StopTooFarBefore(const Eigen::Vector3d& x, const EndEvidence& evidence) {
 EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, double r_mm,
                     WalkDice& dice, const BetterPlane& better, double usual_slope) {
   const double prior_mm = usual_slope * r_mm;
+  // Where all lines are lost a plane may be anywhere: no walk is to get there.
+  const double rough_mm = RoughEndPlane(evidence, r_mm)[0];
+  const double within_mm = evidence.sides.empty() ? 1e9 : kWalk.within * evidence.gap_mm + r_mm;
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
     const PlaneLikelihood likelihood(evidence, blur_mm);
     return SamplePosterior(from, walk, dice, [&](const Eigen::VectorXd& x) {
       const double steep = (x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm);
-      return likelihood.Log(x) - 0.5 * steep;
+      const double off = (x[0] - rough_mm) / within_mm;
+      return likelihood.Log(x) - 0.5 * (steep + off * off);
     });
   };
   const double first_mm = kWalk.first_step * evidence.gap_mm;
