@@ -28,8 +28,6 @@ struct EvidenceSettings {
   double saturated = 12.0;
   // Of the rays that meet the wall: so many return nothing.
   double lost = 0.05;
-  // So many errors of their own have the places where a pass' next line would be (end_lines.h).
-  double told_of_next = 5.0;
   // Of all columns: so many may a laser line cross, which sees one side of the tube.
   double crossed = 0.5;
 };
@@ -173,7 +171,7 @@ std::optional<EndEvidence> LookAtEndLines(std::span<const EndSample> samples, do
   const Eigen::Vector3d rough = RoughEndPlane(evidence, r_mm);
   const double around_mm = sigma_mm * rough.tail<2>().norm() / r_mm;
   // Where the next lines were due is known of each pass at once, and not of each strip.
-  const double greatest_of_next = GreatestError(kEvidence.told_of_next);
+  const double greatest_of_next = GreatestError(static_cast<double>(kToldOfNext));
   for (EndSide& side : evidence.sides) {
     side.sigma_mm = std::max(std::hypot(side.sigma_mm, around_mm), kSampling.least * r_mm);
     if (knows_passes && !side.is_beyond) {

@@ -28,8 +28,6 @@ struct LineSettings {
   double even_gap = 0.45, even_gap_of_all = 0.2;
   // Of the places where lines cross strips.
   double most_lost = 0.1;
-  // Brackets of a pass whose next lines are off together: so many of them tell of it.
-  std::size_t of_shared = 5;
   // Lines of a strip that tell of the next: the hand's pace changes.
   std::size_t most_lines = 14;
   // Strips of a pass, tried from the most on: as narrow as its rays lie apart, they are crossed by
@@ -328,7 +326,7 @@ std::optional<std::vector<LineBracket>> Together(std::vector<StripOfLines> strip
   }
   // The outermost ones and those between.
   for (std::size_t i = 1; i < shared.size(); ++i) {
-    const std::size_t parts = kLines.of_shared - 1, last = shared.size() - 1;
+    const std::size_t parts = kToldOfNext - 1, last = shared.size() - 1;
     brackets[shared[i]].next_is_told = (i * parts) / last == ((i - 1) * parts) / last;
   }
   return brackets;

@@ -29,6 +29,9 @@ struct EndSample {
   }
 };
 
+// Brackets of a pass whose next lines are off together: so many of them tell of it.
+constexpr std::size_t kToldOfNext = 5;
+
 // Laser lines at one place around the end: the last that met the wall, and where the next would
 // have met it.
 struct LineBracket {

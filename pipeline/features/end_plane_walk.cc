@@ -98,19 +98,18 @@ EndPlane PlaneAmong(EndEvidence evidence, const Eigen::Vector2d& slope_mm, doubl
                     WalkDice& dice, const BetterPlane& better, double usual_slope) {
   const double prior_mm = usual_slope * r_mm;
   // Where all lines are lost a plane may be anywhere: no walk is to get there.
-  const double rough_mm = RoughEndPlane(evidence, r_mm)[0];
+  const Eigen::Vector3d rough_mm = RoughEndPlane(evidence, r_mm);
   const double within_mm = evidence.sides.empty() ? 1e9 : kWalk.within * evidence.gap_mm + r_mm;
   const auto sample = [&](const Posterior& from, int walk, double blur_mm) {
     const PlaneLikelihood likelihood(evidence, blur_mm);
     return SamplePosterior(from, walk, dice, [&](const Eigen::VectorXd& x) {
       const double steep = (x.tail<2>() + slope_mm).squaredNorm() / (prior_mm * prior_mm);
-      const double off = (x[0] - rough_mm) / within_mm;
+      const double off = (x[0] - rough_mm[0]) / within_mm;
       return likelihood.Log(x) - 0.5 * (steep + off * off);
     });
   };
   const double first_mm = kWalk.first_step * evidence.gap_mm;
-  Posterior posterior{RoughEndPlane(evidence, r_mm),
-                      first_mm * first_mm * Eigen::Matrix3d::Identity()};
+  Posterior posterior{rough_mm, first_mm * first_mm * Eigen::Matrix3d::Identity()};
   // A few samples look like lines by chance; those leave no needle.
   if (evidence.sides.size() > evidence.columns.size()) {
     for (const double blur : kWalk.blurs) {

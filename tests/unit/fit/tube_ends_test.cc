@@ -316,7 +316,7 @@ void Press(const hal::Tube& tube, double before_end_r, double depth_r, double wi
 }
 
 // Where noise is far less than a dent is deep most of the turn lies off the tube, all along it: the
-// end was told up to two pipe radii too short.
+// end was told where the dent begins.
 TEST(TubeEnds, AreBeyondDents) {
   Random random(12);
   constexpr double kFine = 0.001 * kRadius;

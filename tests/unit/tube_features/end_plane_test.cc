@@ -208,7 +208,7 @@ TEST(EndPlane, OfKnownPassesIsAsFarOffAsItSays) {
 }
 
 // Lines that a hand tilts lie all along the tube, as scattered samples do: ends were told right
-// behind their outermost sample, up to 29 sigma short.
+// behind their outermost sample.
 TEST(EndPlane, OfAnUnsteadyHandIsAsFarOffAsItSays) {
   Tubes tubes(7);
   Errors errors;
