@@ -276,6 +276,12 @@ double MeanDepthMm(std::span<const double> wall, std::span<const PressedPoint> p
 std::optional<Border> BorderPastDents(Sectors& wall, const PressedSectors& pressed, double r_mm) {
   const std::optional<Border> border = CommonBorder(wall, r_mm);
   if (!border) return border;
+  // Where nothing lies below the wall beyond it there is no dent to go past.
+  const bool has_pressed = std::any_of(pressed.begin(), pressed.end(), [&](const auto& sector) {
+    return std::any_of(sector.begin(), sector.end(),
+                       [&](const PressedPoint& point) { return point.inward_mm <= border->at_mm; });
+  });
+  if (!has_pressed) return border;
   Sectors both = wall;
   for (std::size_t i = 0; i < kSectors; ++i) {
     for (const PressedPoint& point : pressed[i]) both[i].push_back(point.inward_mm);
