@@ -18,6 +18,8 @@ struct BurrSettings {
   double face_sigmas = 3.0;  // so near to it the face of the cut is seen, where anything inside is
   // [of r_P] How long one may be along the tube; lengths are tried from a part of it on.
   double longest_burr = 0.3, lengths = 32;
+  // How it rises to its tip, as powers of how far along it is: evenly, or the more the nearer.
+  std::array<double, 4> rises = {1.0, 1.5, 2.0, 3.0};
   // Samples that stand out, and how many times as many as in the next as long piece of the wall.
   double least_out = 12.0, times = 4.0;
   // [of r_P] and [of those that stand out] What goes on so far beyond the end is none of it.
@@ -40,16 +42,20 @@ struct BurrSample {
   double before_mm, off_mm;
 };
 
-// How far each sector stands out at the border, if the burr is `length_mm` long: least squares.
+// How far each sector stands out at the border, if the burr is `length_mm` long and rises with this
+// power of the way along it: least squares.
 struct BurrSums {
   std::array<double, kEndSectors> n{}, square{}, product{};
   double explained = 0;  // of the sum of squares
-  double length_mm = 0;
+  double length_mm = 0, rise = 1;
 
-  void Add(std::size_t sector, double part, double off_mm) {
+  void Add(const BurrSample& sample) {
+    const double along = std::max(0.0, 1.0 - sample.before_mm / length_mm);
+    const double part = rise == 1.0 ? along : std::pow(along, rise);
+    const std::size_t sector = sample.sector;
     n[sector] += part > 0 ? 1 : 0;
     square[sector] += part * part;
-    product[sector] += part * off_mm;
+    product[sector] += part * sample.off_mm;
   }
   void Sum() {
     for (std::size_t i = 0; i < kEndSectors; ++i) {
@@ -64,7 +70,8 @@ struct BurrHeight {
   std::size_t sector = 0;
   double mm = 0, sigma_mm = 0, per_mm = 0;
 };
-// Over all lengths that it may have, as likely as they explain the samples. Nothing: too few tell.
+// Over all lengths and rises that it may have, as likely as they explain the samples. Nothing: too
+// few tell.
 BurrHeight HeightOf(std::span<const BurrSums> fits, std::size_t sector, double noise_mm) {
   double most = 0;
   for (const BurrSums& fit : fits) most = std::max(most, fit.explained);
@@ -76,7 +83,7 @@ BurrHeight HeightOf(std::span<const BurrSums> fits, std::size_t sector, double n
     all += odds;
     mean += odds * height_mm;
     square += odds * (height_mm * height_mm + noise_mm * noise_mm / fit.square[sector]);
-    per_mm += odds * height_mm / fit.length_mm;
+    per_mm += odds * fit.rise * height_mm / fit.length_mm;
   }
   if (!(all > 0)) return {};
   mean /= all;
@@ -161,13 +168,13 @@ std::optional<EndRim> FindRim(const SamplesNearEnd& near, const RimTip& tip, dou
   if (out < kBurr.least_out || beyond > kBurr.least_beyond * out) return std::nullopt;
   std::vector<BurrSums> fits;
   for (double i = 1; i <= kBurr.lengths; ++i) {
-    BurrSums& sums = fits.emplace_back();
-    sums.length_mm = longest_mm * i / kBurr.lengths;
-    for (const BurrSample& sample : samples) {
-      sums.Add(sample.sector, std::max(0.0, 1.0 - sample.before_mm / sums.length_mm),
-               sample.off_mm);
+    for (const double rise : kBurr.rises) {
+      BurrSums& sums = fits.emplace_back();
+      sums.length_mm = longest_mm * i / kBurr.lengths;
+      sums.rise = rise;
+      for (const BurrSample& sample : samples) sums.Add(sample);
+      sums.Sum();
     }
-    sums.Sum();
   }
   std::vector<BurrHeight> heights;
   for (std::size_t i = 0; i < kEndSectors; ++i) {

@@ -39,6 +39,8 @@ struct LookSettings {
   // of has them on two sides.
   double least_part = 0.4, least_sides = 0.75;
   int places = 9;  // of it that are asked for, each way
+  // [of the gaps of a pass] One that is narrower may be a gap of its lines or between its rays.
+  double narrow = 4.4;
   // Samples beside an opening that lie below the wall, and of those on it: fewer are fliers.
   double least_of_face = 4.0, part_of_face = 0.01;
   // [sigma] By how much less low samples may lie, for each mm that rays go towards the border while
@@ -276,7 +278,10 @@ class PassViews {
         unrolled_(tube.segments, frame, tube.pipe_radius_mm),
         r_mm_(tube.pipe_radius_mm),
         shadows_(tube) {
-    for (const SeenWall& sample : seen) passes_[PassOf(sample.to_sensor)].push_back(&sample);
+    for (const SeenWall& sample : seen) {
+      passes_[PassOf(sample.to_sensor)].push_back(&sample);
+      reach_mm_ = std::max(reach_mm_, sample.place_mm.norm());
+    }
   }
 
   const UnrolledWall& unrolled() const { return unrolled_; }
@@ -297,6 +302,11 @@ class PassViews {
     const BorderSides sides = SidesOf(about, places, clear_mm, 2.0 * gap_mm + clear_mm, 0.0);
     const double part = PartSeen(pass, about);
     if (part < kLook.least_part || sides.with_samples < kLook.least_sides * part * sides.all) {
+      return;
+    }
+    // An unsteady hand's lines look scattered, and leave places empty as other samples do not.
+    if (about.width_mm < kLook.narrow * gap_mm &&
+        IsLikeItsSurroundings(about, places, reach_mm_, r_mm_)) {
       return;
     }
     found.scattered.insert(found.scattered.end(), places.begin(), places.end());
@@ -339,6 +349,7 @@ class PassViews {
   hal::SurfaceFrame frame_;
   UnrolledWall unrolled_;
   double r_mm_;
+  double reach_mm_ = 0;  // from the middle of the plane
   Shadows shadows_;
   std::map<unsigned, std::vector<const SeenWall*>> passes_;
   std::map<unsigned, std::vector<double>> ways_;

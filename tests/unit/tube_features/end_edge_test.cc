@@ -365,6 +365,38 @@ TEST(EndEdge, ABurrIsAsHighAsItIsWhateverItsLength) {
   }
 }
 
+// A saw or a die rolls a lip up: it rises the more the nearer to its tip. Heights were told too
+// low, as if all burrs rose evenly.
+TEST(EndEdge, ABurrIsAsHighAsItsTipHoweverItRises) {
+  constexpr double kRadiusOfTubeMm = 6, kEndMm = 60, kNoiseMm = 0.02;
+  std::mt19937_64 random(13);
+  std::normal_distribution<double> noise(0, kNoiseMm);
+  for (const double rise : {1.0, 2.0, 3.0}) {
+    SCOPED_TRACE(rise);
+    double square = 0;
+    constexpr int kEnds = 8;
+    for (int i = 0; i < kEnds; ++i) {
+      const double height_mm = tests::Uniform(random, 0.3, 0.45);
+      const double lip_mm = tests::Uniform(random, 0.9, 1.7);
+      std::vector<Eigen::Vector3d> points;
+      for (int k = 0; k < 25'000; ++k) {
+        const double around = tests::Uniform(random, -std::numbers::pi, std::numbers::pi);
+        const double along_mm = kEndMm * tests::Uniform(random, 0, 1);
+        const double on_lip = std::max(0.0, 1 - (kEndMm - along_mm) / lip_mm);
+        const double off_mm = height_mm * (0.7 + 0.3 * std::cos(around)) * std::pow(on_lip, rise);
+        const double out_mm = kRadiusOfTubeMm + off_mm + noise(random);
+        points.emplace_back(along_mm, out_mm * std::cos(around), out_mm * std::sin(around));
+      }
+      const auto end = EndOf(points, kRadiusOfTubeMm, kNoiseMm).cuts.last;
+      ASSERT_TRUE(end && end->burr);
+      const double off = (end->burr->height_mm - height_mm) / end->burr->sigma_mm;
+      EXPECT_LT(std::abs(off), 4.0);
+      square += off * off / kEnds;
+    }
+    EXPECT_LT(std::sqrt(square), 1.8);
+  }
+}
+
 // A wall that is widened by a fifth of its radius and more, all round.
 TEST(EndEdge, AFlareIsNoBurr) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {

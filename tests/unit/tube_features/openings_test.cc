@@ -439,6 +439,49 @@ TEST(OpeningSurroundings, SamplesLieWhereTheirRaysMetTheWall) {
   }
 }
 
+// Lines of an unsteady hand are neither even nor upright, and look like scattered samples; but
+// their rays stand in columns along the tube. What lies between two of them was told as a slot.
+TEST(OpeningSurroundings, APassTellsNothingOfWhatIsLikeItsOwnGaps) {
+  constexpr double kOfPipeMm = 10, kRayMm = 1.3;
+  hal::BendProgram straight;
+  straight.rows.push_back({100, 0, 0, std::nullopt});
+  const auto segments = hal::SpineSegments(straight, hal::Pose{});
+  const auto frames = SegmentFrames(segments, kOfPipeMm);
+  const hal::SurfaceFrame frame = hal::FrameAt(segments, 50, 0);
+  OpeningBorder gap, slot;
+  gap.middle_mm = {0, 0.5 * kRayMm};
+  gap.width_mm = 0.9 * kRayMm;
+  gap.length_mm = 16;
+  slot.width_mm = 5;
+  slot.length_mm = 12;
+  std::mt19937_64 random(21);
+  std::normal_distribution<double> normal;
+  for (const bool has_slot : {false, true}) {
+    SCOPED_TRACE(has_slot);
+    std::vector<Eigen::Vector3d> points;
+    std::vector<SensorDirection> to_sensor;
+    for (double at_mm = 25; at_mm < 75; at_mm += 0.4 * std::exp(0.4 * normal(random))) {
+      const double askew = 0.05 * normal(random);
+      for (int ray = -7; ray <= 7; ++ray) {
+        const double around_mm = kRayMm * ray + 0.05 * normal(random);
+        const double along_mm = at_mm + askew * around_mm, turn = around_mm / kOfPipeMm;
+        if (has_slot && slot.DistanceMm({along_mm - 50, kOfPipeMm * std::sin(turn)}) < 0) continue;
+        points.push_back(frame.spine_mm + (along_mm - 50) * frame.tangent +
+                         kOfPipeMm *
+                             (std::cos(turn) * frame.outward + std::sin(turn) * frame.sideways()));
+        to_sensor.push_back(WithPass(PackDirection(frame.outward), 0));
+      }
+    }
+    const PointBlock block{frame.spine_mm, 5 * kOfPipeMm, points, {}, to_sensor};
+    const LookedAtTube tube{kOfPipeMm, 0.02, segments, frames, std::span(&block, 1)};
+    const OpeningBorder& about = has_slot ? slot : gap;
+    const PassSurroundings passes = tube.FindPasses(frame, tube.LookAt(frame, 24, 0.5), about);
+    EXPECT_TRUE(passes.are_known);
+    EXPECT_FALSE(passes.has_lines);
+    EXPECT_NEAR(passes.scattered_part, has_slot ? 1.0 : 0.0, 0.1);
+  }
+}
+
 TEST(OpeningLines, AGapBetweenPassesMissesNothing) {
   std::mt19937_64 random(4);
   OpeningBorder none;  // of no size
