@@ -21,14 +21,19 @@ namespace bendloop::test {
 
 struct BenderFactory {
   std::string name;
-  std::function<std::unique_ptr<BenderUnderTest>()> make;
+  // With a link that waits as long for an answer.
+  std::function<std::unique_ptr<BenderUnderTest>(std::chrono::milliseconds response_timeout)> make;
   friend void PrintTo(const BenderFactory& factory, std::ostream* out) { *out << factory.name; }
 };
 
 class BenderLinkConformance : public testing::TestWithParam<BenderFactory> {
  protected:
-  void SetUp() override { bender_ = GetParam().make(); }
+  void SetUp() override { bender_ = GetParam().make(kPatient); }
   hal::BenderLink& link() { return bender_->link(); }
+  void MakeImpatient() {
+    bender_.reset();
+    bender_ = GetParam().make(kImpatient);
+  }
 
   hal::ProgramBlock Block(std::uint32_t sequence, int bends) {
     return {bender_->Active().part_number, sequence, RandomProgram(random_, bends), 0};
@@ -189,6 +194,7 @@ TEST_P(BenderLinkConformance, LyingRowCountIsAnErrorNotAnAllocation) {
 // After each of these a call fails as kDevice within its time; then the bender behaves again and
 // so does the link, without being told.
 TEST_P(BenderLinkConformance, RecoversFromEveryKindOfBadAnswer) {
+  MakeImpatient();
   for (const char* wrong : {"silent", "mute", "garbage", "short", "wrong-unit", "wrong-transaction",
                             "exception 4", "late 900"}) {
     SCOPED_TRACE(wrong);
@@ -287,6 +293,7 @@ TEST_P(BenderLinkConformance, ThePlcReadsWhatItIsTold) {
 }
 
 TEST_P(BenderLinkConformance, WhatThePlcHasForgottenIsWrittenAnew) {
+  MakeImpatient();
   if (!link().Connect()->takes_report) return;
   ASSERT_TRUE(Done(link().Report(SampleReport())));
   bender_->Misbehave("silent");

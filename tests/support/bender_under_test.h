@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <string>
 
 #include "hal/bend_program.h"
@@ -8,6 +9,10 @@
 #include "hal/register_map.h"
 
 namespace bendloop::test {
+
+// How long a link under test waits for an answer: where one must come, however the machine is
+// loaded; and where none does, which costs a test this much each time.
+constexpr std::chrono::milliseconds kPatient{10'000}, kImpatient{500};
 
 // A link with the bender at its other end, seen from the bender's side.
 class BenderUnderTest {

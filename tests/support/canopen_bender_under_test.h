@@ -63,8 +63,10 @@ inline hal::RegisterMap ObjectMap(const hal::RegisterMap& row) {
 class CanopenBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
   explicit CanopenBenderUnderTest(const hal::RegisterMap& map, const std::string& interface = "",
-                                  drivers::SdoServer::Options sdo = {})
+                                  drivers::SdoServer::Options sdo = {},
+                                  std::chrono::milliseconds response_timeout = kImpatient)
       : SimulatedBenderUnderTest(map) {
+    options_.response_timeout = response_timeout;
     auto simulated = SimulatorOptions(map);
     simulated.canopen.emplace();
     simulated.canopen->interface = interface.empty() ? "pair" : interface;

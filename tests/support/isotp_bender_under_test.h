@@ -18,8 +18,9 @@ namespace bendloop::test {
 // kernel's, so tests/vm has the same on a bus.
 class IsotpBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
-  explicit IsotpBenderUnderTest(const hal::RegisterMap& map, const std::string& interface = "")
-      : SimulatedBenderUnderTest(map) {
+  explicit IsotpBenderUnderTest(const hal::RegisterMap& map, const std::string& interface = "",
+                                std::chrono::milliseconds response_timeout = kImpatient)
+      : SimulatedBenderUnderTest(map), response_timeout_(response_timeout) {
     auto simulated = SimulatorOptions(map);
     if (!interface.empty()) channel_.interface = interface;
     simulated.can = channel_;
@@ -39,11 +40,13 @@ class IsotpBenderUnderTest final : public SimulatedBenderUnderTest {
 
   // The link's registers alone: another client of the same bender.
   std::unique_ptr<drivers::RegisterCarrier> Carrier() const {
-    return drivers::MakeIsotpCarrier(map_, {.channel = channel_});
+    return drivers::MakeIsotpCarrier(map_,
+                                     {.channel = channel_, .response_timeout = response_timeout_});
   }
 
  private:
   drivers::IsotpChannel channel_{.interface = "pair", .request_id = 0x18da10f1, .reply_id = 0x7e8};
+  std::chrono::milliseconds response_timeout_;
 };
 
 }  // namespace bendloop::test

@@ -35,11 +35,11 @@ inline std::unique_ptr<drivers::SimulatedBender> StartBender(
   return std::move(*bender);
 }
 
-inline drivers::ModbusBenderOptions LinkOptions(std::uint16_t port) {
+inline drivers::ModbusBenderOptions LinkOptions(
+    std::uint16_t port, std::chrono::milliseconds response_timeout = kImpatient) {
   drivers::ModbusBenderOptions options;
   options.port = port;
-  // Long enough for a loaded machine to answer, short enough for tests of a silent bender.
-  options.response_timeout = std::chrono::milliseconds(500);
+  options.response_timeout = response_timeout;
   options.max_backoff = std::chrono::milliseconds(1);
   return options;
 }
@@ -71,14 +71,17 @@ class SimulatedBenderUnderTest : public BenderUnderTest {
 // The Modbus link, on loopback.
 class ModbusBenderUnderTest final : public SimulatedBenderUnderTest {
  public:
-  explicit ModbusBenderUnderTest(const hal::RegisterMap& map, bool rtu = false)
+  explicit ModbusBenderUnderTest(const hal::RegisterMap& map, bool rtu = false,
+                                 std::chrono::milliseconds response_timeout = kImpatient)
       : SimulatedBenderUnderTest(map) {
     bender_ = StartBender(SimulatorOptions(map, rtu));
-    link_ = drivers::MakeModbusBender(map, LinkOptions(*bender_), clock_);
+    link_ = drivers::MakeModbusBender(map, LinkOptions(*bender_, response_timeout), clock_);
   }
 
-  static drivers::ModbusBenderOptions LinkOptions(const drivers::SimulatedBender& bender) {
-    auto options = test::LinkOptions(bender.port());
+  static drivers::ModbusBenderOptions LinkOptions(
+      const drivers::SimulatedBender& bender,
+      std::chrono::milliseconds response_timeout = kImpatient) {
+    auto options = test::LinkOptions(bender.port(), response_timeout);
     if (!bender.device().empty()) options.serial = drivers::SerialLine{.device = bender.device()};
     return options;
   }

@@ -26,13 +26,16 @@ drivers::IsotpChannel Channel() {
 }
 
 BenderFactory Isotp(const hal::RegisterMap& map) {
-  return {"isotp_" + map.name,
-          [map] { return std::make_unique<IsotpBenderUnderTest>(map, "vcan0"); }};
+  return {"isotp_" + map.name, [map](std::chrono::milliseconds response_timeout) {
+            return std::make_unique<IsotpBenderUnderTest>(map, "vcan0", response_timeout);
+          }};
 }
 
 BenderFactory Canopen(const hal::RegisterMap& rows) {
-  return {"canopen_" + rows.name, [map = ObjectMap(rows)] {
-            return std::make_unique<CanopenBenderUnderTest>(map, "vcan0");
+  return {"canopen_" + rows.name,
+          [map = ObjectMap(rows)](std::chrono::milliseconds response_timeout) {
+            return std::make_unique<CanopenBenderUnderTest>(
+                map, "vcan0", drivers::SdoServer::Options{}, response_timeout);
           }};
 }
 

@@ -11,7 +11,7 @@ namespace bendloop::test {
 namespace {
 
 BenderFactory Shipped() {
-  return {"shipped", [] {
+  return {"shipped", [](std::chrono::milliseconds response_timeout) {
             const std::string config = BENDLOOP_SOURCE_DIR "/config/";
             auto map = config::LoadRegisterMap(config + "register-maps/canopen.toml");
             EXPECT_TRUE(map) << map.error().message;
@@ -20,15 +20,16 @@ BenderFactory Shipped() {
             EXPECT_TRUE(eds) << eds.error().message;
             const auto bound = config::BindObjects(*map, *eds);
             EXPECT_TRUE(bound) << bound.error().message;
-            return std::make_unique<CanopenBenderUnderTest>(*map);
+            return std::make_unique<CanopenBenderUnderTest>(*map, "", drivers::SdoServer::Options{},
+                                                            response_timeout);
           }};
 }
 
 // Odd rows, no block transfer.
 BenderFactory Odd() {
-  return {"odd", [] {
-            return std::make_unique<CanopenBenderUnderTest>(ObjectMap(OddMap()), "",
-                                                            drivers::SdoServer::Options{false, 1});
+  return {"odd", [](std::chrono::milliseconds response_timeout) {
+            return std::make_unique<CanopenBenderUnderTest>(
+                ObjectMap(OddMap()), "", drivers::SdoServer::Options{false, 1}, response_timeout);
           }};
 }
 

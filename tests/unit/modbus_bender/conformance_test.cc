@@ -8,7 +8,9 @@ namespace bendloop::test {
 namespace {
 
 BenderFactory Factory(const hal::RegisterMap& map) {
-  return {map.name, [map] { return std::make_unique<ModbusBenderUnderTest>(map); }};
+  return {map.name, [map](std::chrono::milliseconds response_timeout) {
+            return std::make_unique<ModbusBenderUnderTest>(map, false, response_timeout);
+          }};
 }
 
 // As the plain one, but with the bytes of a register and the words of a value exchanged.
@@ -23,10 +25,11 @@ hal::RegisterMap SwappedMap() {
 // A map that we ship; the name is that of its file.
 BenderFactory Shipped(const std::string& name) {
   const std::string file = BENDLOOP_SOURCE_DIR "/config/register-maps/" + name + ".toml";
-  return {name.substr(0, name.find('-')), [file] {
+  return {name.substr(0, name.find('-')), [file](std::chrono::milliseconds response_timeout) {
             const auto map = config::LoadRegisterMap(file);
             EXPECT_TRUE(map) << map.error().message;
-            return std::make_unique<ModbusBenderUnderTest>(map.value_or(hal::RegisterMap{}));
+            return std::make_unique<ModbusBenderUnderTest>(map.value_or(hal::RegisterMap{}), false,
+                                                           response_timeout);
           }};
 }
 
@@ -37,7 +40,9 @@ INSTANTIATE_TEST_SUITE_P(Modbus, BenderLinkConformance,
                          [](const auto& factory) { return factory.param.name; });
 
 BenderFactory Rtu(const hal::RegisterMap& map) {
-  return {map.name, [map] { return std::make_unique<ModbusBenderUnderTest>(map, true); }};
+  return {map.name, [map](std::chrono::milliseconds response_timeout) {
+            return std::make_unique<ModbusBenderUnderTest>(map, true, response_timeout);
+          }};
 }
 
 INSTANTIATE_TEST_SUITE_P(ModbusRtu, BenderLinkConformance,
@@ -47,7 +52,10 @@ INSTANTIATE_TEST_SUITE_P(ModbusRtu, BenderLinkConformance,
 INSTANTIATE_TEST_SUITE_P(ModbusInIsotp, BenderLinkConformance,
                          testing::Values(BenderFactory{
                              "plain",
-                             [] { return std::make_unique<IsotpBenderUnderTest>(PlainMap()); }}),
+                             [](std::chrono::milliseconds response_timeout) {
+                               return std::make_unique<IsotpBenderUnderTest>(PlainMap(), "",
+                                                                             response_timeout);
+                             }}),
                          [](const auto& factory) { return factory.param.name; });
 
 // A PLC that takes nothing does not notice what stays as it is.

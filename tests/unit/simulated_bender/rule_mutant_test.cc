@@ -182,19 +182,27 @@ TEST_P(RuleMutantsOn, EachButTheHeartbeatsShowsItself) {
 
 INSTANTIATE_TEST_SUITE_P(
     Carriers, RuleMutantsOn,
-    testing::Values(
-        Carrier{"Tcp", true,
-                [] { return std::make_unique<test::ModbusBenderUnderTest>(test::PlainMap()); }},
-        Carrier{
-            "Rtu", false,
-            [] { return std::make_unique<test::ModbusBenderUnderTest>(test::PlainMap(), true); }},
-        Carrier{"Isotp", false,
-                [] { return std::make_unique<test::IsotpBenderUnderTest>(test::PlainMap()); }},
-        Carrier{"Canopen", false,
-                [] {
-                  return std::make_unique<test::CanopenBenderUnderTest>(
-                      test::ObjectMap(test::PlainMap()));
-                }}),
+    testing::Values(Carrier{"Tcp", true,
+                            [] {
+                              return std::make_unique<test::ModbusBenderUnderTest>(
+                                  test::PlainMap(), false, test::kPatient);
+                            }},
+                    Carrier{"Rtu", false,
+                            [] {
+                              return std::make_unique<test::ModbusBenderUnderTest>(
+                                  test::PlainMap(), true, test::kPatient);
+                            }},
+                    Carrier{"Isotp", false,
+                            [] {
+                              return std::make_unique<test::IsotpBenderUnderTest>(
+                                  test::PlainMap(), "", test::kPatient);
+                            }},
+                    Carrier{"Canopen", false,
+                            [] {
+                              return std::make_unique<test::CanopenBenderUnderTest>(
+                                  test::ObjectMap(test::PlainMap()), "", SdoServer::Options{},
+                                  test::kPatient);
+                            }}),
     [](const auto& carrier) { return std::string(carrier.param.name); });
 
 // Does the heartbeat move within a time in which a good one moves ten times?
