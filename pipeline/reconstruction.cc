@@ -37,10 +37,12 @@
 #include "pipeline/fit/seam.h"
 #include "pipeline/fit/self_check.h"
 #include "pipeline/fit/silent_bends.h"
+#include "pipeline/fit/skewed_easing.h"
 #include "pipeline/fit/sunk_ends.h"
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
+#include "pipeline/fit/without_dents.h"
 #include "pipeline/fit/wrinkles.h"
 #include "pipeline/points/input_checks.h"
 #include "pipeline/spine/closed_tube.h"
@@ -120,6 +122,13 @@ SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
                    std::span<const PointBlock> blocks) {
   const double reach_mm = final.options.reach_mm;
   SurfaceForm form = FindForm(final.fit, tube, final.noise_mm, blocks, reach_mm, kPerhapsDents);
+  if (!form.dents.empty()) {  // their slopes would bow the straights that they lie on
+    const BowedTubeState bare{tube, final.fit.flattening, final.fit.easing, {}};
+    const auto undented = WithoutDents(bare, final.noise_mm, blocks, blocks, reach_mm);
+    if (undented) {
+      form.straights = FindForm(bare, final.noise_mm, *undented, reach_mm).straights;
+    }
+  }
   const auto& bows = final.bowed.bows;
   if (std::all_of(bows.begin(), bows.end(), [](const Bow& bow) { return bow.is_none(); })) {
     return form;
@@ -208,6 +217,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   FlattenRoundBends(blocks, final.options, solution);
   final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
   blocks = final.Fitted(tube.blocks);
+  TrySkewedEasing(blocks, final.options, solution);
   TryOneDie(blocks, final.options, solution);
   std::vector<Doubt> doubts;
   TryOddDie(blocks, final.options, doubts, solution);

@@ -230,7 +230,8 @@ double FormNumbers(const BowedSolution& solution) {
   const auto bowed =
       std::count_if(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
   return static_cast<double>(kBowModes * bowed) +
-         static_cast<double>(solution.fit.easing.variance_mm2.size());
+         static_cast<double>(solution.fit.easing.variance_mm2.size() +
+                             solution.fit.easing.skew.size());
 }
 
 bool IsOfLinesAndArcs(const BowedSolution& solution) {

@@ -175,19 +175,18 @@ Bow ExtentOf(const BowedTubeState& state, const EasedSpine& spine, std::size_t s
   const std::size_t row = spine.row(segment), bends = state.tube.program.bend_count();
   const Easing within = EasingWithin(state.tube.program, state.easing);
   double eased_mm2 = 0;
-  const auto beyond_mm = [&](std::size_t bend) {
-    if (within.empty()) return 0.0;
+  const auto eased = [&](std::size_t bend) {
+    if (within.empty()) return EasedBend{};
     const hal::BendRow& of_bend = state.tube.program.rows[bend];
     return Ease(of_bend.angle_deg * hal::kRadiansPerDegree, of_bend.bend_radius_mm.value_or(0.0),
-                within.variance_mm2[bend], within.reach, within.room_of_mm(bend))
-        .beyond_mm;
+                within.of(bend));
   };
   for (const double variance : state.easing.variance_mm2) {
     eased_mm2 += variance / static_cast<double>(bends);
   }
   Bow bow;
-  bow.before_mm = row > 0 ? beyond_mm(row - 1) : 0.0;
-  bow.after_mm = row < bends ? beyond_mm(row) : 0.0;
+  bow.before_mm = row > 0 ? eased(row - 1).behind_mm : 0.0;
+  bow.after_mm = row < bends ? eased(row).before_mm : 0.0;
   const double straight_mm = std::max(1e-9, bow.LengthMm(line_mm));
   const double off_mm = std::clamp(kMiddle.eased * std::sqrt(std::max(0.0, eased_mm2)),
                                    kMiddle.beside_bend * straight_mm, kMiddle.most * straight_mm);

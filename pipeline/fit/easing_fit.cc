@@ -38,11 +38,6 @@ double CostOf(const SurfaceFit& fit, double sigma_mm, const SurfaceFitOptions& o
          fit.priors.ChiSquare(fit.tube.program, fit.flattening, fit.easing);
 }
 
-// How much better the points are explained [variances].
-double GainOf(const SurfaceFit& eased, const SurfaceFit& sharp, const SurfaceFitOptions& options) {
-  return CostOf(sharp, eased.sigma_mm, options) - CostOf(eased, eased.sigma_mm, options);
-}
-
 double AskedOf(const SurfaceFit& eased) {
   return kEasingFit.insist * kEasingFit.insist * eased.design_effect;
 }
@@ -90,6 +85,10 @@ std::optional<SurfaceFit> BeginEasing(const SurfaceFit& sharp, const OwnedBlocks
 }
 
 }  // namespace
+
+double GainOf(const SurfaceFit& a, const SurfaceFit& b, const SurfaceFitOptions& options) {
+  return CostOf(b, a.sigma_mm, options) - CostOf(a, a.sigma_mm, options);
+}
 
 FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> blocks,
                        SurfaceFitOptions options) {

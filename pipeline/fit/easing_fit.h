@@ -18,6 +18,10 @@ struct FoundEasing {
   std::optional<hal::Tube> eased;
 };
 
+// How much better `a`, of the same points as `b`, explains them and what is expected of such tubes
+// [variances].
+double GainOf(const SurfaceFit& a, const SurfaceFit& b, const SurfaceFitOptions& options);
+
 // Whether the samples insist on bends that ease in and out, or sharp ones explain them as well.
 // `structure`: the tube with its bends; `options`: of the final fit.
 FoundEasing FindEasing(const SurfaceFit& structure, std::span<const PointBlock> blocks,

@@ -63,6 +63,9 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
     matrix.block(first, first, bends, bends) += certainty * alike;
     right.segment(first, bends) -= certainty * (alike * easing);
     add(parameters.easing_reach(), at[parameters.easing_reach()] - kUsualReach, kReachSigma, 1.0);
+    for (std::size_t bend = 0; parameters.skewed() && bend < parameters.bends(); ++bend) {
+      add(parameters.easing_skew(bend), at[parameters.easing_skew(bend)], kSkewSigma, 1.0);
+    }
   }
   if (radii_alike > 0) {
     std::vector<int> radii;
@@ -110,6 +113,7 @@ double FitPriors::OccamPenalty(const TubeParameters& parameters, const hal::Tube
     range.segment(parameters.easing(0), bends)
         .setConstant(tube.pipe_radius_mm * tube.pipe_radius_mm);
     range[parameters.easing_reach()] = kReachSigma;
+    if (parameters.skewed()) range.tail(bends).setConstant(kSkewSigma);
   }
   Eigen::MatrixXd ratio = range.asDiagonal() * (matrix / variance_mm2) * range.asDiagonal();
   ratio.diagonal() += Eigen::VectorXd::Ones(parameters.size()) - counted;
@@ -137,6 +141,7 @@ double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Fla
     sum += std::pow((variance - mean_mm2) / (easings_alike * mean_mm2), 2);
   }
   if (!easing.empty()) sum += std::pow((easing.reach - kUsualReach) / kReachSigma, 2);
+  for (const double skew : easing.skew) sum += std::pow(skew / kSkewSigma, 2);
   for (const Flattening& f : flattening) {
     sum += (f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse +
             f.plateau * f.plateau) /

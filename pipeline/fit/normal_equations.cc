@@ -133,6 +133,7 @@ FitBounds::FitBounds(const TubeParameters& parameters, double pipe_radius_mm, do
       bound(parameters.easing(i), std::pow(kBounds.least_easing * pipe_radius_mm, 2),
             std::pow(kBounds.most_easing * pipe_radius_mm, 2));
       bound(parameters.easing_reach(), kLeastReach, kMostReach);
+      if (parameters.skewed()) bound(parameters.easing_skew(i), -kMostSkew, kMostSkew);
     }
   }
 }

@@ -82,44 +82,56 @@ void MoveFrame(const std::vector<RigidMotion>& motions, const hal::SpineSegment&
   }
 }
 
+// Angle, radius, and the kernel's variance, reach and skew.
+constexpr std::size_t kOfEased = 5;
+
 // What angle, radius and easing of an eased bend do to its pieces and to what is behind: each piece
 // turns and slides that by what its own angle and radius change, and the straights beside the bend
 // lose what it reaches beyond its tangent points.
 class MotionsOfEased {
  public:
+  using Parameters = std::array<int, kOfEased>;  // the last may be none: -1
+
   // `free`: the straights leave room for more easing.
-  MotionsOfEased(double angle_rad, double bend_radius_mm, double variance_mm2, double reach,
-                 double room_mm, bool free, const std::array<int, 4>& parameters)
-      : parameters_(parameters) {
-    // Central differences of plain functions: a part of 1e-5 leaves ten digits.
-    const std::array<double, 4> at = {angle_rad, bend_radius_mm, variance_mm2, reach};
-    for (std::size_t i = 0; i < at.size(); ++i) {
+  MotionsOfEased(double angle_rad, double bend_radius_mm, const BendKernel& easing, bool free,
+                 const Parameters& parameters)
+      : parameters_(parameters), count_(parameters.back() < 0 ? kOfEased - 1 : kOfEased) {
+    // Central differences of plain functions: such a part leaves ten digits.
+    constexpr double kPart = 1e-5;
+    constexpr std::size_t kSkew = kOfEased - 1;
+    const std::array<double, kOfEased> at = {angle_rad, bend_radius_mm, easing.variance_mm2,
+                                             easing.reach, easing.skew.value_or(0.0)};
+    for (std::size_t i = 0; i < count_; ++i) {
       if (i == 2 && !free) continue;
-      std::array<double, 4> less = at, more = at;
-      less[i] *= 1.0 - 1e-5;
-      more[i] *= 1.0 + 1e-5;
-      const EasedBend a = Ease(less[0], less[1], less[2], less[3], room_mm);
-      const EasedBend b = Ease(more[0], more[1], more[2], more[3], room_mm);
+      std::array<double, kOfEased> less = at, more = at;
+      less[i] = i == kSkew ? at[i] - kPart : at[i] * (1.0 - kPart);
+      more[i] = i == kSkew ? at[i] + kPart : at[i] * (1.0 + kPart);
+      const auto eased = [&](const std::array<double, kOfEased>& of) {
+        const auto skew = easing.skew ? std::optional(of[4]) : std::nullopt;
+        return Ease(of[0], of[1], {of[2], of[3], skew, easing.room_mm});
+      };
+      const EasedBend a = eased(less), b = eased(more);
       const double per = 1.0 / (more[i] - less[i]);
       for (std::size_t k = 0; k < kEasedPieces; ++k) {
         by_[i].pieces[k] = {per * (b.pieces[k].angle_rad - a.pieces[k].angle_rad),
                             per * (b.pieces[k].bend_radius_mm - a.pieces[k].bend_radius_mm)};
       }
-      by_[i].beyond_mm = per * (b.beyond_mm - a.beyond_mm);
+      by_[i].before_mm = per * (b.before_mm - a.before_mm);
+      by_[i].behind_mm = per * (b.behind_mm - a.behind_mm);
     }
   }
 
   // `first`: its first piece. What it adds to the motions is added to by each piece.
   void Begin(const hal::SpineSegment& first, std::vector<RigidMotion>& motions) {
     first_motion_ = motions.size();
-    for (std::size_t i = 0; i < by_.size(); ++i) {
+    for (std::size_t i = 0; i < count_; ++i) {
       motions.push_back(
-          Sliding(parameters_[i], Eigen::Vector3d::Zero(), -by_[i].beyond_mm * first.tangent));
+          Sliding(parameters_[i], Eigen::Vector3d::Zero(), -by_[i].before_mm * first.tangent));
     }
   }
   void Pass(const hal::SpineSegment& segment, std::size_t piece, Eigen::MatrixXd& derivative,
             std::vector<RigidMotion>& motions) const {
-    for (std::size_t i = 0; i < by_.size(); ++i) {
+    for (std::size_t i = 0; i < count_; ++i) {
       const BendPiece& by = by_[i].pieces[piece];
       if (segment.angle_rad() >= kFeltRad) {
         derivative(kBendRadiusState, parameters_[i]) = by.bend_radius_mm;
@@ -129,9 +141,9 @@ class MotionsOfEased {
     }
   }
   void End(const hal::SpineSegment& last, std::vector<RigidMotion>& motions) const {
-    for (std::size_t i = 0; i < by_.size(); ++i) {
+    for (std::size_t i = 0; i < count_; ++i) {
       motions[first_motion_ + i].velocity -=
-          by_[i].beyond_mm * last.TangentAt(last.length_mm).normalized();
+          by_[i].behind_mm * last.TangentAt(last.length_mm).normalized();
     }
   }
 
@@ -142,8 +154,9 @@ class MotionsOfEased {
     to.omega += times * motion.omega;
   }
 
-  std::array<int, 4> parameters_;
-  std::array<EasedBend, 4> by_{};  // derivatives
+  Parameters parameters_;
+  std::size_t count_;
+  std::array<EasedBend, kOfEased> by_{};  // derivatives
   std::size_t first_motion_ = 0;
 };
 
@@ -165,6 +178,7 @@ TubeParameters::TubeParameters(const hal::Tube& reference, bool free_pipe_radius
   size_ += kFlatteningParameters * static_cast<int>(flattening_.size());
   first_easing_ = size_;
   if (eased()) size_ += static_cast<int>(bends_) + 1;
+  if (skewed()) size_ += static_cast<int>(bends_);
 }
 
 Eigen::VectorXd TubeParameters::Initial() const {
@@ -185,6 +199,9 @@ Eigen::VectorXd TubeParameters::Initial() const {
   if (!eased()) return parameters;
   for (std::size_t i = 0; i < bends_; ++i) parameters[easing(i)] = easing_.variance_mm2[i];
   parameters[easing_reach()] = easing_.reach;
+  for (std::size_t i = 0; skewed() && i < bends_; ++i) {
+    parameters[easing_skew(i)] = easing_.of(i).skew.value_or(0.0);
+  }
   return parameters;
 }
 
@@ -247,6 +264,9 @@ Easing TubeParameters::EasingAt(const Eigen::VectorXd& parameters) const {
   if (!eased()) return at;
   for (std::size_t i = 0; i < bends_; ++i) at.variance_mm2.push_back(parameters[easing(i)]);
   at.reach = parameters[easing_reach()];
+  for (std::size_t i = 0; skewed() && i < bends_; ++i) {
+    at.skew.push_back(parameters[easing_skew(i)]);
+  }
   return at;
 }
 
@@ -277,10 +297,11 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(const EasedSpine& 
     if (spine.pieces > 1 && !spine.is_line(k)) {
       if (spine.is_line(k - 1)) {
         const hal::BendRow& row = reference_.program.rows[bend];
-        of_eased.emplace(row.angle_deg / hal::kDegreesPerRadian, row.bend_radius_mm.value_or(0.0),
-                         within.variance_mm2[bend], within.reach, within.room_of_mm(bend),
-                         within.variance_mm2[bend] == easing_.variance_mm2[bend],
-                         std::array{angle(bend), bend_radius(bend), easing(bend), easing_reach()});
+        of_eased.emplace(
+            row.angle_deg / hal::kDegreesPerRadian, row.bend_radius_mm.value_or(0.0),
+            within.of(bend), within.variance_mm2[bend] == easing_.variance_mm2[bend],
+            MotionsOfEased::Parameters{angle(bend), bend_radius(bend), easing(bend), easing_reach(),
+                                       skewed() ? easing_skew(bend) : -1});
         of_eased->Begin(segment, motions);
       }
       MoveFrame(motions, segment, derivative);

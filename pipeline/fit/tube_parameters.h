@@ -20,7 +20,8 @@ namespace bendloop::pipeline {
 //   then, bend by bend: length before it [mm], rotation (not for the first), angle, bend radius
 //   [mm]
 //   then, bend by bend, if the bends are flattened: the members of Flattening
-//   then, bend by bend, if the bends are eased: the easing's variance [mm^2]; then its reach
+//   then, bend by bend, if the bends are eased: the easing's variance [mm^2]; then its reach; then,
+//   bend by bend, if they may rise otherwise than they fall: its skew
 // The last length is no parameter: it moves no surface point.
 class TubeParameters {
  public:
@@ -49,6 +50,8 @@ class TubeParameters {
   bool eased() const { return !easing_.empty(); }
   int easing(std::size_t bend) const { return first_easing_ + static_cast<int>(bend); }
   int easing_reach() const { return easing(bends_); }
+  bool skewed() const { return !easing_.skew.empty(); }
+  int easing_skew(std::size_t bend) const { return easing_reach() + 1 + static_cast<int>(bend); }
 
   // For each segment of the reference the kLocalState x size() derivative of its local state
   // (surface_sums.h), by the parameters at Initial(). `spine`: of the reference.

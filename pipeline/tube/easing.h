@@ -3,6 +3,7 @@
 
 #include <array>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "hal/bend_program.h"
@@ -31,12 +32,28 @@ constexpr std::size_t kEasedPieces = 19;
 constexpr double kUsualReach = 1.549, kReachSigma = 0.15;  // 2.4, give or take as much
 constexpr double kLeastReach = 1.35, kMostReach = 1.73;
 
+// Clamp and pressure die need not be alike: the curvature rises under a kernel of (1 + skew) times
+// the variance and falls under one of (1 - skew) times. 1 sigma of what is expected, and the most.
+constexpr double kSkewSigma = 0.4, kMostSkew = 0.95;
+
+// The kernel of one bend.
+struct BendKernel {
+  double variance_mm2 = 0, reach = kUsualReach;
+  std::optional<double> skew = {};  // none: it rises as it falls
+  double room_mm = std::numeric_limits<double>::infinity();
+};
+
 struct Easing {
   std::vector<double> variance_mm2;  // of every bend; none: they are sharp
   double reach = kUsualReach;        // of the tube's kernel
+  std::vector<double> skew = {};     // of every bend; none: they rise as they fall
   // How far each may reach beyond its sharp arc, as EasingWithin() has it; none: as far as it does.
   std::vector<double> room_mm = {};
 
+  BendKernel of(std::size_t bend) const {
+    const auto own = bend < skew.size() ? std::optional(skew[bend]) : std::nullopt;
+    return {variance_mm2[bend], reach, own, room_of_mm(bend)};
+  }
   double room_of_mm(std::size_t bend) const {
     return bend < room_mm.size() ? room_mm[bend] : std::numeric_limits<double>::infinity();
   }
@@ -51,10 +68,9 @@ struct BendPiece {
 using EasedPieces = std::array<BendPiece, kEasedPieces>;
 struct EasedBend {
   EasedPieces pieces;
-  double beyond_mm = 0;  // how far it reaches beyond the sharp arc's tangent points
+  double before_mm = 0, behind_mm = 0;  // how far it reaches beyond the sharp arc's tangent points
 };
-EasedBend Ease(double angle_rad, double bend_radius_mm, double variance_mm2, double reach,
-               double room_mm = std::numeric_limits<double>::infinity());
+EasedBend Ease(double angle_rad, double bend_radius_mm, const BendKernel& easing);
 
 // Segments of a tube whose bends may be eased: line, pieces of the first bend, line, ...
 struct EasedSpine {

@@ -106,14 +106,15 @@ std::vector<Eigen::Vector2d> Curvatures(const hal::Tube& tube, const Form& form,
 }
 
 template <class Value>
-std::vector<Value> Smoothed(const std::vector<Value>& values, const Form& form, const Value& zero) {
-  if (form.easing_r <= 0) return values;
-  const double sigma = form.easing_r / kStep;  // steps
-  const int reach = static_cast<int>(std::ceil((form.ramps ? 1.0 : 4.0) * sigma));
+std::vector<Value> Smoothed(const std::vector<Value>& values, double easing_r, bool ramps,
+                            const Value& zero) {
+  if (easing_r <= 0) return values;
+  const double sigma = easing_r / kStep;  // steps
+  const int reach = static_cast<int>(std::ceil((ramps ? 1.0 : 4.0) * sigma));
   std::vector<double> kernel;
   double sum = 0;
   for (int i = -reach; i <= reach; ++i) {
-    kernel.push_back(form.ramps ? 1.0 : std::exp(-0.5 * i * i / (sigma * sigma)));
+    kernel.push_back(ramps ? 1.0 : std::exp(-0.5 * i * i / (sigma * sigma)));
     sum += kernel.back();
   }
   std::vector<Value> smooth(values.size(), zero);
@@ -126,6 +127,26 @@ std::vector<Value> Smoothed(const std::vector<Value>& values, const Form& form, 
               values[static_cast<std::size_t>(i + k)];
     }
     smooth[static_cast<std::size_t>(i)] = mean;
+  }
+  return smooth;
+}
+
+double Size(double value) { return std::abs(value); }
+double Size(const Eigen::Vector2d& value) { return value.norm(); }
+
+// What rises and what falls, each by itself.
+template <class Value>
+std::vector<Value> Smoothed(const std::vector<Value>& values, const Form& form, const Value& zero) {
+  if (!form.falling_r) return Smoothed(values, form.easing_r, form.ramps, zero);
+  std::vector<Value> rises(values.size(), zero), falls = rises;
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    (Size(values[i]) > Size(values[i - 1]) ? rises : falls)[i] = values[i] - values[i - 1];
+  }
+  rises = Smoothed(rises, form.easing_r, form.ramps, zero);
+  falls = Smoothed(falls, *form.falling_r, form.ramps, zero);
+  std::vector<Value> smooth(values.size(), zero);
+  for (std::size_t i = 1; i < values.size(); ++i) {
+    smooth[i] = smooth[i - 1] + rises[i] + falls[i];
   }
   return smooth;
 }
@@ -167,7 +188,8 @@ struct Line {
 
 // [mm] Standard deviation of what curvature is smoothed over.
 double EasingLengthMm(const Form& form, double r_mm) {
-  return form.easing_r * r_mm / (form.ramps ? std::sqrt(3.0) : 1.0);
+  const double easing_r = std::max(form.easing_r, form.falling_r.value_or(0.0));
+  return easing_r * r_mm / (form.ramps ? std::sqrt(3.0) : 1.0);
 }
 
 // Least squares over the places of a straight without the tangent regions: an eighth at each end,

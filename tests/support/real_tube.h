@@ -30,6 +30,8 @@ struct Form {
   double bow = 0;       // height of each straight's bow over its length: 1 / 1000
   double s_bow = 0;     // the same of a second mode, that changes sides in the middle
   double easing_r = 0;  // curvature is smoothed over a gaussian of this sigma
+  // The same where bends end; none: they fall as they rise. Of straights that do not bow.
+  std::optional<double> falling_r = {};
   bool ramps = false;   // instead over a box as wide as twice this: curvature rises linearly
   double ovality = 0;   // (greatest - least diameter) / nominal in the middle of bends
   double sunk = 0;      // depth of the outer wall of bends, all along them
