@@ -16,6 +16,7 @@ namespace {
 
 struct BesideSettings {
   double most_gap_probes = 400;
+  double narrow = 2.2;  // how often as wide as the widest gap
   // Sides are as many as have so many samples each, at most and at least so many.
   double of_side = 5.0;
   int most_sides = 24, least_sides = 8;
@@ -115,6 +116,10 @@ double GapBeside(const OpeningBorder& border, const PlaneSamples& present, doubl
   return Quantile(std::move(gaps), 0.98);
 }
 
+bool IsNarrow(const OpeningBorder& border, double gap_mm) {
+  return border.width_mm < 2.0 * kBeside.narrow * gap_mm;
+}
+
 BorderSides SidesOf(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall,
                     double clear_mm, double reach_mm, double least_side_mm) {
   std::vector<double> turns;
@@ -177,7 +182,7 @@ double LogOddsOfShadow(const OpeningBorder& border, std::span<const Eigen::Vecto
 }
 
 bool IsLikeItsSurroundings(const OpeningBorder& border, std::span<const Eigen::Vector2d> present,
-                           double reach_mm, double pipe_radius_mm) {
+                           double reach_mm, double pipe_radius_mm, double least_sides) {
   OpeningBorder like = border;
   like.width_mm *= kBeside.like;
   like.length_mm -= border.width_mm - like.width_mm;
@@ -191,6 +196,10 @@ bool IsLikeItsSurroundings(const OpeningBorder& border, std::span<const Eigen::V
       if (border.DistanceMm(of_line) < 0.5 * like.width_mm) return;
       if (of_line.norm() + 0.5 * like.width_mm > reach_mm) return;
       if (std::abs(of_line.y()) + 0.5 * like.width_mm > kLimb * pipe_radius_mm) return;
+    }
+    if (least_sides > 0) {
+      const BorderSides sides = SidesOf(like, present, 0.0, border.width_mm, 0.0);
+      if (sides.with_samples < least_sides * sides.all) return;
     }
     counts.push_back(static_cast<double>(
         std::count_if(present.begin(), present.end(),

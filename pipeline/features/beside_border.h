@@ -15,6 +15,9 @@ constexpr double kLimb = 0.9;
 // How far a place may be from the nearest sample beside an opening.
 double GapBeside(const OpeningBorder& border, const PlaneSamples& present, double pipe_radius_mm);
 
+// Whether it is so narrow that it may be such a gap, which is as wide as two.
+bool IsNarrow(const OpeningBorder& border, double gap_mm);
+
 // The sides of a border, and those that have samples.
 struct BorderSides {
   int with_samples = 0, all = 0;
@@ -32,7 +35,9 @@ double LogOddsOfShadow(const OpeningBorder& border, std::span<const Eigen::Vecto
 
 // Whether places of its size and direction beside an opening are empty, too, as those between laser
 // lines are, or nobody can tell. `present`: samples up to `reach_mm` from the middle of the plane.
+// `least_sides`: only places count that have some on this part of their sides, no further away than
+// they are wide; others lie where what is present ends.
 bool IsLikeItsSurroundings(const OpeningBorder& border, std::span<const Eigen::Vector2d> present,
-                           double reach_mm, double pipe_radius_mm);
+                           double reach_mm, double pipe_radius_mm, double least_sides = 0.0);
 
 }  // namespace bendloop::pipeline

@@ -325,6 +325,29 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
   return !IsKnown(dent, known);
 }
 
+// Whether a dent, fitted without knowing of the other, has it in what was looked at.
+bool IsBeside(const DentFound& other, const DentFound& dent, double r_mm, double noise_mm) {
+  const double looked_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
+  return IsFitted(other) && (dent.position_mm - other.position_mm).norm() <
+                                looked_mm + ReachOf(other, kDents.rim_sigmas * noise_mm);
+}
+
+// Those that were fitted before one beside them was known, without the points of that one.
+void MeasureAgain(const Wall& wall, double r_mm, double noise_mm, std::vector<DentFound>& known) {
+  for (std::size_t i = 0; i + 1 < known.size(); ++i) {
+    if (!IsFitted(known[i])) continue;
+    std::vector<DentFound> others = known;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+    const auto later = std::span(others).subspan(i);
+    const bool is_beside = std::any_of(later.begin(), later.end(), [&](const DentFound& other) {
+      return IsBeside(other, known[i], r_mm, noise_mm);
+    });
+    if (!is_beside) continue;
+    DentFound again = known[i];
+    if (MeasureDent(wall, r_mm, noise_mm, others, again) && IsFitted(again)) known[i] = again;
+  }
+}
+
 }  // namespace
 
 void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& ends,
@@ -342,10 +365,6 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
   std::vector<DentFound> known;
   for (DentFound dent : dents) {
     if (!MeasureDent(wall, tube.pipe_radius_mm, noise_mm, known, dent)) continue;
-    places.Name(dent);
-    const bool from_end = 2.0 * dent.along_mm > length_mm;
-    dent.along_sigma_mm =
-        std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
     // What could not be fitted and was deeper in cells may have been this one.
     if (IsFitted(dent)) {
       std::erase_if(known, [&](const DentFound& other) {
@@ -353,6 +372,13 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
       });
     }
     known.push_back(dent);
+  }
+  MeasureAgain(wall, tube.pipe_radius_mm, noise_mm, known);
+  for (DentFound& dent : known) {
+    places.Name(dent);
+    const bool from_end = 2.0 * dent.along_mm > length_mm;
+    dent.along_sigma_mm =
+        std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
   }
   std::stable_sort(known.begin(), known.end(), is_deeper);
   dents = std::move(known);

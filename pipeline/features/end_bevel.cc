@@ -19,6 +19,10 @@ namespace {
 struct BevelSettings {
   // Samples beyond the wall's border, and sectors that have some, of a bevel.
   std::size_t least_inside = 24, least_sectors = 8;
+  // Whatever lies further beyond the wall's border, or the face, than `face_beyond`, and as far in,
+  // may be a bevel's, if they are so many, and such a part of all.
+  std::size_t few_inside = 6, few_sectors = 3;
+  double few_part = 0.15;
   // [of r_P] A bevel reaches no further beyond the wall's border, nor further in.
   double longest = 0.8, deepest = 0.5;
   // [of r_P] and [sigma] Its cone begins no further from the wall's border.
@@ -33,8 +37,9 @@ struct BevelSettings {
   // [sigma] Samples no further from the face of the cut may be its own.
   double of_face = 3.0;
   // Of how far [sigma2] samples lie from the face: a cone that leaves more is none. And [sigma2]
-  // how much more the face must leave: by so much a cone explains by chance.
-  double least_better = 0.5, by_chance = 100.0;
+  // how much more the face must leave: by so much a cone explains by chance, of many samples or of
+  // each of few.
+  double least_better = 0.5, by_chance = 100.0, by_chance_each = 2.0;
   // [sigma] A face that lies so far beyond the wall's border has something between.
   double face_beyond = 3.0;
   // [sigma] From which on a cone follows another plane; about that it has to keep so much of its
@@ -58,13 +63,16 @@ struct InsideSample {
   double beyond_mm, in_mm;
 };
 
-bool AreEnough(const SamplesNearEnd& near, std::span<const InsideSample> inside) {
+std::size_t SectorsOf(const SamplesNearEnd& near, std::span<const InsideSample> inside) {
   EndSectors seen{};
   for (const InsideSample& sample : inside) {
     seen[EndSectorOf(near.inside()[sample.index].AroundRad())] = true;
   }
-  const auto sectors = static_cast<std::size_t>(std::count(seen.begin(), seen.end(), true));
-  return inside.size() >= kBevel.least_inside && sectors >= kBevel.least_sectors;
+  return static_cast<std::size_t>(std::count(seen.begin(), seen.end(), true));
+}
+
+bool AreEnough(const SamplesNearEnd& near, std::span<const InsideSample> inside) {
+  return inside.size() >= kBevel.least_inside && SectorsOf(near, inside) >= kBevel.least_sectors;
 }
 
 // Samples inside, beyond the plane, that may be a bevel's or the cut's own face.
@@ -243,9 +251,10 @@ void TakeSamples(const SamplesNearEnd& near, std::span<const InsideSample> insid
 struct Left {
   double all = 0, by_face = 0, off_both = 0;
   std::size_t below = 0;  // the cone, at the face
+  double by_chance = 0;
 
   bool IsBetterThanFace() const {
-    return all - off_both <= kBevel.least_better * (by_face - off_both) - kBevel.by_chance;
+    return all - off_both <= kBevel.least_better * (by_face - off_both) - by_chance;
   }
 };
 // `has_face`: the cone ends at it.
@@ -253,6 +262,8 @@ Left LeftBy(const EndBevel& cone, bool has_face, std::span<const InsideSample> i
             const CutFace& face, double noise_mm) {
   constexpr double kMost = kBevel.off * kBevel.off;  // counts of a sample
   Left left;
+  left.by_chance =
+      std::min(kBevel.by_chance, kBevel.by_chance_each * static_cast<double>(inside.size()));
   for (const InsideSample& sample : inside) {
     const double off = cone.SigmasOff(sample.beyond_mm, sample.in_mm, noise_mm);
     const double at_face = face.Squares(sample, noise_mm);
@@ -270,6 +281,21 @@ double GoesOnMm(std::span<const InsideSample> inside) {
   return Quantile(std::move(beyond_mm), 0.95);
 }
 
+// How far some go on beyond there, though no cone may be told by them; or nothing.
+double SomeGoOnMm(const SamplesNearEnd& near, std::span<const InsideSample> inside, double from_mm,
+                  double noise_mm) {
+  const double least_mm = kBevel.face_beyond * noise_mm;
+  std::vector<InsideSample> beyond;
+  for (const InsideSample& sample : inside) {
+    if (sample.beyond_mm > from_mm + least_mm && sample.in_mm > least_mm) beyond.push_back(sample);
+  }
+  const double least = std::max(static_cast<double>(kBevel.few_inside),
+                                kBevel.few_part * static_cast<double>(inside.size()));
+  const bool are_some =
+      static_cast<double>(beyond.size()) >= least && SectorsOf(near, beyond) >= kBevel.few_sectors;
+  return are_some ? GoesOnMm(beyond) : 0.0;
+}
+
 // With the likeliest cone, told or not.
 struct ConeSearch {
   BevelSearch search;
@@ -278,7 +304,7 @@ struct ConeSearch {
 ConeSearch FindConeAt(const Eigen::Vector3d& plane_mm, const SamplesNearEnd& near, double r_mm,
                       double noise_mm) {
   const std::vector<InsideSample> inside = InsideOf(near, plane_mm, r_mm);
-  if (!AreEnough(near, inside)) return {};
+  if (!AreEnough(near, inside)) return {{{}, SomeGoOnMm(near, inside, 0.0, noise_mm)}, {}};
   const CutFace face = FaceOf(inside, plane_mm, r_mm, noise_mm);
   // A bevel may leave some of the face.
   std::vector<InsideSample> off_face;
@@ -293,6 +319,8 @@ ConeSearch FindConeAt(const Eigen::Vector3d& plane_mm, const SamplesNearEnd& nea
   if (face.beyond_mm * face.cosine > kBevel.face_beyond * noise_mm) {
     found.perhaps_mm = face.beyond_mm;
   }
+  found.perhaps_mm =
+      std::max(found.perhaps_mm, SomeGoOnMm(near, inside, std::max(0.0, face.beyond_mm), noise_mm));
   for (const bool has_face : {false, true}) {
     const std::vector<InsideSample>& of_cone = has_face ? off_face : inside;
     const auto wide = FitCone(near, of_cone, r_mm, noise_mm);
@@ -302,7 +330,7 @@ ConeSearch FindConeAt(const Eigen::Vector3d& plane_mm, const SamplesNearEnd& nea
       const Left left = LeftBy(cone->bevel, has_face, inside, face, noise_mm);
       if (has_face && left.below < kBevel.least_inside) continue;
       const bool is_told = left.IsBetterThanFace();
-      if (!is_told && left.all < left.by_face - kBevel.by_chance) {
+      if (!is_told && left.all < left.by_face - left.by_chance) {
         found.perhaps_mm = GoesOnMm(inside);
       }
       // Nothing but one that is told takes the place of one that is.

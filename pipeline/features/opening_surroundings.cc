@@ -39,8 +39,6 @@ struct LookSettings {
   // of has them on two sides.
   double least_part = 0.4, least_sides = 0.75;
   int places = 9;  // of it that are asked for, each way
-  // [of the gaps of a pass] One that is narrower may be a gap of its lines or between its rays.
-  double narrow = 4.4;
   // Samples beside an opening that lie below the wall, and of those on it: fewer are fliers.
   double least_of_face = 4.0, part_of_face = 0.01;
   // [sigma] By how much less low samples may lie, for each mm that rays go towards the border while
@@ -305,8 +303,8 @@ class PassViews {
       return;
     }
     // An unsteady hand's lines look scattered, and leave places empty as other samples do not.
-    if (about.width_mm < kLook.narrow * gap_mm &&
-        IsLikeItsSurroundings(about, places, reach_mm_, r_mm_)) {
+    if (IsNarrow(about, gap_mm) &&
+        IsLikeItsSurroundings(about, places, reach_mm_, r_mm_, kLook.least_sides)) {
       return;
     }
     found.scattered.insert(found.scattered.end(), places.begin(), places.end());

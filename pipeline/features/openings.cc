@@ -28,10 +28,9 @@ struct OpeningSettings {
   double look = 1.3, look_more = 0.5;
   // Places where the distance to the nearest sample is asked for, across the void.
   int probes = 24;
-  // How often as wide as the widest gap beside it an opening is; and samples that the wall would
-  // have there, as fewer may be missing by chance (e^-16). Of one that is narrower more must be,
-  // and places like it beside it must have samples.
-  double least_gaps = 2.2, least_missing = 16.0, least_missing_narrow = 25.0;
+  // Samples that the wall would have there, as fewer may be missing by chance (e^-16). Of one that
+  // is as narrow as gaps more must be, and places like it beside it must have samples.
+  double least_missing = 16.0, least_missing_narrow = 25.0;
   // The same where so many rays of lines are known to have gone through: these say so themselves.
   double least_missing_through = 9.0;
   std::ptrdiff_t least_through_rays = 3;
@@ -133,11 +132,8 @@ struct Look {
   double reach_mm, gap_mm, void_mm2;
 };
 
-bool IsNarrow(const OpeningBorder& border, const Look& look) {
-  return border.width_mm < 2.0 * kOpening.least_gaps * look.gap_mm;
-}
 double LeastMissing(const OpeningBorder& border, const Look& look) {
-  return IsNarrow(border, look) ? kOpening.least_missing_narrow : kOpening.least_missing;
+  return IsNarrow(border, look.gap_mm) ? kOpening.least_missing_narrow : kOpening.least_missing;
 }
 
 // Where rays that went through are known.
@@ -173,7 +169,7 @@ std::optional<double> LeastOddsOfCut(const OpeningBorder& border, const Surround
                                      const Look& look, double r_mm) {
   if (!border.is_hole() && border.width_mm > kOpening.widest_slot * r_mm) return std::nullopt;
   const double shadow = LogOddsOfShadow(border, around.wall, look.gap_mm, r_mm);
-  if (!IsNarrow(border, look)) {
+  if (!IsNarrow(border, look.gap_mm)) {
     return shadow < kOpening.shadow_odds ? kOpening.cut_odds : kOpening.cut_odds_in_shadow;
   }
   if (shadow < -kOpening.narrow_odds) return kOpening.cut_odds_narrow;
@@ -247,7 +243,8 @@ class Candidate {
       const Look look{reach_mm, GapBeside(*rough, present, r_mm_), rough->AreaMm2()};
       const SampleDensity density = DensityBeside(*rough, around.wall);
       if (density.per_mm2 * rough->AreaMm2() < LeastMissing(*rough, look)) return std::nullopt;
-      if (IsNarrow(*rough, look) && !MayBeNarrow(*rough, around, look, r_mm_)) return std::nullopt;
+      if (IsNarrow(*rough, look.gap_mm) && !MayBeNarrow(*rough, around, look, r_mm_))
+        return std::nullopt;
       OpeningBorder about = *rough;
       // What a lean leaves of a wall is known of a round one: in a bend none is told.
       about.pipe_radius_mm = r_mm_;

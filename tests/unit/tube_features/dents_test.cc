@@ -56,5 +56,60 @@ TEST(Dents, AreasInBendsAreThoseOfTheSurface) {
   }
 }
 
+// Two on one straight, of which the deeper, which is fitted first, has the flank of the other in
+// what is looked at: without knowing of that it was 4 of its sigmas beside its place.
+TEST(Dents, AreWhereTheyAreBesideAnother) {
+  constexpr double kRadiusMm = 7, kNoiseMm = 0.02;
+  struct Pressed {
+    double along_mm, around_deg, depth_mm, wide_mm;
+  };
+  const std::vector<Pressed> pressed = {{50, 0, 0.9, 6}, {78, 82, 0.8, 5.5}};
+  const hal::Tube tube{kRadiusMm, {{{130, 0, 0, std::nullopt}}}, {}};
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  double sigmas2 = 0, values = 0;
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> noise(0, kNoiseMm);
+    std::vector<Eigen::Vector3d> points;
+    for (int i = 0; i < 60'000; ++i) {
+      const double along_mm = Uniform(random, 5, 125), around_deg = Uniform(random, -180, 180);
+      double off_mm = noise(random);
+      for (const Pressed& dent : pressed) {
+        const double around_mm =
+            kRadiusMm / hal::kDegreesPerRadian * hal::WrapRotationDeg(around_deg - dent.around_deg);
+        const double from_mm = std::hypot(along_mm - dent.along_mm, around_mm);
+        off_mm -= dent.depth_mm * std::exp(-0.5 * std::pow(from_mm / dent.wide_mm, 2));
+      }
+      const hal::SurfaceFrame frame = hal::FrameAt(segments, along_mm, around_deg);
+      points.push_back(frame.spine_mm + (kRadiusMm + off_mm) * frame.outward);
+    }
+    const std::vector<PointBlock> blocks = {{Eigen::Vector3d(65, 0, 0), 70, points}};
+    std::vector<DentFound> dents;
+    for (const Pressed& dent : pressed) {
+      const hal::SurfaceFrame frame = hal::FrameAt(segments, dent.along_mm, dent.around_deg);
+      DentFound& seen = dents.emplace_back();
+      seen.position_mm = frame.spine_mm + kRadiusMm * frame.outward;
+      seen.depth_mm = 0.8 * dent.depth_mm, seen.size_mm = 2.4 * dent.wide_mm;
+    }
+    MeasureDents(tube, {{}, {}}, {}, CutFaces(tube, {}), kNoiseMm, blocks, dents);
+    ASSERT_EQ(dents.size(), pressed.size());
+    for (std::size_t i = 0; i < dents.size(); ++i) {
+      const DentFound& found = dents[i];
+      const Pressed& was = pressed[i];
+      const double area_mm2 = 2 * std::numbers::pi * std::numbers::ln2 * was.wide_mm * was.wide_mm;
+      const double around_deg = hal::WrapRotationDeg(found.around_deg - was.around_deg);
+      EXPECT_LT(found.around_sigma_deg, 1);
+      EXPECT_LT(found.area_sigma_mm2, 0.05 * area_mm2);
+      sigmas2 += std::pow((found.along_mm - was.along_mm) / found.along_sigma_mm, 2) +
+                 std::pow(around_deg / found.around_sigma_deg, 2) +
+                 std::pow((found.depth_mm - was.depth_mm) / found.sigma_mm, 2) +
+                 std::pow((found.area_mm2 - area_mm2) / found.area_sigma_mm2, 2);
+      values += 4;
+    }
+  }
+  EXPECT_LT(std::sqrt(sigmas2 / values), 1.4);
+}
+
 }  // namespace
 }  // namespace bendloop::pipeline

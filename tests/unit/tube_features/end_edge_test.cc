@@ -175,11 +175,12 @@ TEST(EndEdge, ABevelIsFoundBesideTheFace) {
 // than nothing) of this length and depth, the face beyond it down to where the wall is 1.6 mm
 // thick, and, where some are, mixed pixels below the bevel.
 struct Bevelled {
-  double length_mm = 1, depth_mm = 1, noise_mm = 0.02, mixed = 0.3, face = 0.3;
+  double length_mm = 1, depth_mm = 1, noise_mm = 0.02, mixed = 0.3, face = 0.3, per_mm2 = 10;
+  double seen = 0.3;  // of it, part of the wall's samples
 };
 std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, const Bevelled& bevel,
                                            std::mt19937_64& random) {
-  constexpr double kWallToMm = 60, kThickMm = 1.6, kPerMm2 = 10;
+  constexpr double kWallToMm = 60, kThickMm = 1.6;
   const double bevel_mm = bevel.length_mm, depth_mm = bevel.depth_mm;
   std::normal_distribution<double> noise(0, bevel.noise_mm);
   std::vector<Eigen::Vector3d> points;
@@ -193,9 +194,9 @@ std::vector<Eigen::Vector3d> BevelledCloud(double r_mm, const Bevelled& bevel,
     }
   };
   using Place = std::pair<double, double>;
-  const double per_mm = kPerMm2 * 2 * std::numbers::pi * r_mm;
+  const double per_mm = bevel.per_mm2 * 2 * std::numbers::pi * r_mm;
   add(per_mm, kWallToMm, [](double part) { return Place(kWallToMm * part, 0.0); });
-  add((depth_mm > 0 ? 0.3 : 1.0) * per_mm, std::hypot(bevel_mm, depth_mm),
+  add((depth_mm > 0 ? bevel.seen : 1.0) * per_mm, std::hypot(bevel_mm, depth_mm),
       [&](double part) { return Place(kWallToMm + bevel_mm * part, -depth_mm * part); });
   add(bevel.face * per_mm, kThickMm - depth_mm, [&](double part) {
     return Place(kWallToMm + bevel_mm, -depth_mm - (kThickMm - depth_mm) * part);
@@ -281,6 +282,33 @@ TEST(EndEdge, AnEndThatMayBeBevelledIsWhereItsFaceLies) {
     square += std::pow((end.at_mm - 60 - bevel_mm) / end.sigma_mm, 2) / kEnds;
   }
   EXPECT_LT(square, 1.3 * 1.3);
+}
+
+// The outer wall alone, and a bevel that is seen by too few samples to tell of it: they are the
+// tube's all the same. Ends were up to 13 of their sigmas short.
+TEST(EndEdge, AFewSamplesBeyondTheBorderAreOfTheTube) {
+  std::mt19937_64 random(11);
+  constexpr int kEnds = 48;
+  constexpr double kRadiusOfTubeMm = 8, kNoiseMm = 0.04;
+  double square = 0;
+  int untold = 0;
+  for (int i = 0; i < kEnds; ++i) {
+    SCOPED_TRACE(i);
+    const double bevel_mm = tests::Uniform(random, 0.8, 1.8);
+    const Bevelled bevel{bevel_mm, bevel_mm * tests::Uniform(random, 0.5, 1.0),
+                         kNoiseMm, 0,
+                         0,        tests::Uniform(random, 0.3, 0.6),
+                         1.0};
+    const CloudEnd end =
+        EndOf(BevelledCloud(kRadiusOfTubeMm, bevel, random), kRadiusOfTubeMm, kNoiseMm);
+    ASSERT_TRUE(end.cuts.last);
+    untold += end.cuts.last->bevel ? 0 : 1;
+    EXPECT_NEAR(end.at_mm, 60 + bevel_mm, 5 * end.sigma_mm);
+    EXPECT_LT(end.sigma_mm, 0.6);
+    square += std::pow((end.at_mm - 60 - bevel_mm) / end.sigma_mm, 2) / kEnds;
+  }
+  EXPECT_GT(untold, kEnds / 4);
+  EXPECT_LT(std::sqrt(square), 1.5);
 }
 
 // Over the troughs of a lasered end the bore is seen behind its crests, as far as these go: that is

@@ -441,6 +441,8 @@ TEST(OpeningSurroundings, SamplesLieWhereTheirRaysMetTheWall) {
 
 // Lines of an unsteady hand are neither even nor upright, and look like scattered samples; but
 // their rays stand in columns along the tube. What lies between two of them was told as a slot.
+// Where a pass ends beside an opening the wall beyond is no gap of its own: most such openings were
+// missed.
 TEST(OpeningSurroundings, APassTellsNothingOfWhatIsLikeItsOwnGaps) {
   constexpr double kOfPipeMm = 10, kRayMm = 1.3;
   hal::BendProgram straight;
@@ -456,13 +458,17 @@ TEST(OpeningSurroundings, APassTellsNothingOfWhatIsLikeItsOwnGaps) {
   slot.length_mm = 12;
   std::mt19937_64 random(21);
   std::normal_distribution<double> normal;
-  for (const bool has_slot : {false, true}) {
-    SCOPED_TRACE(has_slot);
+  struct Scan {
+    bool has_slot;
+    int last_ray;
+  };
+  for (const auto& [has_slot, last_ray] : {Scan{false, 7}, Scan{true, 7}, Scan{true, 3}}) {
+    SCOPED_TRACE(std::to_string(has_slot) + " " + std::to_string(last_ray));
     std::vector<Eigen::Vector3d> points;
     std::vector<SensorDirection> to_sensor;
     for (double at_mm = 25; at_mm < 75; at_mm += 0.4 * std::exp(0.4 * normal(random))) {
       const double askew = 0.05 * normal(random);
-      for (int ray = -7; ray <= 7; ++ray) {
+      for (int ray = -7; ray <= last_ray; ++ray) {
         const double around_mm = kRayMm * ray + 0.05 * normal(random);
         const double along_mm = at_mm + askew * around_mm, turn = around_mm / kOfPipeMm;
         if (has_slot && slot.DistanceMm({along_mm - 50, kOfPipeMm * std::sin(turn)}) < 0) continue;
