@@ -89,6 +89,7 @@ Json FormJson(const pipeline::Measurement& m) {
       if (i < m.easing.variance_mm2.size()) {
         list.back()["variance_mm2"] = Number(m.easing.variance_mm2[i]);
       }
+      if (i < m.easing.skew.size()) list.back()["skew"] = Number(m.easing.skew[i]);
     }
     json["easings"] = std::move(list);
     if (!m.easing.empty()) json["easing_reach"] = Number(m.easing.reach);
@@ -137,6 +138,10 @@ void ReadForm(const JsonReader& json, pipeline::Measurement& m) {
       // Older results have the length alone: the variance is its square over 12.
       const double length_mm = m.bend_easings.back().length_mm;
       m.easing.variance_mm2.push_back(item.NumberOr("variance_mm2", length_mm * length_mm / 12.0));
+      if (!item.Has("skew")) continue;
+      m.easing.skew.resize(i);  // those before it, if they rise as they fall
+      m.easing.skew.push_back(
+          std::clamp(item.NumberOr("skew", 0.0), -pipeline::kMostSkew, pipeline::kMostSkew));
     }
     m.easing.reach = json.NumberOr("easing_reach", pipeline::kUsualReach);
   }
