@@ -10,8 +10,13 @@ namespace {
 
 struct SkewSettings {
   std::size_t points = 32'000;  // tell whether it is promising
-  // [variances] For each bend, beyond what chance gives it, and for all.
-  double by_chance = 1.0, insist = 9.0;
+  // [variances] For each bend, beyond what chance gives it, and for all. By trial: what bows and
+  // dents leave beside bends that rise as they fall looked like up to 49 of them, such as do not
+  // like 116 and more.
+  double by_chance = 1.0, insist = 60.0;
+  // Times that samples of a place are worth less where they disagree, as they do where bends rise
+  // otherwise than they fall; and [of that] how much must be left at most.
+  double disagree = 1.5, left = 0.75;
 };
 constexpr SkewSettings kSkew;
 
@@ -20,7 +25,8 @@ constexpr SkewSettings kSkew;
 void TrySkewedEasing(std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                      BowedSolution& solution) {
   const std::size_t bends = solution.fit.tube.program.bend_count();
-  if (solution.fit.easing.empty() || solution.bows.is_lost) return;
+  const double worth = solution.bows.worth;
+  if (solution.fit.easing.empty() || solution.bows.is_lost || worth < kSkew.disagree) return;
   const auto fitted = solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
   const OwnedBlocks few = Gathered(fitted, StrideTo(CountPoints(fitted), kSkew.points));
   SurfaceFitOptions with = options;
@@ -36,6 +42,7 @@ void TrySkewedEasing(std::span<const PointBlock> blocks, const SurfaceFitOptions
   with.easing = skewed.easing;
   BowedSolution other = SolveWithBows(skewed.tube, blocks, with);
   if (other.fit.tube.program.bend_count() != bends || other.bows.is_lost) return;
+  if (other.bows.worth > kSkew.left * worth) return;
   if (AdvantageOf(other, solution, blocks, options.reach_mm) < least) return;
   solution = std::move(other);
 }
