@@ -107,7 +107,7 @@ class MotionsOfEased {
       less[i] = i == kSkew ? at[i] - kPart : at[i] * (1.0 - kPart);
       more[i] = i == kSkew ? at[i] + kPart : at[i] * (1.0 + kPart);
       const auto eased = [&](const std::array<double, kOfEased>& of) {
-        const auto skew = easing.skew ? std::optional(of[4]) : std::nullopt;
+        const auto skew = easing.skew ? std::optional(of[kSkew]) : std::nullopt;
         return Ease(of[0], of[1], {of[2], of[3], skew, easing.room_mm});
       };
       const EasedBend a = eased(less), b = eased(more);

@@ -285,7 +285,7 @@ TEST(EndEdge, AnEndThatMayBeBevelledIsWhereItsFaceLies) {
 }
 
 // The outer wall alone, and a bevel that is seen by too few samples to tell of it: they are the
-// tube's all the same. Ends were up to 13 of their sigmas short.
+// tube's all the same. Ends were 6 of their sigmas short, rms.
 TEST(EndEdge, AFewSamplesBeyondTheBorderAreOfTheTube) {
   std::mt19937_64 random(11);
   constexpr int kEnds = 48;
