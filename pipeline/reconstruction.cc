@@ -214,6 +214,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   if (nominal) {
     TryNominal(*nominal, tube.polygon, blocks, final.options, solution, tube.structure.margin);
   }
+  RoundDentedBends(blocks, final.options, solution);
   FlattenRoundBends(blocks, final.options, solution);
   final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
   blocks = final.Fitted(tube.blocks);

@@ -17,7 +17,7 @@ struct BendChangeSettings {
   // [degrees] A machine makes no slighter bend (StructureOptions).
   double least_deg = 0.5;
   // Two bends may be one: [of r_P] the straight between them, [degrees] and [sigma] the rotation;
-  // a slight one has hardly a plane.
+  // a slight one has hardly a plane, and may undo what a dent made of the other.
   double between = 4.0, turned_deg = 3.0, turned_sigmas = 2.0;
   double slight_deg = 10.0, slight_turned_deg = 60.0;
   // [degrees] Bends of less may stand in for bows: one of L / N looks like sqrt(24) / N rad, and
@@ -75,15 +75,24 @@ ControlPolygon Bent(ControlPolygon polygon, std::size_t straight, const hal::Spi
   return polygon;
 }
 
-// `between`: [of r_P] the straight between them is less.
-bool MayBeOne(const SurfaceFit& fit, std::size_t bend, double between) {
+// Which bends may be one. [of r_P] The straight between them is shorter; and whether one may undo
+// what a dent made of the other.
+struct RunRule {
+  double between = kChanges.between;
+  bool may_undo = false;
+};
+
+bool MayBeOne(const SurfaceFit& fit, std::size_t bend, const RunRule& rule) {
   const auto& rows = fit.tube.program.rows;
-  const double slight_deg = std::min(rows[bend - 1].angle_deg, rows[bend].angle_deg);
-  const double least_deg =
-      (slight_deg < kChanges.slight_deg ? kChanges.slight_turned_deg : kChanges.turned_deg) +
-      kChanges.turned_sigmas * fit.sigma.rows[bend].rotation_deg;
-  return rows[bend].length_mm < between * fit.tube.pipe_radius_mm &&
-         std::abs(rows[bend].rotation_deg) < least_deg;
+  const double r_mm = fit.tube.pipe_radius_mm, between_mm = rows[bend].length_mm;
+  if (between_mm > rule.between * r_mm) return false;
+  const bool is_slight =
+      std::min(rows[bend - 1].angle_deg, rows[bend].angle_deg) < kChanges.slight_deg ||
+      (rule.may_undo && between_mm < kChanges.clamp * r_mm);
+  const double turned_deg = std::abs(rows[bend].rotation_deg);
+  const double least_deg = (is_slight ? kChanges.slight_turned_deg : kChanges.turned_deg) +
+                           kChanges.turned_sigmas * fit.sigma.rows[bend].rotation_deg;
+  return turned_deg < least_deg || (rule.may_undo && is_slight && turned_deg > 180.0 - least_deg);
 }
 
 // Bends that follow each other and may all be one, from the first to the last.
@@ -92,10 +101,10 @@ struct Run {
   bool operator==(const Run&) const = default;
 };
 
-std::vector<Run> Runs(const SurfaceFit& fit, double between) {
+std::vector<Run> Runs(const SurfaceFit& fit, const RunRule& rule) {
   std::vector<Run> runs;
   for (std::size_t i = 1; i < fit.tube.program.bend_count(); ++i) {
-    if (!MayBeOne(fit, i, between)) continue;
+    if (!MayBeOne(fit, i, rule)) continue;
     if (!runs.empty() && runs.back().last + 1 == i) {
       runs.back().last = i;
     } else {
@@ -136,9 +145,12 @@ BendChange WithRunsMerged(const SurfaceFit& fit, const ControlPolygon& polygon,
 
 // Bends that follow each other as one, those of all places at once before those of one: bends that
 // ease are alike in that, and one that does not for once hides it of the others. Those that no
-// clamp holds apart by themselves, too: one that does may part two that are none.
-std::vector<BendChange> MergeRuns(const SurfaceFit& fit, const ControlPolygon& polygon) {
-  const std::vector<Run> unclamped = Runs(fit, kChanges.clamp), runs = Runs(fit, kChanges.between);
+// clamp holds apart by themselves, too: one that does may part two that are none. `may_undo`: see
+// RunRule.
+std::vector<BendChange> MergeRuns(const SurfaceFit& fit, const ControlPolygon& polygon,
+                                  bool may_undo) {
+  const std::vector<Run> unclamped = Runs(fit, {kChanges.clamp, may_undo});
+  const std::vector<Run> runs = Runs(fit, {kChanges.between, may_undo});
   std::vector<BendChange> list;
   const auto add = [&](std::span<const Run> of) {
     list.push_back(WithRunsMerged(fit, polygon, of));
@@ -174,7 +186,7 @@ std::vector<std::size_t> SlightBends(const BowedSolution& now) {
 // at either that the other is none.
 BendChange WithoutAllInDoubt(const BowedSolution& now, const ControlPolygon& polygon,
                              std::span<const std::size_t> slight) {
-  std::vector<Run> all = Runs(now.fit, kChanges.clamp);
+  std::vector<Run> all = Runs(now.fit, {.between = kChanges.clamp});
   const std::size_t runs = all.size();
   if (runs == 0) return {};
   for (const std::size_t bend : slight) {
@@ -211,7 +223,7 @@ std::vector<BendChange> BendChanges(const BowedSolution& now,
     changes.push_back(std::move(change));
   };
   if (fewer) {
-    for (BendChange& change : MergeRuns(now.fit, *polygon)) add(std::move(change));
+    for (BendChange& change : MergeRuns(now.fit, *polygon, false)) add(std::move(change));
   }
   const std::vector<std::size_t> slight = SlightBends(now);
   if (fewer && slight.size() > 1) {
@@ -227,6 +239,9 @@ std::vector<BendChange> BendChanges(const BowedSolution& now,
   if (fewer) {
     BendChange change = WithoutAllInDoubt(now, *polygon, slight);
     if (!change.corners.points_mm.empty()) add(std::move(change));
+    if (Runs(now.fit, {.may_undo = true}) != Runs(now.fit, {})) {
+      for (BendChange& undone : MergeRuns(now.fit, *polygon, true)) add(std::move(undone));
+    }
   }
   const EasedSpine spine = SpineOf(now.bows.state);
   double radius_mm = kNoRadius;

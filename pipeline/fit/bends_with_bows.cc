@@ -51,6 +51,9 @@ struct ReviseSettings {
   double undented = 0.999;
   // [of the points] That dents leave, or they explain too much.
   double beside_dents = 0.8;
+  // Numbers of a dent: two of its place, its depth and two of its size. And [variances] by which
+  // points beside dents may be explained worse.
+  double dent = 5.0, worse = 6.0;
   // Times that samples of a place are worth less: what makes them disagree so much may be a dent
   // that its bend has taken in.
   double disagree = 4.0;
@@ -116,7 +119,7 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
   for (int i = 0; i < kRevise.most_undented && may_be_dented; ++i) {
     const auto from = solution.undented ? std::span<const PointBlock>(*solution.undented) : blocks;
     auto undented = WithoutDents(solution.bows.state, solution.bows.noise_mm, blocks, from,
-                                 options.reach_mm, options.dents_wide);
+                                 options.reach_mm, options.dents);
     if (!undented) break;
     const auto before = static_cast<double>(CountPoints(from));
     if (i > 0 && static_cast<double>(undented->point_count()) > kRevise.undented * before) break;
@@ -238,6 +241,30 @@ bool IsOfLinesAndArcs(const BowedSolution& solution) {
   return FormNumbers(solution) == 0 && !solution.undented;
 }
 
+// Whether dents explain some of the points, and not too many.
+bool LeavesOutDents(const BowedSolution& solution, std::span<const PointBlock> blocks) {
+  if (!solution.undented || solution.bows.is_lost) return false;
+  const auto all = static_cast<double>(CountPoints(blocks));
+  return static_cast<double>(solution.undented->point_count()) > kRevise.beside_dents * all;
+}
+
+// How much better the points but those of the dents of `fewer` speak for it, and the numbers of its
+// bends, form and dents [twice the logarithm of the odds]: what two bends explain of a dent, one
+// that leaves it out need not. None: it has no dents, or too many, or the others do not like it.
+std::optional<double> EvidenceBesideDents(const BowedSolution& fewer, const BowedSolution& found,
+                                          std::span<const PointBlock> blocks, double reach_mm) {
+  if (!LeavesOutDents(fewer, blocks)) return std::nullopt;
+  const double more = AdvantageAt(*fewer.undented, found, fewer, reach_mm);
+  if (more > kRevise.worse) return std::nullopt;
+  const double fewer_bends = static_cast<double>(found.fit.tube.program.bend_count()) -
+                             static_cast<double>(fewer.fit.tube.program.bend_count());
+  const std::size_t of_found = found.undented ? found.undented->point_count() : CountPoints(blocks);
+  const std::size_t of_fewer = fewer.undented->point_count();
+  const double dented = of_found > of_fewer ? static_cast<double>(of_found - of_fewer) : 1.0;
+  return fewer_bends * PriceOfBend(blocks) - more - kRevise.dent * std::log(dented) -
+         kRevise.number_price * (FormNumbers(fewer) - FormNumbers(found));
+}
+
 // Whether bends of this tube may look like two.
 bool ExplainsParted(const BowedSolution& solution) {
   return !solution.fit.easing.empty() || solution.undented;
@@ -308,11 +335,7 @@ bool MayHideBends(const BowedSolution& solution) {
 
 std::optional<double> MoreThanDents(const BowedSolution& found, const BowedSolution& fewer,
                                     std::span<const PointBlock> blocks, double reach_mm) {
-  if (!fewer.undented || found.bows.is_lost || fewer.bows.is_lost) return std::nullopt;
-  const auto all = static_cast<double>(CountPoints(blocks));
-  if (static_cast<double>(fewer.undented->point_count()) < kRevise.beside_dents * all) {
-    return std::nullopt;
-  }
+  if (!LeavesOutDents(fewer, blocks) || found.bows.is_lost) return std::nullopt;
   return AdvantageAt(*fewer.undented, found, fewer, reach_mm);
 }
 
@@ -341,6 +364,10 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       if (other.fit.points == 0) continue;
       double advantage = EvidenceFor(other, solution, blocks, options.reach_mm);
       if (ExplainsParted(other)) advantage += change.unmade * PriceOfBend(blocks);
+      if (other.fit.tube.program.bend_count() < solution.fit.tube.program.bend_count()) {
+        const auto beside = EvidenceBesideDents(other, solution, blocks, options.reach_mm);
+        advantage = std::max(advantage, beside.value_or(advantage));
+      }
       if (!std::isfinite(advantage)) continue;
       margin = std::min(margin, std::abs(advantage));
       // What lost a part of the tube is no other tube.

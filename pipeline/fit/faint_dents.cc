@@ -8,10 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "pipeline/fit/design_effect.h"
+#include "pipeline/fit/dent_evidence.h"
 #include "pipeline/fit/die_spread.h"
 #include "pipeline/fit/surface_form.h"
-#include "pipeline/fit/surface_pass.h"
 #include "pipeline/fit/without_dents.h"
 
 namespace bendloop::pipeline {
@@ -21,8 +20,8 @@ struct FaintSettings {
   // Times that samples of a place are worth less than independent ones: what a dent has pulled
   // makes them disagree as much, and chance hardly does.
   double disagree = 1.15;
-  // [of what a dent takes of the surface] Left out.
-  double dents_wide = 1.25;
+  // Left out about dents.
+  DentMargin dents = {.wide = 1.25};
   // Places that are tried.
   std::size_t most = 3;
   // Times that the tube is fitted anew: once that stands a dent is as wide as it is.
@@ -30,51 +29,11 @@ struct FaintSettings {
   // [of r_P] From where a bend leaves the most of a dent to its middle; and [of the depth there]
   // how deep it is without the bend's help.
   double near = 2.0, deeper = 1.3;
-  // [sigma] So far off are points at most that tell of a patch: more is a dent already.
-  double on_tube = 4.0;
-  // [variances] By which points beside them may be explained worse.
-  double worse = 6.0;
   // [variances] Which the patches about a place must leave to be looked at: half of what a dent
   // there must explain at least.
   double worth_a_fit = 20.0;
-  // Of a dent: two of its place, its depth and two of its size.
-  double numbers = 5.0;
 };
 constexpr FaintSettings kFaint;
-
-// What patches of the surface are off the tube, beyond what noise moves them by [variances].
-double PatchesOff(const BowedSolution& solution, std::span<const PointBlock> blocks,
-                  double reach_mm) {
-  const BowedTubeState& state = solution.bows.state;
-  const double noise_mm = solution.bows.noise_mm, r_mm = state.tube.pipe_radius_mm;
-  const EasedSpine spine = SpineOf(state);
-  const SurfaceAssignment points = PointsOf(state, spine, kBeyond * r_mm, blocks, reach_mm);
-  DesignEffect patches;
-  patches.Add(points.segments, SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm,
-              kFaint.on_tube * noise_mm);
-  return patches.between / (noise_mm * noise_mm) - patches.patches;
-}
-
-// What is off the tube in patches of `all` that the `others` have not.
-double OfDents(const BowedSolution& plain, std::span<const PointBlock> all,
-               std::span<const PointBlock> others, double reach_mm) {
-  return PatchesOff(plain, all, reach_mm) - PatchesOff(plain, others, reach_mm);
-}
-
-// How much better all points speak for `dented`, a tube that leaves some more of them to dents
-// [twice the logarithm of the odds]. Below 0 where the others do not like it.
-double EvidenceOfDents(const BowedSolution& dented, const BowedSolution& plain,
-                       std::span<const PointBlock> blocks, double reach_mm) {
-  const auto all = plain.undented ? std::span<const PointBlock>(*plain.undented) : blocks;
-  const std::span<const PointBlock> others = *dented.undented;
-  const double of_others = AdvantageAt(others, dented, plain, reach_mm);
-  if (of_others < -kFaint.worse) return of_others;
-  // What the plain tube leaves of patches a dent of that form explains.
-  const double worth = std::max(1.0, std::min(dented.bows.worth, plain.bows.worth));
-  const double of_dents = OfDents(plain, all, others, reach_mm) / worth;
-  const auto points = static_cast<double>(CountPoints(all) - CountPoints(others));
-  return of_others + of_dents - kFaint.numbers * std::log(points);
-}
 
 // Fitted to what is `left` about a place, then without those of the dents that this tube shows.
 // None: there is no dent.
@@ -93,7 +52,7 @@ std::optional<BowedSolution> WithoutDent(std::optional<OwnedBlocks> left,
     if (!other->undented) other->undented = std::move(left);
     if (round == kFaint.rounds) return other;
     left = WithoutDents(other->bows.state, other->bows.noise_mm, blocks, from, options.reach_mm,
-                        kFaint.dents_wide);
+                        kFaint.dents);
   }
   return std::nullopt;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "hal/tube.h"
+#include "pipeline/fit/dent_margin.h"
 #include "pipeline/fit/fit_priors.h"
 #include "pipeline/fit/form_deviation.h"
 #include "pipeline/fit/surface_points.h"
@@ -34,9 +35,8 @@ struct SurfaceFitOptions {
   std::array<double, 2> hidden_mm{0, 0};
   bool flattened = false;     // the bends need not be round
   bool wide_plateau = false;  // where their outer walls sink in
-  // [of what a dent takes of the surface] Left out about it.
-  double dents_wide = 1.0;
-  Easing easing = {};  // to begin with; none: the bends are sharp
+  DentMargin dents = {};      // left out
+  Easing easing = {};         // to begin with; none: the bends are sharp
   FitPriors priors = {};
   // [of what the design effect is beyond 1] Added to it for the covariance. What moves places
   // together is a few displacements more often than many, and what so few tell of their spread is

@@ -17,9 +17,9 @@ struct DentSettings {
   // [of the noise] So deep the surface may still be where points begin to count again: a hundred of
   // them together do not feel it.
   double rim = 0.15;
-  // [of r_P] Of the circle that is left out: half the turn at most, and more than the cells that
-  // dents are found in (surface_form.cc) blur.
-  double least = 1.2, most = 3.0;
+  // [of r_P] Of the circle that is left out: more than the cells that dents are found in
+  // (surface_form.cc) blur.
+  double least = 1.2;
   // [of the points] With more left out too little of the tube would be left.
   double most_points = 0.3;
   // [of r_P] So far from the surface a point may belong to a dent.
@@ -83,18 +83,19 @@ class Spine {
 };
 
 std::vector<DentCircle> CirclesOf(const std::vector<DentFound>& dents, const Spine& spine,
-                                  double noise_mm, double pipe_radius_mm, double wide,
+                                  double noise_mm, double pipe_radius_mm, const DentMargin& margin,
                                   bool on_ends) {
   std::vector<DentCircle> circles;
   for (const DentFound& dent : dents) {
     const auto place = spine.PlaceOf(dent.position_mm);
     if (!place || (place->on_end && !on_ends)) continue;
-    const double width_mm = wide * 0.5 * dent.size_mm / kHalfWidth;
     const double rim = std::max(1.0, dent.depth_mm / (kDents.rim * noise_mm));
-    circles.push_back({dent.position_mm, *place,
-                       std::clamp(width_mm * std::sqrt(2.0 * std::log(rim)),
-                                  kDents.least * pipe_radius_mm, kDents.most * pipe_radius_mm),
-                       0.5 * dent.size_mm, dent.depth_mm});
+    const double takes_mm = 0.5 * dent.size_mm / kHalfWidth * std::sqrt(2.0 * std::log(rim));
+    const double radius_mm =
+        std::max({kDents.least * pipe_radius_mm,
+                  std::min(margin.wide * takes_mm, margin.most * pipe_radius_mm),
+                  std::min(takes_mm, margin.as_seen * pipe_radius_mm)});
+    circles.push_back({dent.position_mm, *place, radius_mm, 0.5 * dent.size_mm, dent.depth_mm});
   }
   return circles;
 }
@@ -152,14 +153,14 @@ bool HasPointsAt(const Eigen::Vector3d& place_mm, double near_mm,
 std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double noise_mm,
                                         std::span<const PointBlock> blocks,
                                         std::span<const PointBlock> from, double reach_mm,
-                                        double wide) {
+                                        const DentMargin& margin) {
   const SurfaceForm form = FindForm(state, noise_mm, blocks, reach_mm);
   if (form.dents.empty()) return std::nullopt;
   const double r_mm = state.tube.pipe_radius_mm;
   const Spine spine(state);
   const std::size_t points = CountPoints(blocks), points_from = CountPoints(from);
   std::vector<DentCircle> circles =
-      CirclesOf(form.dents, spine, noise_mm, r_mm, wide, points_from == points);
+      CirclesOf(form.dents, spine, noise_mm, r_mm, margin, points_from == points);
   std::erase_if(circles, [&](const DentCircle& circle) {
     return circle.middle.on_end && !IsBelow(circle, spine, blocks, r_mm);
   });
@@ -189,7 +190,7 @@ OwnedBlocks WithoutDentAt(const BowedTubeState& state, const DentFound& dent,
   const Spine spine(state);
   std::vector<DentCircle> circles;
   if (const auto place = spine.PlaceOf(dent.position_mm)) {
-    circles.push_back({dent.position_mm, *place, kDents.most * r_mm, 0.0, 0.0});
+    circles.push_back({dent.position_mm, *place, DentMargin{}.most * r_mm, 0.0, 0.0});
   }
   return Without(circles, spine, r_mm, from);
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "pipeline/fit/bowed_spine.h"
+#include "pipeline/fit/dent_margin.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/tube/measurement.h"
 
@@ -15,11 +16,11 @@ namespace bendloop::pipeline {
 // outlier by itself, its slopes are not and pull lines and arcs aside. None: there are no dents, or
 // so many that the tube would be lost with them. `noise_mm`: 1 sigma of a point. Where `from` are
 // fewer, only dents between the end straights count: what sits on an end looks like dents there,
-// others each time. `wide`: so many times as wide a circle is left out as a dent takes.
+// others each time.
 std::optional<OwnedBlocks> WithoutDents(const BowedTubeState& state, double noise_mm,
                                         std::span<const PointBlock> blocks,
                                         std::span<const PointBlock> from, double reach_mm,
-                                        double wide = 1.0);
+                                        const DentMargin& margin = {});
 
 // Places where a bend may have taken a dent in, the deepest first: less than dents clearly are, or
 // as much, if none is left out. `from`: the points that no dent has been left out of.

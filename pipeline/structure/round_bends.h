@@ -15,6 +15,12 @@ namespace bendloop::pipeline {
 void RoundBendsThatEase(const SurfaceFit& structure, std::span<const PointBlock> blocks,
                         SurfaceFitOptions& options, FoundEasing& found);
 
+// A dent in a bend looks like an outer wall that sinks in there. Where flattened bends leave more
+// than noise of their samples, and round ones that leave out dents are spoken for by all points
+// (dent_evidence.h), the bends of `solution` are round.
+void RoundDentedBends(std::span<const PointBlock> blocks, SurfaceFitOptions& options,
+                      BowedSolution& solution);
+
 // What dents, bows and slight bends that are none explain, bends of no round section need not:
 // where they are taken for round and the tube, once it is known, leaves more of its points than
 // noise, flattened ones are asked again. `solution` becomes theirs where the samples insist on

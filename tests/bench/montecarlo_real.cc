@@ -8,8 +8,10 @@
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "hal/clock.h"
+#include "hal/spine.h"
 #include "pipeline/tube/representations.h"
 #include "pipeline/tube_model.h"
 #include "tests/bench/bench_table.h"
@@ -34,6 +36,7 @@ struct RealKind {
   Range easing_r = {0, 0};
   int dents = 0;
   Range dent_depth_r = {0.02, 0.2};
+  std::optional<Range> dents_in_bends_r = {};  // as wide; else anywhere
   Range thinning = {1, 1};
   Range drift_mm = {0, 0};
   Range heavy_tail = {0, 0};
@@ -113,6 +116,11 @@ const std::vector<RealKind>& Kinds() {
       {.name = kAnything},
       {.name = "on a table", .bow = {0, 0.001}, .easing_r = {0, 0.7}, .on_table = true},
       {.name = "thin end, on a table", .thinning = {10, 100}, .on_table = true},
+      {.name = "dented bends",
+       .dents = 2,
+       .dent_depth_r = {0.03, 0.15},
+       .dents_in_bends_r = Range{0.5, 1.2},
+       .noise_mm = {0.01, 0.05}},
   };
   return kinds;
 }
@@ -188,6 +196,22 @@ AnySize DrawAnything(Random& random, RealKind& kind) {
     kind.at_end = kFittings[static_cast<std::size_t>(Uniform(random, 0, 5))];
   }
   return size;
+}
+
+// Anywhere, or in a bend.
+tests::Dent DrawDent(const hal::BendProgram& program, const RealKind& kind, Random& random) {
+  tests::Dent dent{.along = Uniform(random, 0.05, 0.95),
+                   .around_rad = Uniform(random, -3, 3),
+                   .depth_r = Uniform(random, kind.dent_depth_r)};
+  if (!kind.dents_in_bends_r) return dent;
+  dent.width_r = Uniform(random, *kind.dents_in_bends_r);
+  const std::vector<hal::SpineSegment> segments = hal::SpineSegments(program, hal::Pose{});
+  const auto bend =
+      static_cast<std::size_t>(Uniform(random, 0, static_cast<double>(program.bend_count())));
+  const hal::SpineSegment& arc = segments[2 * bend + 1];
+  dent.along =
+      (arc.from_start_mm + Uniform(random, 0, 1) * arc.length_mm) / hal::SpineLength(program);
+  return dent;
 }
 
 // Errors over sigma, one way round.
@@ -376,9 +400,7 @@ RealCase DrawRealCase(std::uint64_t seed, const std::string& kind_name) {
   form.seam = Uniform(random, kind.seam);
   form.at_end = kind.at_end;
   for (int i = 0; i < kind.dents; ++i) {
-    form.dents.push_back({.along = Uniform(random, 0.05, 0.95),
-                          .around_rad = Uniform(random, -3, 3),
-                          .depth_r = Uniform(random, kind.dent_depth_r)});
+    form.dents.push_back(DrawDent(tube.program, kind, random));
   }
   tests::RealScan scan;
   scan.points = static_cast<std::size_t>(std::llround(LogUniform(random, kind.points)));

@@ -28,7 +28,8 @@ TEST(WithoutDents, SlopesOfDentsPullNothing) {
     const auto left = WithoutDents(bows.state, bows.noise_mm, blocks, blocks, kReachMm);
     ASSERT_TRUE(left);
     EXPECT_GT(left->point_count(), cloud.points_W.size() * 85 / 100);
-    const auto wider = WithoutDents(bows.state, bows.noise_mm, blocks, blocks, kReachMm, 1.3);
+    const auto wider =
+        WithoutDents(bows.state, bows.noise_mm, blocks, blocks, kReachMm, {.wide = 1.3});
     ASSERT_TRUE(wider);
     EXPECT_LT(wider->point_count(), left->point_count());
     SurfaceFit fit = FitSurface(ThreeBends(), *left, options);

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// Dents in bends: what lines and arcs make of them is neither another bend nor a sunk wall.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "hal/clock.h"
+#include "hal/spine.h"
+#include "pipeline/reconstruction.h"
+#include "pipeline/tube/representations.h"
+#include "tests/support/real_tube.h"
+#include "tests/support/synthetic_cloud.h"
+#include "tests/support/uniform.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+using tests::Uniform;
+
+// Five bends of one die, two dents in them, as wide as half the pipe or more.
+tests::RealCloud DentedScan(std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = 5,
+                                            .bends = 5,
+                                            .min_bend_radius = 2,
+                                            .max_bend_radius = 4,
+                                            .min_straight = 4,
+                                            .max_straight = 14,
+                                            .min_angle_deg = 15,
+                                            .max_angle_deg = 100},
+                                           random);
+  const std::vector<hal::SpineSegment> segments = hal::SpineSegments(tube.program, tube.X_WT);
+  tests::Form form;
+  for (int i = 0; i < 2; ++i) {
+    const hal::SpineSegment& arc =
+        segments[1 + 2 * static_cast<std::size_t>(Uniform(random, 0, 5))];
+    const double at_mm = arc.from_start_mm + Uniform(random, 0, 1) * arc.length_mm;
+    form.dents.push_back({.along = at_mm / hal::SpineLength(tube.program),
+                          .around_rad = Uniform(random, -3, 3),
+                          .depth_r = Uniform(random, 0.03, 0.15),
+                          .width_r = Uniform(random, 0.5, 1.2)});
+  }
+  return tests::ScanRealTube(tube, form, {.noise_mm = Uniform(random, 0.01, 0.05)}, random);
+}
+
+// Errors of bend radii over their sigmas. `measured` has as many bends as `truth`.
+std::vector<double> RadiiOff(const hal::Tube& truth, const Measurement& measured) {
+  const auto &rows = measured.tube.program.rows, &was = truth.program.rows;
+  const std::size_t bends = truth.program.bend_count();
+  // Which way round it is told is open.
+  const double off_deg = std::abs(rows[0].angle_deg - was[0].angle_deg);
+  const bool is_reversed = off_deg > std::abs(rows[0].angle_deg - was[bends - 1].angle_deg);
+  std::vector<double> off;
+  for (std::size_t i = 0; i < bends; ++i) {
+    const std::size_t k = is_reversed ? bends - 1 - i : i;
+    off.push_back((*rows[k].bend_radius_mm - *was[i].bend_radius_mm) /
+                  *measured.sigma.rows[k].bend_radius_mm);
+  }
+  return off;
+}
+
+TEST(DentedBends, AreNoMoreBends) {
+  const hal::SteadyClock clock;
+  double squares = 0, values = 0;
+  for (std::uint64_t seed = 11; seed <= 22; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto cloud = DentedScan(seed);
+    const auto measured = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(measured) << measured.error().message;
+    EXPECT_EQ(measured->tube.program.bend_count(), 5U);
+    if (measured->tube.program.bend_count() != 5U) continue;
+    for (const double off : RadiiOff(cloud.truth, *measured)) {
+      EXPECT_LT(std::abs(off), 5);
+      squares += off * off;
+      values += 1;
+    }
+  }
+  EXPECT_LT(std::sqrt(squares / values), 1.3);
+}
+
+// Taken for walls that sink in they moved a bend's radius by 13 sigma.
+TEST(DentedBends, AreNoSunkWalls) {
+  const hal::SteadyClock clock;
+  const auto cloud = DentedScan(188);
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  ASSERT_EQ(measured->tube.program.bend_count(), 5U);
+  for (const double off : RadiiOff(cloud.truth, *measured)) EXPECT_LT(std::abs(off), 4);
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
