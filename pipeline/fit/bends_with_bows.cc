@@ -12,6 +12,7 @@
 #include "pipeline/fit/bend_changes.h"
 #include "pipeline/fit/bowed_cost.h"
 #include "pipeline/fit/bowed_tube.h"
+#include "pipeline/fit/dent_evidence.h"
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/one_die.h"
@@ -51,9 +52,6 @@ struct ReviseSettings {
   double undented = 0.999;
   // [of the points] That dents leave, or they explain too much.
   double beside_dents = 0.8;
-  // Numbers of a dent: two of its place, its depth and two of its size. And [variances] by which
-  // points beside dents may be explained worse.
-  double dent = 5.0, worse = 6.0;
   // Times that samples of a place are worth less: what makes them disagree so much may be a dent
   // that its bend has taken in.
   double disagree = 4.0;
@@ -255,13 +253,13 @@ std::optional<double> EvidenceBesideDents(const BowedSolution& fewer, const Bowe
                                           std::span<const PointBlock> blocks, double reach_mm) {
   if (!LeavesOutDents(fewer, blocks)) return std::nullopt;
   const double more = AdvantageAt(*fewer.undented, found, fewer, reach_mm);
-  if (more > kRevise.worse) return std::nullopt;
+  if (more > kDentEvidence.worse) return std::nullopt;
   const double fewer_bends = static_cast<double>(found.fit.tube.program.bend_count()) -
                              static_cast<double>(fewer.fit.tube.program.bend_count());
   const std::size_t of_found = found.undented ? found.undented->point_count() : CountPoints(blocks);
   const std::size_t of_fewer = fewer.undented->point_count();
   const double dented = of_found > of_fewer ? static_cast<double>(of_found - of_fewer) : 1.0;
-  return fewer_bends * PriceOfBend(blocks) - more - kRevise.dent * std::log(dented) -
+  return fewer_bends * PriceOfBend(blocks) - more - kDentEvidence.numbers * std::log(dented) -
          kRevise.number_price * (FormNumbers(fewer) - FormNumbers(found));
 }
 

@@ -12,15 +12,8 @@
 namespace bendloop::pipeline {
 namespace {
 
-struct DentEvidenceSettings {
-  // [sigma] So far off are points at most that tell of a patch: more is a dent already.
-  double on_tube = 4.0;
-  // [variances] By which points beside them may be explained worse.
-  double worse = 6.0;
-  // Of a dent: two of its place, its depth and two of its size.
-  double numbers = 5.0;
-};
-constexpr DentEvidenceSettings kEvidence;
+// [sigma] So far off are points at most that tell of a patch: more is a dent already.
+constexpr double kOnTube = 4.0;
 
 // What patches of the surface are off the tube, beyond what noise moves them by [variances].
 double PatchesOff(const BowedSolution& solution, std::span<const PointBlock> blocks,
@@ -31,7 +24,7 @@ double PatchesOff(const BowedSolution& solution, std::span<const PointBlock> blo
   const SurfaceAssignment points = PointsOf(state, spine, kBeyond * r_mm, blocks, reach_mm);
   DesignEffect patches;
   patches.Add(points.segments, SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm,
-              kEvidence.on_tube * noise_mm);
+              kOnTube * noise_mm);
   return patches.between / (noise_mm * noise_mm) - patches.patches;
 }
 
@@ -48,12 +41,12 @@ double EvidenceOfDents(const BowedSolution& dented, const BowedSolution& plain,
   const std::span<const PointBlock> others = *dented.undented;
   if (CountPoints(others) >= CountPoints(all)) return -std::numeric_limits<double>::infinity();
   const double of_others = AdvantageAt(others, dented, plain, reach_mm);
-  if (of_others < -kEvidence.worse) return of_others;
+  if (of_others < -kDentEvidence.worse) return of_others;
   // What the plain tube leaves of patches a dent of that form explains.
   const double worth = std::max(1.0, std::min(dented.bows.worth, plain.bows.worth));
   const double of_dents = OfDents(plain, all, others, reach_mm) / worth;
   const auto points = static_cast<double>(CountPoints(all) - CountPoints(others));
-  return of_others + of_dents - kEvidence.numbers * std::log(points);
+  return of_others + of_dents - kDentEvidence.numbers * std::log(points);
 }
 
 }  // namespace bendloop::pipeline

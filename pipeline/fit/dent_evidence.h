@@ -8,6 +8,14 @@
 
 namespace bendloop::pipeline {
 
+struct DentEvidenceSettings {
+  // [variances] By which points beside dents may be explained worse.
+  double worse = 6.0;
+  // Of a dent: two of its place, its depth and two of its size.
+  double numbers = 5.0;
+};
+inline constexpr DentEvidenceSettings kDentEvidence;
+
 // What patches of the surface are off the tube in `all` points that the `others` have not, beyond
 // what noise moves them by [variances].
 double OfDents(const BowedSolution& plain, std::span<const PointBlock> all,

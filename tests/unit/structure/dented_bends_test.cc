@@ -11,7 +11,6 @@
 #include "hal/clock.h"
 #include "hal/spine.h"
 #include "pipeline/reconstruction.h"
-#include "pipeline/tube/representations.h"
 #include "tests/support/real_tube.h"
 #include "tests/support/synthetic_cloud.h"
 #include "tests/support/uniform.h"
