@@ -12,6 +12,7 @@
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_parameters.h"
 #include "pipeline/reconstruction.h"
+#include "tests/support/error_sigmas.h"
 #include "tests/support/real_tube.h"
 #include "tests/unit/fit/three_bends.h"
 
@@ -157,21 +158,10 @@ TEST(Easing, DerivativesAreThoseOfTheSegments) {
 }
 
 // In how many of their sigmas values err.
-struct ErrorsInSigmas {
-  double sum = 0;
-  int count = 0;
-
-  void Add(double off, double sigma) {
-    sum += std::pow(off / sigma, 2);
-    ++count;
-  }
-  double rms() const { return std::sqrt(sum / count); }
-};
-
 // Clamp and pressure die are not alike. (As if they were, lengths were 1.5 of their sigmas off, and
 // those of angles, and of the wide bend's radius, five times as large as now.)
 TEST(Easing, BendsMayRiseOtherwiseThanTheyFall) {
-  ErrorsInSigmas radii, lengths, angles;
+  tests::ErrorSigmas radii, lengths, angles;
   for (unsigned seed = 1; seed <= 12; ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937_64 random(seed);

@@ -13,6 +13,7 @@
 #include "pipeline/features/end_cut.h"
 #include "pipeline/fit/tube_ends.h"
 #include "tests/support/cut_walls.h"
+#include "tests/support/error_sigmas.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -91,25 +92,13 @@ FoundEnd FindLastEnd(const Cloud& cloud, Random& random) {
   return found;
 }
 
-// Mean and root mean square of errors in sigmas.
-struct Sigmas {
-  double sum = 0, squares = 0, count = 0;
-  void Add(double sigmas) {
-    sum += sigmas;
-    squares += sigmas * sigmas;
-    count += 1;
-  }
-  double Mean() const { return sum / count; }
-  double Rms() const { return std::sqrt(squares / count); }
-};
-
 // Noise in all directions moves samples beyond the end, noise along rays hardly does; nobody says
 // which it is.
 class SquareEnd : public testing::TestWithParam<double> {};
 
 TEST_P(SquareEnd, OfACloudIsAsFarOffAsItSays) {
   Random random(7);
-  Sigmas all, dense;
+  tests::ErrorSigmas all, dense;
   double over_bound = 0;
   int oblique = 0;
   for (int i = 0; i < 100; ++i) {
@@ -129,12 +118,12 @@ TEST_P(SquareEnd, OfACloudIsAsFarOffAsItSays) {
     over_bound = std::max(over_bound, end.sigma_mm / cloud.BoundMm());
   }
   EXPECT_LE(oblique, 1);  // of 400 one is
-  EXPECT_LT(all.Rms(), 1.3);
-  EXPECT_GT(all.Rms(), 0.7);
-  EXPECT_LT(std::abs(all.Mean()), 0.4);
-  if (dense.count < 10) return;
-  EXPECT_LT(dense.Rms(), 1.6);  // of so few it is known to a fifth
-  EXPECT_LT(std::abs(dense.Mean()), 0.2 + 2.0 / std::sqrt(dense.count));
+  EXPECT_LT(all.rms(), 1.3);
+  EXPECT_GT(all.rms(), 0.7);
+  EXPECT_LT(std::abs(all.mean()), 0.4);
+  if (dense.count() < 10) return;
+  EXPECT_LT(dense.rms(), 1.6);  // of so few it is known to a fifth
+  EXPECT_LT(std::abs(dense.mean()), 0.2 + 2.0 / std::sqrt(dense.count()));
   EXPECT_LT(over_bound, 2.0);
 }
 INSTANTIATE_TEST_SUITE_P(NoiseAlong, SquareEnd, testing::Values(0.0, 0.3, 0.6, 1.0));
@@ -142,7 +131,7 @@ INSTANTIATE_TEST_SUITE_P(NoiseAlong, SquareEnd, testing::Values(0.0, 0.3, 0.6, 1
 // One side of the end lies in the tube's own shadow: samples stop before it there.
 TEST(EndInShadow, IsWhereTheOtherSidesEnd) {
   Random random(8);
-  Sigmas errors;
+  tests::ErrorSigmas errors;
   for (int i = 0; i < 60; ++i) {
     Cloud cloud;
     cloud.radius_mm = LogUniform(random, 3.0, 20.0);
@@ -155,7 +144,7 @@ TEST(EndInShadow, IsWhereTheOtherSidesEnd) {
     EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
     errors.Add(end.sigmas());
   }
-  EXPECT_LT(errors.Rms(), 1.4);
+  EXPECT_LT(errors.rms(), 1.4);
 }
 
 // A dent right before the end takes the wall away from there on one side: what it pressed in still
@@ -163,7 +152,7 @@ TEST(EndInShadow, IsWhereTheOtherSidesEnd) {
 // short.)
 TEST(DentedEnd, IsWhereTheOtherSidesEnd) {
   Random random(11);
-  Sigmas errors;
+  tests::ErrorSigmas errors;
   for (int i = 0; i < 100; ++i) {
     Cloud cloud;
     cloud.radius_mm = LogUniform(random, 3.0, 20.0);
@@ -177,7 +166,7 @@ TEST(DentedEnd, IsWhereTheOtherSidesEnd) {
     EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
     errors.Add(end.sigmas());
   }
-  EXPECT_LT(errors.Rms(), 1.5);
+  EXPECT_LT(errors.rms(), 1.5);
 }
 
 // A border that is cut in waves is no shadow either.
@@ -194,7 +183,7 @@ TEST(EndInShadow, IsNoneWhereABorderIsCutInWaves) {
 // Where samples stop at a plane all round it is the cut.
 TEST(EndInShadow, IsNoneWhereACutIsOblique) {
   Random random(9);
-  Sigmas errors;
+  tests::ErrorSigmas errors;
   for (int i = 0; i < 60; ++i) {
     Cloud cloud;
     cloud.radius_mm = LogUniform(random, 3.0, 20.0);
@@ -205,7 +194,7 @@ TEST(EndInShadow, IsNoneWhereACutIsOblique) {
     EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
     errors.Add(end.sigmas());
   }
-  EXPECT_LT(errors.Rms(), 1.3);
+  EXPECT_LT(errors.rms(), 1.3);
 }
 
 }  // namespace

@@ -19,6 +19,7 @@
 #include "pipeline/fit/tube_ends.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/cut_walls.h"
+#include "tests/support/error_sigmas.h"
 #include "tests/support/reversed_features.h"
 
 namespace bendloop::pipeline {
@@ -74,19 +75,15 @@ EdgeScan ScanEdges(std::uint64_t seed, const hal::TubeFeatures& features, double
 class EdgeErrors {
  public:
   explicit EdgeErrors(std::string name) : name_(std::move(name)) {}
-  ~EdgeErrors() {
-    EXPECT_GT(count_, 0) << name_;
-    EXPECT_LT(std::sqrt(squares_ / count_), 1.5) << name_;
-  }
+  ~EdgeErrors() { EXPECT_LT(sigmas_.rms(), 1.5) << name_; }
   void Add(double error, double sigma) {
     EXPECT_LT(std::abs(error), 3.5 * sigma) << name_;
-    squares_ += std::pow(error / sigma, 2);
-    count_ += 1;
+    sigmas_.Add(error, sigma);
   }
 
  private:
   std::string name_;
-  double squares_ = 0, count_ = 0;
+  tests::ErrorSigmas sigmas_;
 };
 
 TEST(EndEdge, ABevelIsMeasuredAndTheTubeEndsAtItsTip) {

@@ -13,6 +13,7 @@
 #include "hal/clock.h"
 #include "pipeline/reconstruction.h"
 #include "tests/support/cut_walls.h"
+#include "tests/support/error_sigmas.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -83,20 +84,9 @@ std::vector<Eigen::Vector3d> CloudOf(const FormedTube& tube, std::mt19937_64& ra
   return points;
 }
 
-// Squares of errors over their sigmas.
-struct Squares {
-  double sum = 0, count = 0, greatest = 0, far = 0;  // far: more than 4 sigma off
-  void Add(double error, double sigma) {
-    sum += std::pow(error / sigma, 2);
-    count += 1;
-    greatest = std::max(greatest, std::abs(error / sigma));
-    far += std::abs(error) > 4 * sigma ? 1 : 0;
-  }
-  double Rms() const { return std::sqrt(sum / count); }
-};
-
+// tests::ErrorSigmas of errors over their sigmas.
 struct FormErrors {
-  Squares length, radii, begins;
+  tests::ErrorSigmas length, radii, begins;
 };
 
 // `foot_mm`: from the end, where the form begins.
@@ -118,12 +108,12 @@ void Measure(const FormedTube& tube, double foot_mm, std::mt19937_64& random, Fo
 }
 
 void ExpectAsSureAsTheySay(const FormErrors& errors) {
-  EXPECT_LT(errors.length.Rms(), 1.5);
-  EXPECT_LT(errors.radii.Rms(), 1.5);
-  EXPECT_LT(errors.begins.Rms(), 1.5);
-  EXPECT_LT(errors.length.greatest, 5);
-  EXPECT_LT(errors.radii.greatest, 6);
-  EXPECT_LT(errors.begins.greatest, 5);
+  EXPECT_LT(errors.length.rms(), 1.5);
+  EXPECT_LT(errors.radii.rms(), 1.5);
+  EXPECT_LT(errors.begins.rms(), 1.5);
+  EXPECT_LT(errors.length.greatest(), 5);
+  EXPECT_LT(errors.radii.greatest(), 6);
+  EXPECT_LT(errors.begins.greatest(), 5);
 }
 
 // A bore is that of nothing thinner, or noise hides what is between.
@@ -133,11 +123,11 @@ void SeeInside(std::mt19937_64& random, FormedTube& tube) {
 
 // Between wall and bore a few places of steep flanks and right behind the face are undecided still.
 void ExpectNearlyAsSureAsTheySay(const FormErrors& errors) {
-  EXPECT_LT(errors.length.Rms(), 1.5);
-  EXPECT_LT(errors.begins.Rms(), 1.5);
-  EXPECT_LT(errors.length.greatest, 5);
-  EXPECT_LT(errors.begins.greatest, 5);
-  EXPECT_LT(errors.radii.far, 0.05 * errors.radii.count);
+  EXPECT_LT(errors.length.rms(), 1.5);
+  EXPECT_LT(errors.begins.rms(), 1.5);
+  EXPECT_LT(errors.length.greatest(), 5);
+  EXPECT_LT(errors.begins.greatest(), 5);
+  EXPECT_LT(errors.radii.beyond_4(), 0.05 * errors.radii.count());
 }
 
 // Rolled into the wall, which goes on beyond them.
