@@ -26,6 +26,7 @@
 #include "pipeline/fit/faint_dents.h"
 #include "pipeline/fit/grooves.h"
 #include "pipeline/fit/hidden_ends.h"
+#include "pipeline/fit/hidden_radii.h"
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/last_fit.h"
@@ -225,6 +226,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   if (nominal) final.other_die = TryNominalDie(*nominal, blocks, final.options, doubts, solution);
   FitLast(blocks, final.options, solution);
   TryFaintDents(blocks, final.options, solution);
+  TakeUsualWhereHidden(final.options, solution);
   for (const Doubt& doubt : doubts) DoubtBy(doubt, final.options.free_pipe_radius, solution);
   if (nominal) TakeNominalRadii(*nominal, final.options.free_pipe_radius, solution.fit);
   final.fit = std::move(solution.fit);

@@ -46,7 +46,7 @@ struct DentSettings {
   // [of its size] Of a dent that is known: what is fitted no further from its middle is that dent
   // once more; what lies further than `apart` is looked at without the points where the known one
   // is deeper than so many [sigma].
-  double same = 0.25, apart = 0.75, rim_sigmas = 0.3;
+  double same = 0.5, apart = 0.75, rim_sigmas = 0.3;
   // [of its depth] What cannot be fitted and is no deeper is what cells make of its flanks, and of
   // the wall opposite it.
   double echo = 0.3;
@@ -124,12 +124,21 @@ class Wall {
     return hal::FrameAt(spine_.segments, along_mm, around_deg, spine_.pieces);
   }
   double length_mm() const { return spine_.length_mm(); }
-  // Of the surface there, in what it measures unrolled: inside a bend it is shorter than the spine.
-  double SurfacePart(const hal::SurfaceFrame& frame, double along_mm) const {
-    const hal::SpineSegment& segment = spine_.segments[hal::SegmentAt(spine_.segments, along_mm)];
-    if (!segment.is_arc()) return 1.0;
-    const Eigen::Vector3d inwards = (segment.center_mm() - frame.spine_mm).normalized();
-    return 1.0 - r_mm_ / segment.bend_radius_mm * frame.outward.dot(inwards);
+  // Where along the spine a place of the wall about the frame is, and how much of the spine is
+  // beside a length of the wall there.
+  struct OnSpine {
+    double along_mm, part;
+  };
+  OnSpine OnSpineAt(const hal::SurfaceFrame& frame, double frame_mm, double along_wall_mm,
+                    double around_mm) const {
+    const UnrolledWall unrolled(spine_.segments, frame, r_mm_);
+    const auto at_mm = [&](double along_mm) {
+      return unrolled.SpineAtMm(along_mm, around_mm, frame_mm);
+    };
+    const double step_mm = 0.05 * r_mm_;
+    const double part =
+        (at_mm(along_wall_mm + step_mm) - at_mm(along_wall_mm - step_mm)) / (2.0 * step_mm);
+    return {std::clamp(at_mm(along_wall_mm), 0.0, length_mm()), part};
   }
 
  private:
@@ -142,9 +151,8 @@ class Wall {
                                    double along_mm) const {
     const SpineFoot foot = FootOf(point);
     if (foot.segment < 0) return std::nullopt;
-    const auto at = static_cast<std::size_t>(foot.segment);
-    return WallPoint{spine_.segments[at].from_start_mm + foot.along_mm - along_mm,
-                     -unrolled.PlaceOf(point, foot).y(), 0};
+    const Eigen::Vector2d place = unrolled.PlaceOf(point, foot);
+    return WallPoint{unrolled.AlongWallMm(place, along_mm), -place.y(), 0};
   }
   struct SeenPoint {
     WallPoint place;  // off the round wall
@@ -169,11 +177,11 @@ class Wall {
         const double off = foot.distance_mm - r_mm_;
         if (foot.segment < 0 || off < off_mm[0] || off > off_mm[1]) continue;
         const auto at = static_cast<std::size_t>(foot.segment);
-        const double u = segments[at].from_start_mm + foot.along_mm - along_mm;
-        if (std::abs(u) > reach_mm || foot.along_mm < 0 || foot.along_mm > segments[at].length_mm)
+        if (foot.along_mm < 0 || foot.along_mm > segments[at].length_mm) continue;
+        const Eigen::Vector2d place = unrolled.PlaceOf(point, foot);
+        const double u = unrolled.AlongWallMm(place, along_mm), v = -place.y();
+        if (std::abs(u) > reach_mm || std::abs(v) > around_mm || faces_.AreAt(point, face_mm_))
           continue;
-        const double v = -unrolled.PlaceOf(point, foot).y();
-        if (std::abs(v) > around_mm || faces_.AreAt(point, face_mm_)) continue;
         seen.push_back({{u, v, off}, &point, at});
       }
     }
@@ -310,17 +318,17 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
            !IsKnown(dent, known) && !IsEcho(dent, frame.tangent, r_mm, noise_mm, known);
   }
   if (!in_cells && !IsSureSmall(fitted, r_mm)) return false;
-  const double along_mm = std::clamp(middle_mm + fitted.along_mm, 0.0, wall.length_mm());
+  const auto [along_mm, part] =
+      wall.OnSpineAt(frame, middle_mm, fitted.along_mm, -fitted.around_mm);
   hal::SurfaceFrame there = wall.FrameAt(along_mm, 0.0);
   there.outward = UnrolledWall::Carried(
       Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
       there.tangent);
   dent.position_mm = there.spine_mm + r_mm * there.outward;
-  dent.along_sigma_mm = fitted.along_sigma_mm;
+  dent.along_sigma_mm = part * fitted.along_sigma_mm;
   dent.around_sigma_deg = fitted.around_sigma_mm / r_mm * hal::kDegreesPerRadian;
   dent.depth_mm = fitted.depth_mm, dent.sigma_mm = fitted.depth_sigma_mm;
-  const double part = wall.SurfacePart(there, along_mm);
-  dent.area_mm2 = part * fitted.area_mm2, dent.area_sigma_mm2 = part * fitted.area_sigma_mm2;
+  dent.area_mm2 = fitted.area_mm2, dent.area_sigma_mm2 = fitted.area_sigma_mm2;
   dent.size_mm = 2.0 * std::sqrt(dent.area_mm2 / std::numbers::pi);
   return !IsKnown(dent, known);
 }

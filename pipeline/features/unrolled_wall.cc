@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "pipeline/fit/along_wall.h"
+
 namespace bendloop::pipeline {
 
 Eigen::Vector2d UnrolledWall::PlaceOf(const Eigen::Vector3d& point, const SpineFoot& foot) const {
@@ -20,6 +22,27 @@ Eigen::Vector3d UnrolledWall::PointAt(const Eigen::Vector2d& place_mm) const {
   const Eigen::Vector3d there =
       std::cos(turn) * frame_.outward + std::sin(turn) * frame_.sideways();
   return segment.PointAt(on_mm) + r_mm_ * Carried(there, frame_.tangent, segment.TangentAt(on_mm));
+}
+
+double UnrolledWall::AlongWallMm(const Eigen::Vector2d& place_mm, double frame_mm) const {
+  const hal::SpineSegment& segment = segments_[hal::SegmentAt(segments_, place_mm.x())];
+  const Eigen::Vector3d tangent = segment.TangentAt(place_mm.x() - segment.from_start_mm);
+  const double around = place_mm.y() / r_mm_;
+  const Eigen::Vector3d outward =
+      std::cos(around) * frame_.outward + std::sin(around) * frame_.sideways();
+  return place_mm.x() - frame_mm - ShorterByMm(frame_.tangent, tangent, outward, r_mm_);
+}
+
+double UnrolledWall::SpineAtMm(double along_wall_mm, double around_mm, double frame_mm) const {
+  // Each leaves a part of the one before: the tube's radius over a bend's.
+  constexpr int kSteps = 60;
+  double at_mm = frame_mm + along_wall_mm;
+  for (int i = 0; i < kSteps; ++i) {
+    const double off_mm = along_wall_mm - AlongWallMm({at_mm, around_mm}, frame_mm);
+    at_mm += off_mm;
+    if (std::abs(off_mm) < 1e-9 * r_mm_) break;
+  }
+  return at_mm;
 }
 
 Eigen::Vector3d UnrolledWall::Carried(const Eigen::Vector3d& direction, const Eigen::Vector3d& from,

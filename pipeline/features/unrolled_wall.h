@@ -24,6 +24,12 @@ class UnrolledWall {
   // On the round surface.
   Eigen::Vector3d PointAt(const Eigen::Vector2d& place_mm) const;
 
+  // How much further along the wall itself a place lies than the frame, which is at `frame_mm` of
+  // the spine [mm]: outside a bend the wall is longer than the spine, inside shorter.
+  double AlongWallMm(const Eigen::Vector2d& place_mm, double frame_mm) const;
+  // Where along the spine that is so at `around_mm` [mm].
+  double SpineAtMm(double along_wall_mm, double around_mm, double frame_mm) const;
+
   // A direction across the tube in the cross-section of another place nearby.
   static Eigen::Vector3d Carried(const Eigen::Vector3d& direction, const Eigen::Vector3d& from,
                                  const Eigen::Vector3d& to);

@@ -55,6 +55,9 @@ struct ReviseSettings {
   // Times that samples of a place are worth less: what makes them disagree so much may be a dent
   // that its bend has taken in.
   double disagree = 4.0;
+  // [deg] and [of r_P] Of more angle a bend is no stand-in for a bow; tighter ones stand where the
+  // fit holds them (FitBounds).
+  double no_slight_deg = 10.0, tightest = 1.02;
 };
 constexpr ReviseSettings kRevise;
 constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -108,7 +111,7 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
   BowedSolution solution{
       straight ? std::move(*straight) : FitFromAfar(start, blocks, options), {}, std::nullopt, {}};
   const EndPlaces ends = EndsOf(start);
-  ReachTo(ends, solution.fit.tube);
+  EndAt(ends, solution.fit.tube);
   solution.straight = solution.fit.tube;
   solution.bows = FitBows(blocks, options, solution.fit);
   // What a fit has taken in of a dent it shows too shallow and too small: without it, more is seen.
@@ -132,7 +135,7 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
       start_now = hidden.eased.value_or(start);
     }
     solution.fit = FitFromAfar(start_now, *solution.undented, from_there);
-    ReachTo(ends, solution.fit.tube);
+    EndAt(ends, solution.fit.tube);
     solution.straight = solution.fit.tube;
     const SurfaceFit straight_fit = solution.fit;
     const BowedFit with_dents =
@@ -142,7 +145,7 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
     solution.fit = straight_fit;
     solution.bows = FitBows(*solution.undented, from_there, solution.fit, &with_dents);
   }
-  ReachTo(ends, solution.fit.tube);
+  EndAt(ends, solution.fit.tube);
   return solution;
 }
 
@@ -217,6 +220,15 @@ BowedSolution OfOneDie(const BowedSolution& solution, std::span<const PointBlock
   options.priors.bend_radius.reset();
   options.priors.radii_alike = kRadiiOfOneDie;
   return SharpOrEased(*start, blocks, options, std::nullopt);
+}
+
+// Whether a bend of some angle is as tight as fits let it be: it may have lost its points.
+bool IsAtBound(const hal::Tube& tube) {
+  const auto& rows = tube.program.rows;
+  return std::any_of(rows.begin(), rows.end(), [&tube](const hal::BendRow& row) {
+    return row.angle_deg > kRevise.no_slight_deg && row.bend_radius_mm &&
+           *row.bend_radius_mm < kRevise.tightest * tube.pipe_radius_mm;
+  });
 }
 
 // [variances]
@@ -305,7 +317,8 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
                             const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution = SharpOrEased(start, blocks, options, std::move(straight));
   const std::size_t bends = solution.fit.tube.program.bend_count();
-  if (!solution.bows.is_lost || bends < 2 || options.priors.radii_alike > 0) return solution;
+  const bool may_be_lost = solution.bows.is_lost || IsAtBound(solution.fit.tube);
+  if (!may_be_lost || bends < 2 || options.priors.radii_alike > 0) return solution;
   BowedSolution other = OfOneDie(solution, blocks, options);
   const bool is_found = !other.bows.is_lost && other.fit.tube.program.bend_count() == bends &&
                         GainOf(other, solution, blocks, options.reach_mm) > 0;

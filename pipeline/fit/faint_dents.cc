@@ -19,7 +19,7 @@ namespace {
 struct FaintSettings {
   // Times that samples of a place are worth less than independent ones: what a dent has pulled
   // makes them disagree as much, and chance hardly does.
-  double disagree = 1.15;
+  double disagree = 1.05;
   // Left out about dents.
   DentMargin dents = {.wide = 1.25};
   // Places that are tried.

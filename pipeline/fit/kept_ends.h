@@ -19,5 +19,7 @@ EndPlaces EndsOf(const hal::Tube& tube);
 // that hardly turns may slide along its straights by more than samples are looked for beyond an
 // end.
 void ReachTo(const EndPlaces& ends, hal::Tube& tube);
+// The same, and no longer: where there are no samples nothing holds a bend.
+void EndAt(const EndPlaces& ends, hal::Tube& tube);
 
 }  // namespace bendloop::pipeline

@@ -11,9 +11,6 @@ namespace bendloop::pipeline {
 namespace {
 
 struct LastFitSettings {
-  // Left out about dents. By trial; where bends are still looked for as much hides them. Of a deep
-  // dent in a bend what lies beyond three r_P still moves its radius.
-  DentMargin dents = {.wide = 1.5, .as_seen = 4.0};
   // [variances, a bend] By which it may explain the points worse.
   double worse = 6.0;
   // [of what was left out] As much more may be: what has lost its way takes for dents what it lost.
@@ -45,7 +42,7 @@ void FitLast(std::span<const PointBlock> blocks, const SurfaceFitOptions& option
   SurfaceFitOptions last = options;
   last.priors = LearnDieSpread(fit, options.free_pipe_radius);
   last.easing = fit.easing;
-  last.dents = kLastFit.dents;
+  last.dents = kWideDentMargin;
   BowedSolution other = SolveWithBows(solution.straight, blocks, last);
   if (other.fit.tube.program.bend_count() != bends) return;
   if (other.bows.is_lost && !solution.bows.is_lost) return;

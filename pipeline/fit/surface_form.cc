@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "hal/tube_features.h"
+#include "pipeline/fit/along_wall.h"
 #include "pipeline/fit/long_bends.h"
 #include "pipeline/fit/sides.h"
 #include "pipeline/fit/surface_pass.h"
@@ -199,6 +200,23 @@ DentFound DentAt(const EasedSpine& spine, const Depths& depths, int row, int sid
   return dent;
 }
 
+// How much of the wall is beside a length of the spine, about a place and so far before and behind.
+double WallPart(const EasedSpine& spine, const DentFound& about, double half_mm) {
+  const auto tangent_at = [&spine](double along_mm) {
+    const hal::SpineSegment& segment = spine.segments[hal::SegmentAt(spine.segments, along_mm)];
+    return segment.TangentAt(along_mm - segment.from_start_mm);
+  };
+  const hal::SurfaceFrame middle = hal::FrameAt(spine.segments, about.along_mm, 0.0, spine.pieces);
+  const Eigen::Vector3d outward = (about.position_mm - middle.spine_mm).normalized();
+  const double from_mm = std::max(0.0, about.along_mm - half_mm);
+  const double to_mm = std::min(spine.length_mm(), about.along_mm + half_mm);
+  const double r_mm = (about.position_mm - middle.spine_mm).norm();
+  const auto shorter_mm = [&](double along_mm) {
+    return ShorterByMm(middle.tangent, tangent_at(along_mm), outward, r_mm);
+  };
+  return 1.0 - (shorter_mm(to_mm) - shorter_mm(from_mm)) / (to_mm - from_mm);
+}
+
 std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> stretches,
                                  double pipe_radius_mm, double noise_mm, double sides_mm,
                                  const DentInCells& in_cells) {
@@ -233,7 +251,8 @@ std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> st
     dent.depth_mm = depth_mm;
     dent.sigma_mm = scatter_mm;
     const int cells = TakeHalfAsDeep(*deepest, row, side, 0.5 * depth_mm);
-    dent.size_mm = 2.0 * std::sqrt(cells * cell_mm2 / std::numbers::pi);
+    const double half_mm = std::sqrt(cells * cell_mm2 / std::numbers::pi);
+    dent.size_mm = 2.0 * half_mm * std::sqrt(WallPart(spine, dent, half_mm));
     // Its slopes are no dents of their own.
     for (int i = std::max(0, row - kForm.slope_cells);
          i <= std::min(deepest->cells->rows - 1, row + kForm.slope_cells); ++i) {

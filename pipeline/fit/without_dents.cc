@@ -8,6 +8,7 @@
 #include <numeric>
 #include <vector>
 
+#include "pipeline/fit/along_wall.h"
 #include "pipeline/fit/surface_form.h"
 
 namespace bendloop::pipeline {
@@ -42,7 +43,7 @@ struct SurfacePlace {
   bool on_end = false;     // on the first straight or the last
 };
 
-// A circle on the surface, unrolled about its middle.
+// A circle on the wall, unrolled about its middle.
 struct DentCircle {
   Eigen::Vector3d middle_mm;
   SurfacePlace middle;
@@ -54,7 +55,11 @@ struct DentCircle {
     const auto back = Eigen::Quaterniond::FromTwoVectors(place.tangent, middle.tangent);
     const Eigen::Vector3d out = back * place.outward;
     const double around = std::atan2(out.cross(middle.outward).norm(), out.dot(middle.outward));
-    return std::hypot(place.along_mm - middle.along_mm, pipe_radius_mm * around) < radius_mm;
+    const double shorter_mm = ShorterByMm(middle.tangent, place.tangent, out, pipe_radius_mm);
+    // A dent is even along the wall; of a bend that there may not be it is along the spine.
+    const double spine_mm = place.along_mm - middle.along_mm;
+    const double along_mm = std::min(std::abs(spine_mm), std::abs(spine_mm - shorter_mm));
+    return std::hypot(along_mm, pipe_radius_mm * around) < radius_mm;
   }
 };
 

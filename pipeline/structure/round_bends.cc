@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 #include "hal/spine.h"
 #include "pipeline/fit/dent_evidence.h"
 #include "pipeline/fit/surface_form.h"
+#include "pipeline/fit/without_dents.h"
 #include "pipeline/structure/structure_criterion.h"
 
 namespace bendloop::pipeline {
@@ -48,6 +50,51 @@ bool LooksSunk(const BowedSolution& round, std::span<const PointBlock> blocks, d
   return dented > 1 && (dented == bends || (dented > 2 && 2 * dented > bends));
 }
 
+bool IsSameTube(const BowedSolution& other, const BowedSolution& flattened) {
+  return !other.bows.is_lost &&
+         other.fit.tube.program.bend_count() == flattened.fit.tube.program.bend_count();
+}
+
+// How much the samples must speak for flattened bends [twice the logarithm of the odds].
+double AskedForFlattened(const SurfaceFit& flattened) {
+  const double variance_mm2 = flattened.sigma_mm * flattened.sigma_mm;
+  return StructureCriterion::InsistOnFlattened(flattened) +
+         StructureCriterion::AsSidesMm2(flattened) / variance_mm2;
+}
+
+// Round bends with dents, if all points speak for them.
+std::optional<BowedSolution> WithDents(const BowedSolution& flattened,
+                                       std::span<const PointBlock> blocks,
+                                       SurfaceFitOptions round) {
+  // Easing, too, may be of dents; without them it is found again.
+  round.easing = {};
+  BowedSolution other = SolveWithBows(flattened.straight, blocks, round);
+  if (!other.undented || !IsSameTube(other, flattened)) return std::nullopt;
+  // It has taken a dent in itself.
+  if (other.bows.worth > std::max(kRoundBends.disagree, flattened.bows.worth)) return std::nullopt;
+  if (LooksSunk(other, blocks, round.reach_mm)) return std::nullopt;
+  if (EvidenceOfDents(other, flattened, blocks, round.reach_mm) < 0) return std::nullopt;
+  return other;
+}
+
+// Round bends, if the points beside the dents of flattened ones no longer insist on those.
+std::optional<BowedSolution> BesideDents(const BowedSolution& flattened,
+                                         std::span<const PointBlock> blocks,
+                                         SurfaceFitOptions round) {
+  const BowedFit& bows = flattened.bows;
+  auto undented =
+      WithoutDents(bows.state, bows.noise_mm, blocks, blocks, round.reach_mm, kWideDentMargin);
+  if (!undented) return std::nullopt;
+  const std::span<const PointBlock> beside = *undented;
+  round.easing = flattened.fit.easing;
+  BowedSolution other = SolveWithBows(flattened.straight, beside, round);
+  if (!IsSameTube(other, flattened)) return std::nullopt;
+  const double advantage = AdvantageAt(beside, flattened, other, round.reach_mm);
+  if (advantage > AskedForFlattened(flattened.fit)) return std::nullopt;
+  if (!other.undented) other.undented = std::move(undented);
+  return other;
+}
+
 }  // namespace
 
 void RoundBendsThatEase(const SurfaceFit& structure, std::span<const PointBlock> blocks,
@@ -70,21 +117,16 @@ void RoundBendsThatEase(const SurfaceFit& structure, std::span<const PointBlock>
 
 void RoundDentedBends(std::span<const PointBlock> blocks, SurfaceFitOptions& options,
                       BowedSolution& solution) {
-  const std::size_t bends = solution.fit.tube.program.bend_count();
-  if (!options.flattened || bends == 0 || solution.bows.worth < kRoundBends.disagree) return;
+  if (!options.flattened || solution.fit.tube.program.bend_count() == 0) return;
   SurfaceFitOptions round = options;
   round.flattened = false;
-  // Easing, too, may be of dents; without them it is found again.
-  round.easing = {};
-  BowedSolution other = SolveWithBows(solution.straight, blocks, round);
-  if (!other.undented || other.bows.is_lost || other.fit.tube.program.bend_count() != bends) return;
-  // It has taken a dent in itself.
-  if (other.bows.worth > std::max(kRoundBends.disagree, solution.bows.worth)) return;
-  if (LooksSunk(other, blocks, options.reach_mm)) return;
-  if (EvidenceOfDents(other, solution, blocks, options.reach_mm) < 0) return;
-  round.easing = other.fit.easing;
+  std::optional<BowedSolution> other;
+  if (solution.bows.worth >= kRoundBends.disagree) other = WithDents(solution, blocks, round);
+  if (!other && solution.undented) other = BesideDents(solution, blocks, round);
+  if (!other) return;
+  round.easing = other->fit.easing;
   options = std::move(round);
-  solution = std::move(other);
+  solution = std::move(*other);
 }
 
 void FlattenRoundBends(std::span<const PointBlock> blocks, SurfaceFitOptions& options,
@@ -108,10 +150,7 @@ void FlattenRoundBends(std::span<const PointBlock> blocks, SurfaceFitOptions& op
   if (led < few_mm2 * StructureCriterion::InsistOnFlattened(few_flattened)) return;
   BowedSolution other = SolveAnew(solution.straight, blocks, flattened);
   if (other.fit.tube.program.bend_count() != bends || other.bows.is_lost) return;
-  const double variance_mm2 = other.fit.sigma_mm * other.fit.sigma_mm;
-  const double asked = StructureCriterion::InsistOnFlattened(other.fit) +
-                       StructureCriterion::AsSidesMm2(other.fit) / variance_mm2;
-  if (AdvantageOf(other, solution, blocks, options.reach_mm) < asked) return;
+  if (AdvantageOf(other, solution, blocks, options.reach_mm) < AskedForFlattened(other.fit)) return;
   options = std::move(flattened);
   solution = std::move(other);
 }

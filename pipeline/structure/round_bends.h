@@ -17,7 +17,8 @@ void RoundBendsThatEase(const SurfaceFit& structure, std::span<const PointBlock>
 
 // A dent in a bend looks like an outer wall that sinks in there. Where flattened bends leave more
 // than noise of their samples, and round ones that leave out dents are spoken for by all points
-// (dent_evidence.h), the bends of `solution` are round.
+// (dent_evidence.h), the bends of `solution` are round; and where the points beside its dents no
+// longer insist on flattened ones: what a dent hides of a flattened wall nobody knows.
 void RoundDentedBends(std::span<const PointBlock> blocks, SurfaceFitOptions& options,
                       BowedSolution& solution);
 

@@ -49,9 +49,19 @@ struct Spine {
   double step_mm = 0;
   std::vector<Eigen::Vector3d> place, tangent, across;
   std::vector<Eigen::Vector2d> curvature;  // (across, tangent x across)
+  std::vector<Eigen::Vector2d> turn;       // the sum of curvature up to a place
   std::vector<double> bentness;            // 0 on straights, 1 in bends
   std::vector<double> sunk;                // the same of sharp bends, whose ends are ramps
   double length_mm() const { return step_mm * static_cast<double>(place.size() - 1); }
+  // From the start along the wall on that side: outside bends longer than the spine, inside
+  // shorter.
+  double AlongWallMm(double s_mm, double phi, double r_mm) const {
+    const double at = s_mm / step_mm;
+    const auto i = std::min(static_cast<std::size_t>(at), turn.size() - 2);
+    const double f = at - static_cast<double>(i);
+    const Eigen::Vector2d here = (1 - f) * turn[i] + f * turn[i + 1];
+    return s_mm - r_mm * (here.x() * std::cos(phi) + here.y() * std::sin(phi));
+  }
 };
 
 // How much of the step from place `i` on lies from `from` to `to` [steps], and where its middle
@@ -162,7 +172,10 @@ Spine MakeSpine(const hal::Tube& tube, const Form& form, std::mt19937_64& random
   for (double& part : spine.sunk) part = std::max(0.0, 2.0 * part - 1.0);
   const Eigen::Matrix3d R = tube.X_WT.orientation.toRotationMatrix();
   Eigen::Vector3d place = tube.X_WT.position_mm, tangent = R.col(0), across = R.col(1);
+  Eigen::Vector2d turned = Eigen::Vector2d::Zero();
   for (const Eigen::Vector2d& k : spine.curvature) {
+    spine.turn.push_back(turned);
+    turned += spine.step_mm * k;
     spine.place.push_back(place);
     spine.tangent.push_back(tangent);
     spine.across.push_back(across);
@@ -332,7 +345,9 @@ class Scanner {
       radius_mm += form_.seam * r_ * std::exp(-0.5 * beside * beside);
     }
     for (const Dent& dent : form_.dents) {
-      const double along = (s_mm - dent.along * spine_.length_mm()) / r_;
+      const double middle_mm = dent.along * spine_.length_mm();
+      const double along =
+          (spine_.AlongWallMm(s_mm, phi, r_) - spine_.AlongWallMm(middle_mm, phi, r_)) / r_;
       const double around = std::remainder(phi - dent.around_rad, 2 * kPi);
       radius_mm -=
           dent.depth_r * r_ *

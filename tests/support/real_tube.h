@@ -17,7 +17,7 @@ struct Dent {
   double along = 0.5;  // part of the spine's length
   double around_rad = 0;
   double depth_r = 0.05;  // of the pipe radius, in its middle
-  double width_r = 0.8;   // 1 sigma of its gaussian
+  double width_r = 0.8;   // 1 sigma of its gaussian, along the wall and around it
 };
 
 // kBead: a ridge all round, 0.25 high, whose flanks' lines meet the plain tube 0.8 and 1.6 from the

@@ -4,19 +4,21 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "pipeline/reconstruction.h"
+#include "tests/support/error_sigmas.h"
 #include "tests/support/real_tube.h"
 #include "tests/unit/fit/three_bends.h"
 
 namespace bendloop::pipeline {
 namespace {
 
-// Shallow ones, in the middle of a bend and as wide, or beside it.
+// Shallow ones, in the middle of a bend and as wide, or beside it. Now and then all of a bend is
+// left out with one: then its radius is not known.
 TEST(FaintDents, OfABendAreNotItsRadius) {
-  double squares = 0, values = 0;
+  tests::ErrorSigmas radii;
+  int hidden = 0;
   for (const double along : {0.2205, 0.235, 0.498, 0.736}) {
     for (const double around : {-0.9, 0.0, 0.2, 2.8}) {
       SCOPED_TRACE(testing::Message() << along << ' ' << around);
@@ -36,18 +38,16 @@ TEST(FaintDents, OfABendAreNotItsRadius) {
         const std::size_t k = reversed ? 2 - i : i;
         const auto &is = found->tube.program.rows[k], &was = cloud.truth.program.rows[i];
         const double sigma_mm = *found->sigma.rows[k].bend_radius_mm;
-        const double off = (*is.bend_radius_mm - *was.bend_radius_mm) / sigma_mm;
-        EXPECT_LT(std::abs(off), 5);
-        if (i != 1) {  // the slight one may be all dent
-          EXPECT_LT(sigma_mm, 1.3);
-        }
-        squares += off * off;
-        values += 1;
+        radii.Add(*is.bend_radius_mm - *was.bend_radius_mm, sigma_mm);
+        // The slight one may be all dent.
+        hidden += i != 1 && sigma_mm > 1.3 ? 1 : 0;
       }
     }
   }
-  EXPECT_GT(values, 40);
-  EXPECT_LT(std::sqrt(squares / values), 1.4);
+  EXPECT_GT(radii.count(), 40);
+  EXPECT_LT(radii.rms(), 1.4);
+  EXPECT_LT(radii.greatest(), 5);
+  EXPECT_LT(hidden, 4);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // Dents in bends: what lines and arcs make of them is neither another bend nor a sunk wall.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -11,6 +12,7 @@
 #include "hal/clock.h"
 #include "hal/spine.h"
 #include "pipeline/reconstruction.h"
+#include "tests/support/error_sigmas.h"
 #include "tests/support/real_tube.h"
 #include "tests/support/synthetic_cloud.h"
 #include "tests/support/uniform.h"
@@ -62,9 +64,22 @@ std::vector<double> RadiiOff(const hal::Tube& truth, const Measurement& measured
   return off;
 }
 
+// [of it] 1 sigma of the radius that is known the least.
+double VaguestRadius(const Measurement& measured) {
+  double vaguest = 0;
+  for (std::size_t i = 0; i < measured.tube.program.bend_count(); ++i) {
+    vaguest = std::max(vaguest, *measured.sigma.rows[i].bend_radius_mm /
+                                    *measured.tube.program.rows[i].bend_radius_mm);
+  }
+  return vaguest;
+}
+
+// Nor are bends oval, as those of eleven tubes were told to be; and a radius that a dent hides,
+// which was not known at all, is that of the others.
 TEST(DentedBends, AreNoMoreBends) {
   const hal::SteadyClock clock;
-  double squares = 0, values = 0;
+  tests::ErrorSigmas radii;
+  int flattened = 0;
   for (std::uint64_t seed = 11; seed <= 22; ++seed) {
     SCOPED_TRACE(seed);
     const auto cloud = DentedScan(seed);
@@ -72,13 +87,13 @@ TEST(DentedBends, AreNoMoreBends) {
     ASSERT_TRUE(measured) << measured.error().message;
     EXPECT_EQ(measured->tube.program.bend_count(), 5U);
     if (measured->tube.program.bend_count() != 5U) continue;
-    for (const double off : RadiiOff(cloud.truth, *measured)) {
-      EXPECT_LT(std::abs(off), 5);
-      squares += off * off;
-      values += 1;
-    }
+    for (const double off : RadiiOff(cloud.truth, *measured)) radii.Add(off);
+    EXPECT_LT(VaguestRadius(*measured), 0.08);
+    flattened += measured->flattening.empty() ? 0 : 1;
   }
-  EXPECT_LT(std::sqrt(squares / values), 1.3);
+  EXPECT_LT(radii.greatest(), 5);
+  EXPECT_LT(radii.rms(), 1.3);
+  EXPECT_LE(flattened, 2);
 }
 
 // Taken for walls that sink in they moved a bend's radius by 13 sigma.
