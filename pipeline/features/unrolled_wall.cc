@@ -2,6 +2,7 @@
 #include "pipeline/features/unrolled_wall.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/fit/along_wall.h"
@@ -34,12 +35,14 @@ double UnrolledWall::AlongWallMm(const Eigen::Vector2d& place_mm, double frame_m
 }
 
 double UnrolledWall::SpineAtMm(double along_wall_mm, double around_mm, double frame_mm) const {
-  // Each leaves a part of the one before: the tube's radius over a bend's.
+  // Each leaves a part of the one before: the tube's radius over a bend's, which is less than one
+  // of bends that are any.
   constexpr int kSteps = 60;
+  const double most_mm = 3.0 * std::abs(along_wall_mm) + r_mm_;
   double at_mm = frame_mm + along_wall_mm;
   for (int i = 0; i < kSteps; ++i) {
     const double off_mm = along_wall_mm - AlongWallMm({at_mm, around_mm}, frame_mm);
-    at_mm += off_mm;
+    at_mm = std::clamp(at_mm + off_mm, frame_mm - most_mm, frame_mm + most_mm);
     if (std::abs(off_mm) < 1e-9 * r_mm_) break;
   }
   return at_mm;

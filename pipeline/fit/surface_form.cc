@@ -43,6 +43,8 @@ struct FormSettings {
   // Points in and next to a cell that tell of it.
   double least_in_cells = 8;
   std::size_t most_dents = 20;
+  // Of the spine, wall inside of a bend: of one as tight as fits let it be there would be none.
+  double least_part = 0.1;
   // [sigma] How far off points of a side may be that tell of it.
   double side_sigmas = 4.0;
 };
@@ -214,7 +216,8 @@ double WallPart(const EasedSpine& spine, const DentFound& about, double half_mm)
   const auto shorter_mm = [&](double along_mm) {
     return ShorterByMm(middle.tangent, tangent_at(along_mm), outward, r_mm);
   };
-  return 1.0 - (shorter_mm(to_mm) - shorter_mm(from_mm)) / (to_mm - from_mm);
+  const double part = 1.0 - (shorter_mm(to_mm) - shorter_mm(from_mm)) / (to_mm - from_mm);
+  return std::max(kForm.least_part, part);
 }
 
 std::vector<DentFound> FindDents(const EasedSpine& spine, std::vector<Depths> stretches,
