@@ -157,7 +157,6 @@ TEST(Easing, DerivativesAreThoseOfTheSegments) {
   }
 }
 
-// In how many of their sigmas values err.
 // Clamp and pressure die are not alike. (As if they were, lengths were 1.5 of their sigmas off, and
 // those of angles, and of the wide bend's radius, five times as large as now.)
 TEST(Easing, BendsMayRiseOtherwiseThanTheyFall) {

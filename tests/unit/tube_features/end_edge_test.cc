@@ -75,7 +75,10 @@ EdgeScan ScanEdges(std::uint64_t seed, const hal::TubeFeatures& features, double
 class EdgeErrors {
  public:
   explicit EdgeErrors(std::string name) : name_(std::move(name)) {}
-  ~EdgeErrors() { EXPECT_LT(sigmas_.rms(), 1.5) << name_; }
+  ~EdgeErrors() {
+    EXPECT_GT(sigmas_.count(), 0) << name_;
+    EXPECT_LT(sigmas_.rms(), 1.5) << name_;
+  }
   void Add(double error, double sigma) {
     EXPECT_LT(std::abs(error), 3.5 * sigma) << name_;
     sigmas_.Add(error, sigma);

@@ -84,7 +84,6 @@ std::vector<Eigen::Vector3d> CloudOf(const FormedTube& tube, std::mt19937_64& ra
   return points;
 }
 
-// tests::ErrorSigmas of errors over their sigmas.
 struct FormErrors {
   tests::ErrorSigmas length, radii, begins;
 };
