@@ -118,23 +118,29 @@ struct FinalFit {
   }
 };
 
-// What is left beside the tube: of straights beside their best-fit lines, all else beside the bows.
+// What is left beside a tube: straights and sides as they are without dents, whose slopes would bow
+// the straights that they lie on, and press their sides in.
+SurfaceForm FormBeside(const BowedTubeState& state, const FinalFit& final,
+                       std::span<const PointBlock> blocks) {
+  const double reach_mm = final.options.reach_mm;
+  SurfaceForm form = FindForm(state, final.noise_mm, blocks, reach_mm, kPerhapsDents);
+  if (form.dents.empty()) return form;
+  const auto undented = WithoutDents(state, final.noise_mm, blocks, blocks, reach_mm);
+  if (!undented) return form;
+  SurfaceForm without = FindForm(state, final.noise_mm, *undented, reach_mm);
+  without.dents = std::move(form.dents);
+  return without;
+}
+
+// Of straights what is left beside their best-fit lines, of all else beside the bows.
 SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
                    std::span<const PointBlock> blocks) {
-  const double reach_mm = final.options.reach_mm;
-  SurfaceForm form = FindForm(final.fit, tube, final.noise_mm, blocks, reach_mm, kPerhapsDents);
-  if (!form.dents.empty()) {  // their slopes would bow the straights that they lie on
-    const BowedTubeState bare{tube, final.fit.flattening, final.fit.easing, {}};
-    const auto undented = WithoutDents(bare, final.noise_mm, blocks, blocks, reach_mm);
-    if (undented) {
-      form.straights = FindForm(bare, final.noise_mm, *undented, reach_mm).straights;
-    }
-  }
+  SurfaceForm form = FormBeside({tube, final.fit.flattening, final.fit.easing, {}}, final, blocks);
   const auto& bows = final.bowed.bows;
   if (std::all_of(bows.begin(), bows.end(), [](const Bow& bow) { return bow.is_none(); })) {
     return form;
   }
-  SurfaceForm beside_bows = FindForm(final.bowed, final.noise_mm, blocks, reach_mm, kPerhapsDents);
+  SurfaceForm beside_bows = FormBeside(final.bowed, final, blocks);
   beside_bows.straights = std::move(form.straights);
   return beside_bows;
 }
