@@ -520,7 +520,8 @@ void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, const FinalFit& 
     if (!(at_start ? ends.first_seen : ends.last_seen)) continue;
     const hal::SpineSegment& straight = at_start ? spine.segments.front() : spine.segments.back();
     const PlainEnd end{at_start ? straight.start_mm : straight.PointAt(straight.length_mm),
-                       at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent};
+                       at_start ? Eigen::Vector3d(-straight.tangent) : straight.tangent,
+                       straight.length_mm};
     const auto near = AboutEnd(end, spine, at_start ? 0 : plain.program.bend_count());
     const FoundEnd found = FindEndForm(end, r_mm, noise_mm, near, others, usual_per_mm);
     ReportEndForm(at_start, found, measurement);

@@ -15,7 +15,8 @@ namespace bendloop::pipeline {
 namespace {
 
 struct ProfileSettings {
-  // [of r_P] From the end of all into the tube; what begins further in is no form of the end.
+  // [of r_P] From the end of all into the tube, at most its end straight: what begins further in is
+  // no form of the end, and bends are none.
   double look = 5.0;
   // [of r_P] What is further from the axis, or nearer to it, is not the end's.
   double widest = 3.0, narrowest = 0.8;
@@ -63,12 +64,13 @@ void ForBeside(const PlainEnd& end, double r_mm, double length_mm, std::span<con
                std::size_t stride, double beyond_mm, Take take) {
   const Eigen::Vector3d u = end.outward.unitOrthogonal(), v = end.outward.cross(u);
   const double widest_mm = kProfile.widest * r_mm, narrowest_mm = kProfile.narrowest * r_mm;
+  const double look_mm = std::min(kProfile.look * r_mm, length_mm + end.straight_mm);
   std::size_t next = 0;
   for (const PointBlock& block : near) {
     for (; next < block.points.size(); next += stride) {
       const Eigen::Vector3d from = block.points[next] - end.position_mm;
       const double from_end_mm = length_mm - from.dot(end.outward);
-      if (from_end_mm < -beyond_mm || from_end_mm > kProfile.look * r_mm) continue;
+      if (from_end_mm < -beyond_mm || from_end_mm > look_mm) continue;
       const double x = from.dot(u), y = from.dot(v), square = x * x + y * y;
       if (square > widest_mm * widest_mm || square < narrowest_mm * narrowest_mm) continue;
       take(Beside{from_end_mm, x, y, square});

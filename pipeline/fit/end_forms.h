@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <limits>
 #include <span>
 
 #include "pipeline/fit/surface_points.h"
@@ -13,6 +14,8 @@ namespace bendloop::pipeline {
 struct PlainEnd {
   Eigen::Vector3d position_mm = Eigen::Vector3d::Zero();
   Eigen::Vector3d outward = Eigen::Vector3d::UnitX();  // along the straight, out of the tube
+  // Of that straight: further in the tube bends away.
+  double straight_mm = std::numeric_limits<double>::infinity();
 };
 
 struct FoundEnd {

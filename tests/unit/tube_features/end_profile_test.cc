@@ -14,6 +14,8 @@
 #include "pipeline/reconstruction.h"
 #include "tests/support/cut_walls.h"
 #include "tests/support/error_sigmas.h"
+#include "tests/support/real_tube.h"
+#include "tests/support/synthetic_cloud.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -179,6 +181,29 @@ TEST(EndProfile, OfBeadsBehindWhichTheBoreIsSeenIsAsSureAsItSays) {
 
 TEST(EndProfile, OfFlaresBehindWhichTheBoreIsSeenIsAsSureAsItSays) {
   ExpectNearlyAsSureAsTheySay(OfFlares(true, 4));
+}
+
+// Beside the axis of a short end straight the bend before it was taken for a bead.
+TEST(EndProfile, ABendBeforeTheEndIsNoBead) {
+  const hal::ManualClock clock;
+  for (std::uint64_t seed = 1; seed <= 16; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    const hal::Tube tube = tests::RandomTube({.pipe_radius_mm = 5,
+                                              .bends = 2,
+                                              .min_bend_radius = 2,
+                                              .max_bend_radius = 4,
+                                              .min_straight = 2.5,
+                                              .max_straight = 5,
+                                              .min_angle_deg = 15,
+                                              .max_angle_deg = 100},
+                                             random);
+    const auto cloud = tests::ScanRealTube(tube, {}, {.noise_mm = 0.02}, random);
+    const auto found = Reconstruct(cloud.points_W, {}, clock);
+    ASSERT_TRUE(found) << found.error().message;
+    EXPECT_TRUE(found->first_end.profile.empty()) << found->first_end.begins_mm;
+    EXPECT_TRUE(found->last_end.profile.empty()) << found->last_end.begins_mm;
+  }
 }
 
 }  // namespace
