@@ -79,6 +79,9 @@ struct StageSettings {
   std::size_t shrink_samples = 30'000;
   // Times that a neighbour is taken off. Each takes one joint at least; more were never seen.
   int most_parted = 3;
+  // [twice the logarithm of the odds] A number of bends is not asked for again beyond (as
+  // fit/report_quality.cc tells it).
+  double clear_margin = 10.0;
   // [degrees] 1 sigma of an angle from which on the live view shows the bend.
   double settled_deg = 2.0;
 };
@@ -179,6 +182,22 @@ void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
   if (against < 0) solution = std::move(other);
 }
 
+// The search knows no dents, and finds a bend more nearly as good where there is one: by how much
+// that is worse once they are known.
+double MarginBesideDents(const SurfaceFit& structure, const BowedSolution& solution,
+                         std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
+  const std::size_t bends = solution.fit.tube.program.bend_count();
+  if (!solution.undented || !structure.rival || structure.margin > kStage.clear_margin ||
+      structure.rival->program.bend_count() <= bends) {
+    return structure.margin;
+  }
+  hal::Tube start = *structure.rival;
+  ReachTo(EndsOf(structure.tube), start);
+  const BowedSolution rival = SolveAnew(start, blocks, options);
+  if (rival.fit.tube.program.bend_count() <= bends) return structure.margin;
+  return std::max(structure.margin, MarginOver(rival, solution, blocks, options.reach_mm));
+}
+
 void LeaveOutSeamAndWrinkles(const SurfaceFit& structure, std::span<const PointBlock> blocks,
                              FinalFit& final) {
   final.seam = FindSeam(structure, blocks, final.options.reach_mm);
@@ -216,8 +235,9 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   const auto& nominal = given.nominal;
   const auto nominal_bends =
       nominal ? std::optional<std::size_t>(nominal->bend_count()) : std::nullopt;
+  const double revised = ReviseBends(blocks, final.options, nominal_bends, solution);
   tube.structure.margin =
-      std::min(structure.margin, ReviseBends(blocks, final.options, nominal_bends, solution));
+      std::min(revised, MarginBesideDents(structure, solution, blocks, final.options));
   if (nominal) {
     TryNominal(*nominal, tube.polygon, blocks, final.options, solution, tube.structure.margin);
   }

@@ -63,10 +63,10 @@ class Shadows {
     std::iota(all_.begin(), all_.end(), 0);
   }
 
-  // Where the camera of a pass may stand: what it saw is not hidden from there.
+  // The laser, and where the camera of a pass may stand: what it saw is not hidden from there.
   std::vector<double> WaysOf(std::span<const SeenWall* const> seen) const {
     const std::size_t stride = StrideTo(seen.size(), kLook.asked);
-    std::vector<double> turns;
+    std::vector<double> turns = {0.0};
     for (double turn_deg = -kLook.camera_deg; turn_deg <= kLook.camera_deg;
          turn_deg += kLook.camera_step_deg) {
       const double turn = turn_deg * hal::kRadiansPerDegree;
@@ -75,7 +75,7 @@ class Shadows {
         hidden += IsHiddenAbout(*seen[i], turn) ? 1 : 0;
         count += 1;
       }
-      if (turn == 0 || hidden <= kLook.most_hidden * count) turns.push_back(turn);
+      if (hidden <= kLook.most_hidden * count) turns.push_back(turn);
     }
     return turns;
   }
@@ -91,7 +91,7 @@ class Shadows {
  private:
   // Whether what was seen would not have been from any turn near this one.
   bool IsHiddenAbout(const SeenWall& seen, double turn) const {
-    constexpr double kStep = kLook.camera_step_deg / 3.0 * hal::kRadiansPerDegree;
+    constexpr double kStep = kLook.camera_step_deg / 2.0 * hal::kRadiansPerDegree;
     const Eigen::Vector3d tangent = TangentAt(seen.point_mm, seen.segment);
     for (const double at : {turn, turn - kStep, turn + kStep}) {
       const Eigen::Vector3d way = Way(seen.to_sensor, tangent, at);

@@ -164,9 +164,9 @@ BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> b
       std::any_of(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
   const std::size_t bends = solution.fit.tube.program.bend_count();
   const bool is_sharp = solution.fit.easing.empty();
-  if (!is_bowed || bends == 0 || !(is_sharp || IsHardlyEased(solution.fit))) return solution;
+  if (bends == 0 || !(is_sharp ? is_bowed : IsHardlyEased(solution.fit))) return solution;
   // Where straights are taken for straight, bows hide that bends ease, or look like it: from
-  // easings that are not there the bows are not found.
+  // easings that are not there the bows are not found. Nor do dents that are left out by now.
   const double easing_mm = kRevise.easing * solution.fit.tube.pipe_radius_mm;
   SurfaceFitOptions with_other = options;
   with_other.easing = {};
@@ -275,6 +275,15 @@ std::optional<double> EvidenceBesideDents(const BowedSolution& fewer, const Bowe
          kRevise.number_price * (FormNumbers(fewer) - FormNumbers(found));
 }
 
+// How much better the points speak for `a` [twice the logarithm of the odds], `more` beforehand.
+double EvidenceWithDents(const BowedSolution& a, const BowedSolution& b,
+                         std::span<const PointBlock> blocks, double reach_mm, double more = 0) {
+  const double evidence = more + EvidenceFor(a, b, blocks, reach_mm);
+  if (a.fit.tube.program.bend_count() >= b.fit.tube.program.bend_count()) return evidence;
+  const auto beside = EvidenceBesideDents(a, b, blocks, reach_mm);
+  return std::max(evidence, beside.value_or(evidence));
+}
+
 // Whether bends of this tube may look like two.
 bool ExplainsParted(const BowedSolution& solution) {
   return !solution.fit.easing.empty() || solution.undented;
@@ -311,6 +320,11 @@ double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
   const std::size_t points = as_searched ? CountPoints(blocks) : kRevise.points;
   return GainOf(a, b, blocks, reach_mm, points) / worth - more_bends * PriceOfBend(blocks, points) -
          kRevise.number_price * (FormNumbers(a) - FormNumbers(b));
+}
+
+double MarginOver(const BowedSolution& rival, const BowedSolution& solution,
+                  std::span<const PointBlock> blocks, double reach_mm) {
+  return EvidenceWithDents(solution, rival, blocks, reach_mm);
 }
 
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
@@ -373,12 +387,8 @@ double ReviseBends(std::span<const PointBlock> blocks, const SurfaceFitOptions& 
       BowedSolution other =
           Solved(change.corners, blocks, options, solution.fit.tube.pipe_radius_mm);
       if (other.fit.points == 0) continue;
-      double advantage = EvidenceFor(other, solution, blocks, options.reach_mm);
-      if (ExplainsParted(other)) advantage += change.unmade * PriceOfBend(blocks);
-      if (other.fit.tube.program.bend_count() < solution.fit.tube.program.bend_count()) {
-        const auto beside = EvidenceBesideDents(other, solution, blocks, options.reach_mm);
-        advantage = std::max(advantage, beside.value_or(advantage));
-      }
+      const double unmade = ExplainsParted(other) ? change.unmade * PriceOfBend(blocks) : 0.0;
+      const double advantage = EvidenceWithDents(other, solution, blocks, options.reach_mm, unmade);
       if (!std::isfinite(advantage)) continue;
       margin = std::min(margin, std::abs(advantage));
       // What lost a part of the tube is no other tube.

@@ -37,6 +37,11 @@ double AdvantageAt(std::span<const PointBlock> blocks, const BowedSolution& a,
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);
 
+// The same for `solution` against `rival`; where that has more bends, also of the points beside the
+// dents that it is without.
+double MarginOver(const BowedSolution& rival, const BowedSolution& solution,
+                  std::span<const PointBlock> blocks, double reach_mm);
+
 // What a tube may be as well, `part` of the odds. `chosen` is less sure by as much as that lies
 // elsewhere.
 struct Doubt {

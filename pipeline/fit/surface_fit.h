@@ -84,6 +84,7 @@ struct SurfaceFit {
   double cost_mm2 = 0;                          // sum of squares, bounded for what is far off
   double start_cost_mm2 = 0;                    // the same where it began, if the points are few
   double margin = 0;                            // see Measurement::structure_margin
+  std::optional<hal::Tube> rival = {};          // the next best by that margin, if it is known
   Eigen::MatrixXd information;                  // normal matrix of all TubeParameters
   double residual_mm2 = 0;                      // variance of the distances with weight
   double occam_penalty = 0;                     // FitPriors::OccamPenalty()

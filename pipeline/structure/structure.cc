@@ -83,9 +83,13 @@ SurfaceFit SettleByNominal(const StructureSearch& search, const SpinePolygon& po
     const double unmade = more * kStructure.bend_parameters * search.criterion().price();
     expected.margin = same_bends || (is_as_drawn && advantage > -unmade) ? found.margin
                                                                          : std::max(0.0, advantage);
+    expected.rival = same_bends ? std::move(found.rival) : std::move(found.tube);
     return expected;
   }
-  if (!same_bends) found.margin = std::min(found.margin, -advantage);
+  if (!same_bends && -advantage < found.margin) {
+    found.margin = -advantage;
+    found.rival = std::move(expected.tube);
+  }
   return found;
 }
 

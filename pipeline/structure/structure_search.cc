@@ -218,8 +218,12 @@ void StructureSearch::Refine(SurfaceFit& best) {
     if (!simplified) break;
   }
   DropBows(best);
-  best.margin = margin_;
-  for (const auto& worse : simpler_) best.margin = std::min(best.margin, worse.value_or(kNoGoal));
+  Rival closest = closest_;
+  for (const auto& simpler : simpler_) {
+    if (simpler && simpler->worse < closest.worse) closest = *simpler;
+  }
+  best.margin = closest.worse;
+  best.rival = std::move(closest.tube);
 }
 
 void StructureSearch::StartAnew(SurfaceFit& best) {
@@ -337,7 +341,7 @@ std::optional<SurfaceFit> StructureSearch::Better(const SurfaceFit& rival,
   // A bend that was dropped again as unseen makes no other structure.
   const bool is_other = part.spline.arcs.size() == changed.arcs.size() ||
                         fit.tube.program.bend_count() != rival.tube.program.bend_count();
-  if (is_other) Note(worse);
+  if (is_other) Note(worse, std::move(fit.tube));
   return std::nullopt;
 }
 
@@ -346,9 +350,9 @@ void StructureSearch::Accept(SurfaceFit& fit, SurfaceFit better, const Structure
   const std::size_t after = better.tube.program.bend_count();
   fit = std::move(better);
   nearest_.reset();
-  margin_ = kNoGoal;
+  closest_ = {};
   if (simpler_.size() != before) return;
-  std::vector<std::optional<double>> simpler(after);
+  std::vector<std::optional<Rival>> simpler(after);
   for (std::size_t i = 0; i < std::min(window.first, after); ++i) simpler[i] = simpler_[i];
   for (std::size_t i = window.last; i < before; ++i) {
     if (i + after >= before) simpler[i + after - before] = simpler_[i];
@@ -393,7 +397,7 @@ bool StructureSearch::SplitAt(SurfaceFit& fit, const ArcLineSpline& spline, std:
 
 // One bend more where the samples ask for it most. False: they are content.
 bool StructureSearch::Added(SurfaceFit& fit) {
-  margin_ = kNoGoal;
+  closest_ = {};
   const std::vector<MissingBend> places =
       FindMissingBends(fit, blocks_, kSearch.reach * radius_mm_);
   for (const MissingBend& missing : places) {
@@ -436,7 +440,7 @@ bool StructureSearch::AddedAt(SurfaceFit& fit, MissingBend missing) {
 // The best merge or drop that begins at this arc and is no worse. False: none is.
 bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
   if (simpler_[arc]) return false;
-  const double margin = std::exchange(margin_, kNoGoal);
+  Rival closest = std::exchange(closest_, {});
   const ArcLineSpline spline = SplineFromTube(fit.tube);
   const std::size_t arcs = spline.arcs.size();
   std::optional<Part> part;
@@ -469,7 +473,7 @@ bool StructureSearch::SimplifiedAt(SurfaceFit& fit, std::size_t arc) {
     if (at_start ? DropFirst(without, border_mm) : DropLast(without, border_mm)) consider(without);
   }
   if (!best) {
-    simpler_[arc] = std::exchange(margin_, margin);
+    simpler_[arc] = std::exchange(closest_, std::move(closest));
     return false;
   }
   Accept(fit, std::move(*best), part->window);

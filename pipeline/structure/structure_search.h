@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "pipeline/fit/surface_fit.h"
@@ -91,7 +92,14 @@ class StructureSearch {
   bool SimplifiedAt(SurfaceFit& fit, std::size_t arc);
   bool StartedAnew(SurfaceFit& fit, StructureWindow window);
   void Accept(SurfaceFit& fit, SurfaceFit better, const StructureWindow& window);
-  void Note(double worse) { margin_ = std::min(margin_, worse); }
+  // Of the structures that are worse.
+  struct Rival {
+    double worse = std::numeric_limits<double>::infinity();
+    std::optional<hal::Tube> tube = {};  // none: it is not known as a whole
+  };
+  void Note(double worse, std::optional<hal::Tube> tube = std::nullopt) {
+    if (worse < closest_.worse) closest_ = {worse, std::move(tube)};
+  }
 
   double radius_mm_;
   SearchOptions options_;
@@ -100,9 +108,9 @@ class StructureSearch {
   OwnedBlocks blocks_;
   StructureCriterion criterion_;
   std::optional<NearestSegments> nearest_;  // of the tube that is looked at
-  // By arc, once tried: by how much the best simpler structure that begins there is worse.
-  std::vector<std::optional<double>> simpler_;
-  double margin_ = std::numeric_limits<double>::infinity();
+  // By arc, once tried: the best simpler structure that begins there.
+  std::vector<std::optional<Rival>> simpler_;
+  Rival closest_;
 };
 
 }  // namespace bendloop::pipeline

@@ -488,6 +488,54 @@ TEST(OpeningSurroundings, APassTellsNothingOfWhatIsLikeItsOwnGaps) {
   }
 }
 
+// A part of the tube crosses above another, and hides it from the laser or from a camera that looks
+// at the line from the side. The shadow was told as a slot: the laser's never counted, and of the
+// cameras in ten degrees one was.
+TEST(OpeningSurroundings, WhatAnotherPartOfTheTubeHidesIsNoOpening) {
+  constexpr double kOfPipeMm = 10, kAboveMm = 190, kAtMm = 200;
+  hal::BendProgram straight;
+  straight.rows.push_back({400, 0, 0, std::nullopt});
+  auto segments = hal::SpineSegments(straight, hal::Pose{});
+  const hal::SurfaceFrame at = hal::FrameAt(segments, kAtMm, 0);
+  const Eigen::Vector3d above = at.spine_mm + (kOfPipeMm + kAboveMm) * at.outward;
+  hal::Pose across;
+  across.position_mm = above - 200 * at.sideways();
+  across.orientation = Eigen::Quaterniond::FromTwoVectors(segments.front().tangent, at.sideways());
+  segments.push_back(hal::SpineSegments(straight, across).front());
+  segments.back().from_start_mm = 1000;
+  const auto frames = SegmentFrames(segments, kOfPipeMm);
+  for (const double camera_deg : {0.0, 24.0, -24.0}) {
+    SCOPED_TRACE(camera_deg);
+    const double camera = camera_deg * hal::kRadiansPerDegree;
+    const double shadow_mm = kAtMm - kAboveMm * std::tan(camera);
+    const hal::SurfaceFrame frame = hal::FrameAt(segments, shadow_mm, 0);
+    const Eigen::Vector3d way = std::cos(camera) * frame.outward + std::sin(camera) * frame.tangent;
+    const Eigen::Vector3d beside = way.cross(frame.sideways());
+    std::vector<Eigen::Vector3d> points;
+    std::vector<SensorDirection> to_sensor;
+    for (int line = -48; line <= 48; ++line) {
+      for (int ray = -19; ray <= 19; ++ray) {
+        const double sideways_mm = 0.43 * ray;
+        const Eigen::Vector3d point =
+            frame.spine_mm + 0.5 * line * frame.tangent + sideways_mm * frame.sideways() +
+            std::sqrt(kOfPipeMm * kOfPipeMm - sideways_mm * sideways_mm) * frame.outward;
+        if (std::abs(beside.dot(above - point)) < kOfPipeMm) continue;
+        points.push_back(point);
+        to_sensor.push_back(WithPass(PackDirection(frame.outward), 0));
+      }
+    }
+    const PointBlock block{frame.spine_mm, 5 * kOfPipeMm, points, {}, to_sensor};
+    const LookedAtTube tube{kOfPipeMm, 0.02, segments, frames, std::span(&block, 1)};
+    OpeningBorder shadow;
+    shadow.width_mm = 12;
+    shadow.length_mm = 16;
+    const PassSurroundings passes = tube.FindPasses(frame, tube.LookAt(frame, 24, 0.5), shadow);
+    EXPECT_TRUE(passes.are_known);
+    EXPECT_TRUE(passes.has_lines);
+    EXPECT_TRUE(passes.missed.empty()) << passes.missed.size();
+  }
+}
+
 TEST(OpeningLines, AGapBetweenPassesMissesNothing) {
   std::mt19937_64 random(4);
   OpeningBorder none;  // of no size
