@@ -27,10 +27,13 @@ struct BesideSettings {
   int sectors = 8;
   // What is left of the density beside the edge of what nobody saw.
   double left = 0.7;
-  // Places like an opening beside it: as wide as this part of it, so many at most and at least.
-  // Of them so many may have no more than this part of what the middle one of them has.
+  // Places like an opening beside it: as wide as this part of it, so many at least. They are looked
+  // for at so many, and where a long opening leaves little room beside it four times as many again
+  // and again, up to so many, as long as there are no more than this. Of them so many may have no
+  // more than this part of what the middle one of them has.
   double like = 0.5;
-  int most_likes = 200, least_likes = 10;
+  std::size_t least_likes = 10, enough_likes = 20;
+  double likes = 200, most_likes = 12'800;
   double most_empty = 0.05, is_empty = 0.1;
 };
 constexpr BesideSettings kBeside;
@@ -100,6 +103,36 @@ void SpreadBeside(const OpeningBorder& border, double reach_mm, double step_mm, 
       take(place, wide_mm * step_mm);
     }
   }
+}
+
+// How many samples each of the places has that are like a border beside it, of `likes` spread about
+// it those where that can be told.
+std::vector<double> CountsOfLikes(const OpeningBorder& border,
+                                  std::span<const Eigen::Vector2d> present, double reach_mm,
+                                  double pipe_radius_mm, double least_sides, double likes) {
+  OpeningBorder like = border;
+  like.width_mm *= kBeside.like;
+  like.length_mm -= border.width_mm - like.width_mm;
+  const Eigen::Vector2d line_mm = 0.5 * (like.length_mm - like.width_mm) * like.Axis();
+  std::vector<double> counts;
+  SpreadOver(border, reach_mm, likes, [&](const Eigen::Vector2d& place) {
+    like.middle_mm = place;
+    // None of it in the opening, nor where nothing was looked at.
+    for (const double end : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
+      const Eigen::Vector2d of_line = place + end * line_mm;
+      if (border.DistanceMm(of_line) < 0.5 * like.width_mm) return;
+      if (of_line.norm() + 0.5 * like.width_mm > reach_mm) return;
+      if (std::abs(of_line.y()) + 0.5 * like.width_mm > kLimb * pipe_radius_mm) return;
+    }
+    if (least_sides > 0) {
+      const BorderSides sides = SidesOf(like, present, 0.0, border.width_mm, 0.0);
+      if (sides.with_samples < least_sides * sides.all) return;
+    }
+    counts.push_back(static_cast<double>(
+        std::count_if(present.begin(), present.end(),
+                      [&](const Eigen::Vector2d& sample) { return like.DistanceMm(sample) < 0; })));
+  });
+  return counts;
 }
 
 }  // namespace
@@ -183,29 +216,12 @@ double LogOddsOfShadow(const OpeningBorder& border, std::span<const Eigen::Vecto
 
 bool IsLikeItsSurroundings(const OpeningBorder& border, std::span<const Eigen::Vector2d> present,
                            double reach_mm, double pipe_radius_mm, double least_sides) {
-  OpeningBorder like = border;
-  like.width_mm *= kBeside.like;
-  like.length_mm -= border.width_mm - like.width_mm;
-  const Eigen::Vector2d line_mm = 0.5 * (like.length_mm - like.width_mm) * like.Axis();
   std::vector<double> counts;
-  SpreadOver(border, reach_mm, kBeside.most_likes, [&](const Eigen::Vector2d& place) {
-    like.middle_mm = place;
-    // None of it in the opening, nor where nothing was looked at.
-    for (const double end : {-1.0, -0.5, 0.0, 0.5, 1.0}) {
-      const Eigen::Vector2d of_line = place + end * line_mm;
-      if (border.DistanceMm(of_line) < 0.5 * like.width_mm) return;
-      if (of_line.norm() + 0.5 * like.width_mm > reach_mm) return;
-      if (std::abs(of_line.y()) + 0.5 * like.width_mm > kLimb * pipe_radius_mm) return;
-    }
-    if (least_sides > 0) {
-      const BorderSides sides = SidesOf(like, present, 0.0, border.width_mm, 0.0);
-      if (sides.with_samples < least_sides * sides.all) return;
-    }
-    counts.push_back(static_cast<double>(
-        std::count_if(present.begin(), present.end(),
-                      [&](const Eigen::Vector2d& sample) { return like.DistanceMm(sample) < 0; })));
-  });
-  if (counts.size() < static_cast<std::size_t>(kBeside.least_likes)) return true;
+  for (double likes = kBeside.likes;
+       likes <= kBeside.most_likes && counts.size() < kBeside.enough_likes; likes *= 4.0) {
+    counts = CountsOfLikes(border, present, reach_mm, pipe_radius_mm, least_sides, likes);
+  }
+  if (counts.size() < kBeside.least_likes) return true;
   const double most = std::max(1.0, kBeside.is_empty * Quantile(counts, 0.5));
   const auto empty = static_cast<double>(
       std::count_if(counts.begin(), counts.end(), [&](double count) { return count <= most; }));

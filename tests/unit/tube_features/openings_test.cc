@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "hal/angles.h"
+#include "pipeline/features/beside_border.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/opening_lines.h"
 #include "pipeline/features/opening_surroundings.h"
@@ -486,6 +487,26 @@ TEST(OpeningSurroundings, APassTellsNothingOfWhatIsLikeItsOwnGaps) {
     EXPECT_FALSE(passes.has_lines);
     EXPECT_NEAR(passes.scattered_part, has_slot ? 1.0 : 0.0, 0.1);
   }
+}
+
+// A long slot leaves little room beside it on the side of the tube that is seen with it: too few of
+// the places there were asked, and well seen slots were missed.
+TEST(OpeningSurroundings, ALongSlotIsNotLikeThem) {
+  constexpr double kOfPipeMm = 24, kFarMm = 145;
+  OpeningBorder slot;
+  slot.width_mm = 18;
+  slot.length_mm = 92;
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal;
+  std::vector<Eigen::Vector2d> present;
+  for (double at_mm = -kFarMm; at_mm < kFarMm; at_mm += 6 * std::exp(0.13 * normal(random))) {
+    for (int ray = -16; ray <= 16; ++ray) {
+      const Eigen::Vector2d place(at_mm, kOfPipeMm * std::sin(1.7 * ray / kOfPipeMm));
+      if (slot.DistanceMm(place) > 0 && place.norm() < kFarMm) present.push_back(place);
+    }
+  }
+  EXPECT_FALSE(IsLikeItsSurroundings(slot, present, kFarMm, kOfPipeMm));
+  EXPECT_FALSE(IsLikeItsSurroundings(slot, present, kFarMm, kOfPipeMm, 0.75));
 }
 
 // A part of the tube crosses above another, and hides it from the laser or from a camera that looks
