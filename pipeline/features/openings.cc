@@ -287,10 +287,12 @@ class Candidate {
       OpeningBorder moved = border;
       moved.middle_mm.setZero();
       const Surroundings there = tube_.LookAt(own, look.reach_mm, wall_mm_);
-      // From there it may be lost beside a dent: then it stays as it is seen from here.
-      if (auto found = Fit(own, moved, there, look, moves - 1)) {
-        return found;
-      }
+      if (auto found = Fit(own, moved, there, look, moves - 1)) return found;
+      // From there it may be lost beside a dent: then it stays as it is seen from here, but for
+      // what is a gap or a shadow from there.
+      const PassSurroundings from_there =
+          tube_.FindPasses(own, WithoutFace(there, moved, look), moved);
+      if (from_there.are_known && !IsLookedThrough(moved, from_there)) return std::nullopt;
     }
     const double wider = passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered);
     // Asked last, as it takes longest.
