@@ -9,6 +9,7 @@
 
 #include "hal/angles.h"
 #include "pipeline/features/beside_border.h"
+#include "pipeline/features/border_clumping.h"
 #include "pipeline/features/opening_border.h"
 #include "pipeline/features/opening_surroundings.h"
 #include "pipeline/features/plane_samples.h"
@@ -62,8 +63,6 @@ struct OpeningSettings {
   double cut_odds = 11.0, cut_odds_narrow = 16.0, cut_odds_in_shadow = 200.0;
   // Of what is roughly the border of such a one, so much must be empty.
   double core = 0.6;
-  // Samples whose distance to the nearest says how evenly they are scattered.
-  std::size_t asked = 150;
 };
 constexpr OpeningSettings kOpening;
 
@@ -106,24 +105,6 @@ std::optional<OpeningBorder> RoughBorder(const PlaneSamples& present, double siz
   border.length_mm = border.width_mm + std::sqrt(12.0 * excess);
   border.axis_rad = std::atan2(axis.y(), axis.x());
   return border;
-}
-
-// By how much wider than that of scattered samples the error of a border is: samples that stand
-// nearer to each other along a laser line than the lines do tell the same again. Scattered ones
-// have their nearest half of 1 / sqrt(density) away (Clark & Evans 1954), so these count as many as
-// would have theirs where it is.
-double Clumping(const OpeningBorder& border, std::span<const Eigen::Vector2d> wall) {
-  const SampleDensity density = DensityBeside(border, wall);
-  const PlaneSamples samples(wall);
-  const std::size_t stride = StrideTo(wall.size(), kOpening.asked);
-  double sum_mm = 0, count = 0;
-  for (std::size_t i = 0; i < wall.size(); i += stride) {
-    if (border.DistanceMm(wall[i]) > 0.5 * border.width_mm) continue;
-    sum_mm += samples.NearestOtherMm(wall[i]);
-    count += 1;
-  }
-  if (!(sum_mm > 0) || !(density.per_mm2 > 0)) return 1.0;
-  return std::max(1.0, 0.5 / std::sqrt(density.per_mm2) / (sum_mm / count));
 }
 
 // How an opening is looked at: so far around it, where samples beside it lie so far apart; and how
@@ -294,7 +275,7 @@ class Candidate {
           tube_.FindPasses(own, WithoutFace(there, moved, look), moved);
       if (from_there.are_known && !IsLookedThrough(moved, from_there)) return std::nullopt;
     }
-    const double wider = passes.scattered.empty() ? 1.0 : Clumping(border, passes.scattered);
+    const Clumping wider = ClumpingBeside(border, passes.scattered);
     // Asked last, as it takes longest.
     const bool may_be_unseen = !passes.are_known && LogOddsOfCut(tube_, frame, border, wall.wall,
                                                                  look.reach_mm) < *least_odds;
@@ -344,7 +325,7 @@ class Candidate {
 
   // `wider`: than `fitted` its sigmas are.
   OpeningFound Found(const hal::SurfaceFrame& frame, const FittedOpening& fitted,
-                     double wider) const {
+                     const Clumping& wider) const {
     const OpeningBorder& border = fitted.border;
     const auto [along_mm, around_deg] = PlaceOf(frame, border.middle_mm);
     const hal::SurfaceFrame own = hal::FrameAt(segments_, along_mm, around_deg);
@@ -352,10 +333,14 @@ class Candidate {
     const double axis_deg = std::remainder(border.axis_rad * hal::kDegreesPerRadian, 180.0);
     found.opening = {along_mm, around_deg, border.length_mm, border.width_mm,
                      border.is_hole() ? 0.0 : axis_deg};
-    const double degrees = wider * hal::kDegreesPerRadian;
-    found.sigma = {wider * fitted.sigma.middle_mm.x(), degrees * fitted.sigma.middle_mm.y() / r_mm_,
-                   wider * fitted.sigma.length_mm, wider * fitted.sigma.width_mm,
-                   degrees * fitted.sigma.axis_rad};
+    const double cosine = std::cos(border.axis_rad), sine = std::sin(border.axis_rad);
+    const double of_along = std::hypot(wider.along * cosine, wider.across * sine);
+    const double of_around = std::hypot(wider.along * sine, wider.across * cosine);
+    const double degrees = of_around * hal::kDegreesPerRadian;
+    found.sigma = {of_along * fitted.sigma.middle_mm.x(),
+                   degrees * fitted.sigma.middle_mm.y() / r_mm_,
+                   wider.along * fitted.sigma.length_mm, wider.across * fitted.sigma.width_mm,
+                   wider.across * hal::kDegreesPerRadian * fitted.sigma.axis_rad};
     if (!border.lean.isZero()) {
       // About its own normal, which is as far around as its middle is.
       const Eigen::Vector3d drill =
