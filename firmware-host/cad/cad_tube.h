@@ -42,6 +42,9 @@ struct TubeEnd {
   // is nowhere. `longest_twice`: and on the other side.
   Eigen::Vector3d longest = Eigen::Vector3d::Zero();
   bool longest_twice = false;
+  bool reaches_bend = false;  // its plane cuts into the bend beside it
+  // Its cut goes through the bend where the rows end: the bend counts to its farthest point.
+  bool in_bend = false;
   std::optional<FlatEnd> flat;
 };
 

@@ -80,14 +80,19 @@ std::string FormText(const CadTube& tube, bool is_first) {
 std::string EndRemark(const CadTube& tube, bool is_first) {
   const TubeEnd& end = is_first ? tube.first : tube.last;
   std::string text = is_first ? "first end: " : "last end: ";
-  if (!end.is_plane) {
+  if (end.in_bend) {
+    text +=
+        "cut askew through the bend beside it: the rows have no straight there, and the bend up to "
+        "the farthest point of the cut";
+  } else if (!end.is_plane) {
     text += "cut to a shape that is no plane; the length is up to its farthest point" +
             FarthestAround(tube, is_first) + ", the tube is whole all around up to " +
             Fixed(end.whole_before_mm, 3) + " mm before it";
   } else if (end.oblique_deg > 0) {
     const hal::EndCut cut = is_first ? FirstCut(tube) : LastCut(tube);
     text += "cut " + Fixed(end.oblique_deg, 3) + " degrees oblique, longest at " +
-            Turn(cut.around_deg, 2) + " degrees around; the length is along the axis";
+            Turn(cut.around_deg, 2) + " degrees around; the length is along the axis" +
+            (end.reaches_bend ? "; the cut reaches into the bend beside it" : "");
   } else {
     text += FormText(tube, is_first);
   }
@@ -137,6 +142,7 @@ Json EndJson(const CadTube& tube, bool is_first) {
       {"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
       {"around_deg", cut.obliquity_deg > 0 ? AroundJson(cut.around_deg) : Json(nullptr)},
       {"plane", end.is_plane},
+      {"cuts_bend", end.reaches_bend || end.in_bend},
       {"closed_by", CoverJson(end.cover)},
       {"pressed_flat", FlatJson(tube, is_first)},
       {"plain_tube_ends_before_mm", Number(end.is_plane ? end.fitting_mm : end.whole_before_mm)}};
