@@ -51,6 +51,7 @@ struct CadBody {
   BodyKind kind = BodyKind::kSolid;
   int faces = 0;
   int joined = 1;           // of so many bodies of the file (body_join.h)
+  int repeated = 0;         // so many more bodies of the file are this one, in the same place
   bool recognised = false;  // its free surfaces have been looked at (near_surface.h)
   bool has_tube = false;    // one of TubesOf (cad_tube.h), or what lies in one's bore
   std::vector<SurfacePatch> patches;

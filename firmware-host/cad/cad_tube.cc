@@ -78,6 +78,10 @@ std::vector<CadTube> TubesOf(CadShape& shape) {
         tube.notes.push_back("the file has it as " + std::to_string(body.joined) +
                              " bodies, end to end");
       }
+      if (body.repeated > 0) {
+        tube.notes.push_back("the file has it in the same place again, so many times: " +
+                             std::to_string(body.repeated));
+      }
       BeginNearOrigin(tube);
       if (tube.problems.empty() && !tube.is_wire) FindOpenings(body, tube);
       tubes.push_back(std::move(tube));

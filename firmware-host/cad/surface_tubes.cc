@@ -148,6 +148,7 @@ class BodyTubes {
       tube.notes.push_back(
           Text("straights and bends meet up to %.3f mm beside each other", basis.widest_joint_mm));
     }
+    AddApartNotes(basis, tube);
     SetEnd(cluster, basis, basis.last, tube.spine, tube.last);
     Spine turned = tube.spine.Reversed();
     SetEnd(cluster, basis, basis.first, turned, tube.first);
@@ -172,6 +173,23 @@ class BodyTubes {
     AddGapNotes(basis, tube);
     AddOtherNotes(cluster, *outer, basis, tube);
     return tube;
+  }
+
+  // Gaps and overlaps along the tube, which its rows bridge.
+  static void AddApartNotes(const TubeChain& basis, CadTube& tube) {
+    const double told_mm = MatchToleranceMm(basis.radius_mm);
+    if (basis.widest_gap_mm > told_mm) {
+      tube.notes.push_back(
+          Text("straights and bends begin up to %.3f mm behind each other's ends: the rows bridge "
+               "these gaps",
+               basis.widest_gap_mm));
+    }
+    if (basis.widest_overlap_mm > told_mm) {
+      tube.notes.push_back(
+          Text("straights and bends reach up to %.3f mm into each other: the rows are those of the "
+               "bends as they are",
+               basis.widest_overlap_mm));
+    }
   }
 
   // How near B-splines come to what they stand for, and where that is no tube.
@@ -429,13 +447,29 @@ class BodyTubes {
     return farthest;
   }
 
+  // Of a torus about the corner `at` whose centre line is tighter than the pipe; 0: none is there.
+  double TooTightBendMm(const Vector3d& at, double radius_mm) const {
+    for (const SurfacePatch& patch : body_.patches) {
+      if (patch.kind == PatchKind::kTorus && patch.bend_radius_mm <= patch.radius_mm &&
+          std::abs(patch.radius_mm - radius_mm) < MatchToleranceMm(radius_mm) &&
+          (patch.origin - at).norm() < 2 * radius_mm) {
+        return patch.bend_radius_mm;
+      }
+    }
+    return 0;
+  }
+
   void AddProblems(const TubeChain& outer, CadTube& tube) const {
     for (const ChainEnd* end : {&outer.first, &outer.last}) {
       if (end->kink_deg > 0) {
-        const bool is_first = end == &outer.first;
-        tube.problems.push_back(
-            Text("straights meet in a kink of %.3f degrees (a mitre)", end->kink_deg) + " at " +
-            FilePlace(is_first ? outer.spine.start : outer.spine.end) + ", which no bender makes");
+        const double bend_mm = TooTightBendMm(end->kink_at, outer.radius_mm);
+        const std::string what =
+            bend_mm > 0
+                ? Text("straights meet in a bend of %.3f mm radius", bend_mm) +
+                      Text(" and %.3f degrees, tighter than the pipe's own radius,", end->kink_deg)
+                : Text("straights meet in a kink of %.3f degrees (a mitre)", end->kink_deg);
+        tube.problems.push_back(what + " at " + FilePlace(end->kink_at) +
+                                ", which no bender makes");
       }
       const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, *end);
       if (form.name.empty()) continue;
