@@ -123,7 +123,7 @@ class BodyTubes {
   }
 
   std::optional<CadTube> TubeOf(const Cluster& cluster) {
-    const std::vector<TubeLayer> layers = LayersOf(cluster);
+    const std::vector<TubeLayer> layers = LayersOf(cluster, pieces_);
     const TubeLayer* outer = OuterOf(layers);
     if (outer == nullptr) return std::nullopt;
     const TubeLayer* inner =
@@ -133,8 +133,9 @@ class BodyTubes {
     CadTube tube;
     tube.pipe_radius_mm = outer->radius_mm;
     tube.spine = basis.spine;
-    tube.placed_notes = basis.notes;
-    tube.placed_notes_reversed = basis.notes_reversed;
+    const auto elbows = ElbowsOf(layers, *outer, inner);
+    tube.notes = ElbowNotes(elbows, *outer, inner);
+    AddInferredNotes(basis, elbows, tube);
     if (inner != nullptr) tube.wall_mm = outer->radius_mm - inner->radius_mm;
     if (outer->concave) tube.notes.push_back("no outer surface: the pipe radius is the bore's");
     if (basis.radius_mm < outer->radius_mm) {
@@ -173,6 +174,20 @@ class BodyTubes {
     AddGapNotes(basis, tube);
     AddOtherNotes(cluster, *outer, basis, tube);
     return tube;
+  }
+
+  // What no face shows. A bend whose faces are an elbow's is told as that.
+  static void AddInferredNotes(const TubeChain& basis, const std::vector<const TubeLayer*>& elbows,
+                               CadTube& tube) {
+    tube.placed_notes = basis.notes;
+    tube.placed_notes_reversed = basis.notes_reversed;
+    std::size_t shown = 0;
+    for (const TubeLayer* elbow : elbows) shown = std::max(shown, elbow->shown_arcs);
+    const auto is_of_bend = [](const std::string& note) { return note.starts_with("bend "); };
+    const auto inferred = std::count_if(basis.notes.begin(), basis.notes.end(), is_of_bend);
+    if (shown == 0 || std::size_t(inferred) > shown) return;
+    std::erase_if(tube.placed_notes, is_of_bend);
+    std::erase_if(tube.placed_notes_reversed, is_of_bend);
   }
 
   // Gaps and overlaps along the tube, which its rows bridge.

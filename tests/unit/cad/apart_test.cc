@@ -142,6 +142,28 @@ TEST(Apart, ABodyThatIsThereTwiceIsToldAsThat) {
   EXPECT_THAT(done.out, Not(HasSubstr("end to end")));
 }
 
+TEST(Apart, ElbowsOfAnotherDiameterAreTold) {
+  struct Elbow {
+    double radius_mm, bore_mm;
+    std::string told;
+  };
+  for (const Elbow& elbow :
+       {Elbow{10.3, 8.5,
+              "2 of its bends have a diameter of 20.600 mm, its straights one of 20.000"},
+        Elbow{10.05, 8.5, "a diameter of 20.100 mm"},
+        Elbow{10, 8, "2 of its bends have a bore of 16.000 mm, its straights one of 17.000"},
+        Elbow{10, 9, "a bore of 18.000 mm, its straights one of 17.000"}}) {
+    SCOPED_TRACE(elbow.told);
+    const auto done = Nominal(
+        BodiesFile(InPieces({.elbow_radius_mm = elbow.radius_mm, .elbow_bore_mm = elbow.bore_mm})));
+    test::ExpectRows(done, Bent().program);
+    EXPECT_EQ(done.json["pipe_radius_mm"], 10);
+    EXPECT_NEAR(done.json["wall_mm"], kWallMm, 1e-6);
+    EXPECT_THAT(done.out, HasSubstr(elbow.told));
+    EXPECT_THAT(done.out, Not(HasSubstr("has no face")));
+  }
+}
+
 // A pipe along a polygon, its corners mitred.
 TopoDS_Shape Mitred(const std::vector<gp_Pnt>& corners) {
   BRepBuilderAPI_MakePolygon polygon;
