@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -57,6 +58,7 @@ struct CadTube {
   std::optional<double> wall_mm;
   Spine spine;  // between its ends
   TubeEnd first, last;
+  std::set<int> faces;  // of its straights and bends, outside and inside
   std::vector<WallOpening> openings;
   std::vector<WallOpening> openings_reversed;  // as they are from the other end
   // What is told by its place, counted from the first end and from the last.

@@ -136,7 +136,11 @@ class BodyTubes {
     const auto elbows = ElbowsOf(layers, *outer, inner);
     tube.notes = ElbowNotes(elbows, *outer, inner);
     AddInferredNotes(basis, elbows, tube);
-    if (inner != nullptr) tube.wall_mm = outer->radius_mm - inner->radius_mm;
+    AddFaces(*outer, tube);
+    if (inner != nullptr) {
+      tube.wall_mm = outer->radius_mm - inner->radius_mm;
+      AddFaces(*inner, tube);
+    }
     if (outer->concave) tube.notes.push_back("no outer surface: the pipe radius is the bore's");
     if (basis.radius_mm < outer->radius_mm) {
       tube.notes.push_back("the outer surface lacks faces: the inner one is followed");
@@ -174,6 +178,14 @@ class BodyTubes {
     AddGapNotes(basis, tube);
     AddOtherNotes(cluster, *outer, basis, tube);
     return tube;
+  }
+
+  void AddFaces(const TubeLayer& layer, CadTube& tube) const {
+    for (const TubeChain* chain : layer.chains) {
+      for (const int i : chain->pieces) {
+        tube.faces.insert(PieceOf(i).faces.begin(), PieceOf(i).faces.end());
+      }
+    }
   }
 
   // What no face shows. A bend whose faces are an elbow's is told as that.

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <fstream>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -11,6 +13,7 @@
 #include "foreign_files.h"
 #include "made_files.h"
 #include "run_nominal.h"
+#include "step_text.h"
 
 namespace bendloop::host {
 namespace {
@@ -20,29 +23,46 @@ using test::Pipe;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-// Goes around and comes down on its first bend, which it stays 12 mm away from.
-hal::Tube ToItself() {
-  constexpr double kRadiusMm = 10, kBesideMm = 60, kClrMm = 150, kGapMm = 12;
-  const double upper_mm = kClrMm - std::sqrt(kClrMm * kClrMm - kBesideMm * kBesideMm);
-  const double slope = std::sqrt(1 - kBesideMm * kBesideMm / (kClrMm * kClrMm));
+// Goes around and comes down on its first bend, so far along it, and ends so far away from it.
+hal::Tube ToItself(double beside_mm, double gap_mm) {
+  constexpr double kRadiusMm = 10, kClrMm = 150;
+  const double upper_mm = kClrMm - std::sqrt(kClrMm * kClrMm - beside_mm * beside_mm);
+  const double slope = std::sqrt(1 - beside_mm * beside_mm / (kClrMm * kClrMm));
+  // Two bends lead back, of 40 mm where there is room.
+  const double turn_mm = std::min(40.0, (kClrMm - beside_mm) / 2 - 2);
   hal::Tube tube;
   tube.pipe_radius_mm = kRadiusMm;
   tube.program = {
       {{200, 0, 90, kClrMm},
-       {100, 0, 90, 40.0},
-       {kClrMm - 80 - kBesideMm, 0, 90, 40.0},
-       {kClrMm + 100 - upper_mm - 1.08 * kRadiusMm / slope - kGapMm, 0, 0, std::nullopt}}};
+       {100, 0, 90, turn_mm},
+       {kClrMm - 2 * turn_mm - beside_mm, 0, 90, turn_mm},
+       {kClrMm + 100 - upper_mm - 1.08 * kRadiusMm / slope - gap_mm, 0, 0, std::nullopt}}};
   return tube;
 }
 
 TEST(CutBends, AnEndBesideABendOfItsOwnHasNoFormFromIt) {
-  const hal::Tube tube = ToItself();
+  const hal::Tube tube = ToItself(60, 12);
   for (const int cuts : {0, 1, 2}) {
     SCOPED_TRACE(cuts);
     const auto done =
         Nominal(test::WriteStepFile({{"loop", Pipe(tube, {.wall_mm = 1.5, .cuts = cuts})}}));
     test::ExpectRows(done, tube.program);
     EXPECT_THAT(done.out, HasSubstr("last end: square\n"));
+    EXPECT_THAT(done.out, Not(HasSubstr("recess")));
+  }
+}
+
+TEST(CutBends, ABendBesideAnEndIsNoRecess) {
+  test::StepStyle style;
+  style.faces = test::FaceStyle::kQuarters;
+  style.wall_mm = 1.5;
+  for (const double beside_mm : {22.5, 105.0}) {
+    SCOPED_TRACE(beside_mm);
+    const hal::Tube tube = ToItself(beside_mm, 1);
+    const std::string file = test::TemporaryFile("loop.step");
+    std::ofstream(file) << test::StepText(tube, style);
+    const auto done = Nominal(file);
+    test::ExpectRows(done, tube.program);
     EXPECT_THAT(done.out, Not(HasSubstr("recess")));
   }
 }
