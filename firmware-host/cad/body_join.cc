@@ -160,6 +160,11 @@ bool HasEnds(const CadBody& body) {
 }
 
 void Append(CadBody& to, CadBody&& from) {
+  // Pieces of one assembly with names of their own are what the assembly is called.
+  if (to.name != from.name && to.assembly == from.assembly && !to.assembly.empty()) {
+    to.name = to.assembly;
+    to.occurrence.clear();
+  }
   int edges = 0;
   for (const FaceEdge& edge : to.edges) edges = std::max(edges, edge.edge);
   for (SurfacePatch& patch : from.patches) {

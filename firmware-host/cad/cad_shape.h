@@ -48,6 +48,7 @@ enum class BodyKind { kSolid, kSurface, kWire };
 
 struct CadBody {
   std::string name;
+  std::string occurrence, assembly;  // in which it stands, and what it is called there; or empty
   BodyKind kind = BodyKind::kSolid;
   int faces = 0;
   int joined = 1;           // of so many bodies of the file (body_join.h)

@@ -49,10 +49,17 @@ struct TubeEnd {
   std::optional<FlatEnd> flat;
 };
 
+// Another tube of the file that begins where one ends.
+struct NextTube {
+  std::size_t tube = 0;  // of the list, counted from 0
+  double apart_mm = 0;   // along both; negative: they reach into each other
+};
+
 // A tube of a file.
 struct CadTube {
-  std::string name;      // of its body
-  std::size_t body = 0;  // of the shape, counted from 0
+  std::string name;        // of its body
+  std::string occurrence;  // what its assembly calls the body, where that is something else
+  std::size_t body = 0;    // of the shape, counted from 0
   bool is_wire = false;
   double pipe_radius_mm = 0;  // 0: a centre line alone
   std::optional<double> wall_mm;
@@ -67,9 +74,10 @@ struct CadTube {
   // Why it is no sequence of lines and arcs; empty: it is one.
   std::vector<std::string> problems;
 
-  bool goes_on = false;  // with another diameter, as another tube of the file
-  bool is_round = true;  // false: no face goes all around it; one of its problems
-  bool is_ring = false;  // closed: without ends; one of its problems
+  std::vector<NextTube> next;  // of other bodies, in line with it
+  bool goes_on = false;        // with another diameter, as another tube of the file
+  bool is_round = true;        // false: no face goes all around it; one of its problems
+  bool is_ring = false;        // closed: without ends; one of its problems
 
   bool is_bent() const { return !spine.arcs.empty(); }
   // No face of its surface goes around any axis.
