@@ -202,9 +202,15 @@ class BodyTubes {
     std::erase_if(tube.placed_notes_reversed, is_of_bend);
   }
 
-  // Gaps and overlaps along the tube, which its rows bridge.
+  // What its pieces leave between them, and gaps and overlaps along it, which its rows bridge.
   static void AddApartNotes(const TubeChain& basis, CadTube& tube) {
     const double told_mm = MatchToleranceMm(basis.radius_mm);
+    if (basis.scatter_mm > 0) {
+      tube.notes.push_back(
+          Text("the diameters of its straights and bends lie up to %.3f mm apart: the part file "
+               "has the straights', on average",
+               2 * basis.scatter_mm));
+    }
     if (basis.widest_gap_mm > told_mm) {
       tube.notes.push_back(
           Text("straights and bends begin up to %.3f mm behind each other's ends: the rows bridge "

@@ -11,6 +11,7 @@
 
 #include "firmware-host/cad/free_surface.h"
 #include "firmware-host/cad/piece_rim.h"
+#include "firmware-host/cad/radius_groups.h"
 
 namespace bendloop::host {
 namespace {
@@ -57,29 +58,47 @@ double Roundest(double value, double off_mm) {
   return value;
 }
 
-// Of a chain's pieces by their lengths: of its cylinders and tori, and where it has none, of its
-// B-splines.
+// Of a chain's pieces by their lengths: of its cylinders where these and its tori scatter, of both
+// where they do not, and where it has none, of its B-splines.
 class ChainRadius {
  public:
   void Add(const TubePiece& piece) {
     if (piece.inferred) return;
-    Sum& sum = piece.off_mm > 0 ? splines_ : given_;
-    sum.weighted += piece.radius_mm * piece.length_mm();
-    sum.weight += piece.length_mm();
+    if (piece.off_mm > 0) {
+      splines_.Add(piece);
+    } else {
+      given_.Add(piece);
+      if (!piece.is_arc) straights_.Add(piece);
+    }
+    least_mm_ = std::min(least_mm_, piece.radius_mm);
+    most_mm_ = std::max(most_mm_, piece.radius_mm);
     off_mm_ = std::max(off_mm_, piece.off_mm);
   }
 
   std::optional<double> Mm() const {
-    if (given_.weight > 0) return given_.weighted / given_.weight;
-    if (splines_.weight > 0) return Roundest(splines_.weighted / splines_.weight, off_mm_);
+    if (scatter_mm() > 0 && straights_.weight > 0) return straights_.Mean();
+    if (given_.weight > 0) return given_.Mean();
+    if (splines_.weight > 0) return Roundest(splines_.Mean(), off_mm_);
     return std::nullopt;
+  }
+
+  // How far the radii lie apart; 0: less than a file's rounding may make of it.
+  double scatter_mm() const {
+    const double apart_mm = most_mm_ - least_mm_;
+    return apart_mm > MatchToleranceMm(most_mm_) / 4 ? apart_mm : 0;
   }
 
  private:
   struct Sum {
     double weighted = 0, weight = 0;
+    void Add(const TubePiece& piece) {
+      weighted += piece.radius_mm * piece.length_mm();
+      weight += piece.length_mm();
+    }
+    double Mean() const { return weighted / weight; }
   };
-  Sum given_, splines_;
+  Sum straights_, given_, splines_;
+  double least_mm_ = INFINITY, most_mm_ = 0;
   double off_mm_ = 0;
 };
 
@@ -329,6 +348,7 @@ class Linker {
       at = std::size_t(next);
     }
     chain.radius_mm = radius.Mm().value_or(radius_mm_);
+    chain.scatter_mm = radius.scatter_mm();
     const std::size_t bends = chain.spine.arcs.size();
     for (const auto& [is_arc, number] : inferred) {
       chain.notes.push_back(InferredNote(is_arc, number));
@@ -394,25 +414,9 @@ class Linker {
 }  // namespace
 
 std::vector<TubeChain> ChainsOf(std::vector<TubePiece>& pieces, bool may_infer_bends) {
-  std::vector<int> order;
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    if (pieces[i].around_deg() >= kFewestAroundDeg) order.push_back(int(i));
-  }
-  const auto piece = [&](int i) -> const TubePiece& { return pieces[std::size_t(i)]; };
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return std::make_pair(piece(a).concave, piece(a).radius_mm) <
-           std::make_pair(piece(b).concave, piece(b).radius_mm);
-  });
   std::vector<TubeChain> chains;
-  for (std::size_t i = 0; i < order.size();) {
-    std::vector<int> of{order[i]};
-    const TubePiece first = piece(order[i]);
-    for (++i; i < order.size() && piece(order[i]).concave == first.concave &&
-              piece(order[i]).radius_mm - first.radius_mm < MatchToleranceMm(first.radius_mm) / 4;
-         ++i) {
-      of.push_back(order[i]);
-    }
-    auto found = Linker(pieces, std::move(of), may_infer_bends).Chains();
+  for (std::vector<int>& group : RadiusGroups(pieces)) {
+    auto found = Linker(pieces, std::move(group), may_infer_bends).Chains();
     for (TubeChain& chain : found) chains.push_back(std::move(chain));
   }
   return chains;

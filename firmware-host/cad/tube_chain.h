@@ -54,6 +54,7 @@ struct ChainEnd {
 // Straights and bends of one radius, end to end.
 struct TubeChain {
   double radius_mm = 0;
+  double scatter_mm = 0;  // how far its pieces' radii lie apart, beyond a file's rounding
   bool concave = false;
   std::vector<int> pieces;  // in order
   ChainEnd first, last;

@@ -164,6 +164,28 @@ TEST(Apart, ElbowsOfAnotherDiameterAreTold) {
   }
 }
 
+TEST(Apart, PiecesWhoseRadiiScatterAreOneTube) {
+  std::vector<TopoDS_Shape> shapes;
+  const auto segments = hal::SpineSegments(Bent().program, Bent().X_WT);
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    hal::Tube piece;
+    piece.pipe_radius_mm = 10 + 0.05 * (int(i % 3) - 1);
+    piece.X_WT.orientation = Eigen::Quaterniond(Eigen::Matrix3d(segments[i].axes()));
+    piece.X_WT.position_mm = segments[i].start_mm;
+    piece.program.rows = {{segments[i].is_arc() ? 0 : segments[i].length_mm, 0, 0, std::nullopt}};
+    if (segments[i].is_arc()) {
+      piece.program.rows.insert(
+          piece.program.rows.begin(),
+          {0, 0, segments[i].angle_rad() * 180 / M_PI, segments[i].bend_radius_mm});
+    }
+    shapes.push_back(test::Pipe(piece, {.wall_mm = 0}));
+  }
+  const auto done = Nominal(FacesFile(shapes));
+  test::ExpectRows(done, Bent().program);
+  EXPECT_NEAR(done.json["pipe_radius_mm"], 10, 0.02);
+  EXPECT_THAT(done.out, HasSubstr("the diameters of its straights and bends lie up to 0.200 mm"));
+}
+
 // A pipe along a polygon, its corners mitred.
 TopoDS_Shape Mitred(const std::vector<gp_Pnt>& corners) {
   BRepBuilderAPI_MakePolygon polygon;
