@@ -97,6 +97,7 @@ TEST(CutBends, AMitreMayTouchTheBendOrGoIntoIt) {
         test::ExpectRows(done, expected, 1e-5);
         EXPECT_NEAR(done.json["ends"][0]["oblique_deg"], 45, 1e-3);
         EXPECT_EQ(done.json["ends"][0].value("cuts_bend", false), left_mm < 0);
+        EXPECT_THAT(done.out, Not(HasSubstr("other faces")));  // the cut's own
         EXPECT_EQ(done.out.find("reaches into the bend") != std::string::npos, left_mm < 0);
       }
     }
