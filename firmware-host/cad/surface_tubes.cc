@@ -398,7 +398,7 @@ class BodyTubes {
       at = std::max(at, form.end_mm);
     }
     if (end.is_plane && end.oblique_deg == 0 && !piece.is_arc) {
-      at = std::max(at, EdgeBeyond({origin, outward}, at, piece.radius_mm));
+      at = std::max(at, EdgeBeyond({origin, outward}, at, piece.radius_mm, tubes));
       const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, chain_end);
       if (form.is_end_form(outer.radius_mm)) {
         at = std::max(at, form.along_mm);
@@ -452,8 +452,14 @@ class BodyTubes {
   }
 
   // A chamfer or a rounded lip: edges within the pipe radius of the axis that lie farther out, by
-  // less than a pipe radius, and not on another part of a bent tube, as where this one comes back.
-  double EdgeBeyond(const EndView& view, double at, double radius_mm) const {
+  // less than a pipe radius, and not on a bent tube: this one may come back to its own end.
+  // `tubes`: faces of such.
+  double EdgeBeyond(const EndView& view, double at, double radius_mm,
+                    const std::set<int>& tubes) const {
+    std::set<int> of_tubes;
+    for (const FaceEdge& edge : body_.edges) {
+      if (tubes.contains(edge.face)) of_tubes.insert(edge.edge);
+    }
     std::vector<const TubePiece*> elsewhere;
     for (const TubeChain& chain : chains_) {
       if (chain.spine.arcs.empty()) continue;
@@ -466,6 +472,7 @@ class BodyTubes {
     }
     double farthest = at;
     for (const FaceEdge& edge : body_.edges) {
+      if (of_tubes.contains(edge.edge)) continue;
       for (const Vector3d& p : edge.points) {
         const double along = view.Along(p);
         if (along <= farthest || along > at + radius_mm) continue;

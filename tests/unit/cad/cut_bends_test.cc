@@ -67,6 +67,31 @@ TEST(CutBends, ABendBesideAnEndIsNoRecess) {
   }
 }
 
+// Vertices of an end's own edge lie off it by what a file rounds.
+TEST(CutBends, WhatAFileRoundsIsNoFormOfAnEnd) {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 10;
+  tube.program.rows = {{60, 0, 90, 40.0}, {80, 45, 60, 40.0}, {70, 0, 0, std::nullopt}};
+  tube.X_WT.position_mm = {11.23, -7.49, 3.17};
+  tube.X_WT.orientation =
+      Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, 3).normalized()));
+  test::StepStyle style;
+  style.digits = 3;
+  // However a file splits its faces, the tube is as long.
+  for (const auto faces :
+       {test::FaceStyle::kSeam, test::FaceStyle::kHalves, test::FaceStyle::kQuarters}) {
+    SCOPED_TRACE(int(faces));
+    style.faces = faces;
+    const std::string file = test::TemporaryFile("rounded.step");
+    std::ofstream(file) << test::StepText(tube, style);
+    const auto done = Nominal(file);
+    ASSERT_TRUE(done.part) << done.err;
+    EXPECT_THAT(done.out, HasSubstr("first end: square\nlast end: square\n"));
+    EXPECT_NEAR(done.part->rows.rows.front().length_mm, 60, 0.06);
+    EXPECT_NEAR(done.part->rows.rows.back().length_mm, 70, 0.06);
+  }
+}
+
 hal::Tube Hook() {
   hal::Tube tube;
   tube.pipe_radius_mm = 10;
