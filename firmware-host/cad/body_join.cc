@@ -20,22 +20,45 @@ using Eigen::Vector3d;
 // Curves of one centre line meet to this [mm], which a file in metres with 5 decimals holds.
 constexpr double kCurvesMeetMm = 0.01;
 
+// Bodies of one straight or one bend each are pieces of one tube, though they lie so many pipe
+// radii beside each other, or before or into each other.
+constexpr double kBesideRadii = 0.1, kApartRadii = 1;
+
 // An end of a body's straight, bend or curve.
 struct LooseEnd {
   std::size_t body = 0;
   bool is_wire = false, is_arc = false, concave = false;
   double radius_mm = 0;
   Vector3d point, outward;
+  bool is_single = false;  // its body is this one straight or bend, and what is about its axis
 };
+
+// Whether all of them have one centre line.
+bool IsSingle(const std::vector<TubePiece>& pieces) {
+  return std::all_of(pieces.begin(), pieces.end(), [&](const TubePiece& piece) {
+    const TubePiece& first = pieces.front();
+    const double tolerance = MatchToleranceMm(first.radius_mm);
+    if (piece.is_arc != first.is_arc) return false;
+    if (piece.is_arc) return (piece.origin - first.origin).norm() < tolerance;
+    const auto beside = [&](double at) {
+      return (piece.PointAt(at) - first.origin).cross(first.axis).norm();
+    };
+    return beside(piece.from) < tolerance && beside(piece.to) < tolerance;
+  });
+}
 
 void AddSurfaceEnds(CadBody& body, std::size_t index, std::vector<LooseEnd>& ends) {
   RecogniseFreeSurfaces(body);
-  for (const TubePiece& piece : PiecesOf(body)) {
-    if (piece.is_ring() || piece.around_deg() < kFewestAroundDeg) continue;
+  std::vector<TubePiece> pieces = PiecesOf(body);
+  std::erase_if(pieces, [](const TubePiece& piece) {
+    return piece.is_ring() || piece.around_deg() < kFewestAroundDeg;
+  });
+  const bool is_single = IsSingle(pieces);
+  for (const TubePiece& piece : pieces) {
     for (const double along : {piece.from, piece.to}) {
       const Vector3d t = piece.TangentAt(along);
       ends.push_back({index, false, piece.is_arc, piece.concave, piece.radius_mm,
-                      piece.PointAt(along), along == piece.to ? t : Vector3d(-t)});
+                      piece.PointAt(along), along == piece.to ? t : Vector3d(-t), is_single});
     }
   }
 }
@@ -47,11 +70,11 @@ void AddCurveEnds(const CadBody& body, std::size_t index, std::vector<LooseEnd>&
       // A pipe's profile, whose middle lies where its centre line ends.
       const Vector3d sum = std::accumulate(curve.begin() + 1, curve.end(), Vector3d(0, 0, 0));
       ends.push_back(
-          {index, true, false, false, 0, sum / double(curve.size() - 1), Vector3d::Zero()});
+          {index, true, false, false, 0, sum / double(curve.size() - 1), Vector3d::Zero(), false});
       continue;
     }
     for (const Vector3d& p : {curve.front(), curve.back()}) {
-      ends.push_back({index, true, false, false, 0, p, Vector3d::Zero()});
+      ends.push_back({index, true, false, false, 0, p, Vector3d::Zero(), false});
     }
   }
 }
@@ -60,10 +83,29 @@ bool Meet(const LooseEnd& a, const LooseEnd& b) {
   if (a.is_wire != b.is_wire) return false;
   if (a.is_wire) return (a.point - b.point).norm() < kCurvesMeetMm;
   const double tolerance = MatchToleranceMm(a.radius_mm);
-  return (a.is_arc || b.is_arc) && a.concave == b.concave &&
-         (a.point - b.point).norm() < tolerance &&
-         std::abs(a.radius_mm - b.radius_mm) < tolerance / 4 && a.outward.dot(b.outward) < 0 &&
-         a.outward.cross(b.outward).norm() < std::sin(kKinkDeg * std::numbers::pi / 180);
+  const bool with_bend = a.is_arc || b.is_arc, singles = a.is_single && b.is_single;
+  // Two straights in line may be two parts; those of which each is a body of its own are not.
+  if ((!with_bend && !singles) || a.concave != b.concave ||
+      std::abs(a.radius_mm - b.radius_mm) >= tolerance / 4 || a.outward.dot(b.outward) >= 0 ||
+      a.outward.cross(b.outward).norm() >= std::sin(kKinkDeg * std::numbers::pi / 180)) {
+    return false;
+  }
+  const Vector3d gap = b.point - a.point;
+  if (gap.norm() < tolerance) return true;
+  const double apart = gap.dot(a.outward);
+  return with_bend && singles && std::abs(apart) < kApartRadii * a.radius_mm &&
+         (gap - apart * a.outward).norm() < std::max(tolerance, kBesideRadii * a.radius_mm);
+}
+
+// Bodies of straights alone stay what they are.
+void KeepThoseWithoutBend(const std::vector<LooseEnd>& ends, std::vector<std::size_t>& of) {
+  std::vector<bool> bent(of.size(), false);
+  for (const LooseEnd& end : ends) {
+    if (end.is_arc || end.is_wire) bent[of[end.body]] = true;
+  }
+  for (std::size_t i = 0; i < of.size(); ++i) {
+    if (!bent[of[i]]) of[i] = i;
+  }
 }
 
 // Of each body the first one that it is joined to, itself if to none before it.
@@ -76,6 +118,7 @@ std::vector<std::size_t> Groups(const std::vector<LooseEnd>& ends, std::size_t b
   for (const LooseEnd& end : ends) {
     sorted.push_back(&end);
     widest = std::max(widest, MatchToleranceMm(end.radius_mm));
+    if (end.is_single) widest = std::max(widest, (kApartRadii + kBesideRadii) * end.radius_mm);
   }
   std::stable_sort(sorted.begin(), sorted.end(), [](const LooseEnd* a, const LooseEnd* b) {
     return a->point.x() < b->point.x();
@@ -89,7 +132,23 @@ std::vector<std::size_t> Groups(const std::vector<LooseEnd>& ends, std::size_t b
       }
     }
   }
+  KeepThoseWithoutBend(ends, of);
   return of;
+}
+
+// Whether all ends of `body` are ends of `first`, too: the same once more, or its outer surface.
+bool IsSameAgain(const std::vector<LooseEnd>& ends, std::size_t first, std::size_t body) {
+  const auto is_same = [](const LooseEnd& one, const LooseEnd& other) {
+    const double tolerance = MatchToleranceMm(one.radius_mm);
+    return !one.is_wire && !other.is_wire && (one.point - other.point).norm() < tolerance &&
+           one.outward.dot(other.outward) > 0 &&
+           std::abs(one.radius_mm - other.radius_mm) < tolerance / 4;
+  };
+  return std::all_of(ends.begin(), ends.end(), [&](const LooseEnd& one) {
+    return one.body != body || std::any_of(ends.begin(), ends.end(), [&](const LooseEnd& other) {
+             return other.body == first && is_same(one, other);
+           });
+  });
 }
 
 // Circles alone have none: a pipe's profile.
@@ -101,6 +160,11 @@ bool HasEnds(const CadBody& body) {
 }
 
 void Append(CadBody& to, CadBody&& from) {
+  // Pieces of one assembly with names of their own are what the assembly is called.
+  if (to.name != from.name && to.assembly == from.assembly && !to.assembly.empty()) {
+    to.name = to.assembly;
+    to.occurrence.clear();
+  }
   int edges = 0;
   for (const FaceEdge& edge : to.edges) edges = std::max(edges, edge.edge);
   for (SurfacePatch& patch : from.patches) {
@@ -140,7 +204,9 @@ void JoinBodies(CadShape& shape) {
       joined.push_back(std::move(shape.bodies[i]));
     } else {
       CadBody& whole = joined[place[of[i]]];
-      if (HasEnds(shape.bodies[i])) ++whole.joined;
+      if (HasEnds(shape.bodies[i])) {
+        ++(IsSameAgain(ends, of[i], i) ? whole.repeated : whole.joined);
+      }
       Append(whole, std::move(shape.bodies[i]));
     }
   }

@@ -69,6 +69,16 @@ std::string Text(const Branch& branch) {
   return text;
 }
 
+// From the centre line, or, before an end that is cut obliquely, from its axis: the cut reaches far
+// along it.
+double ReachMm(const CadTube& tube, const Place& at) {
+  const auto is_cut = [](const TubeEnd& end) { return end.oblique_deg > 0 || end.in_bend; };
+  const bool beyond = (at.along_mm <= 0 && is_cut(tube.first)) ||
+                      (at.along_mm >= tube.spine.length_mm() && is_cut(tube.last));
+  if (!beyond) return at.across_mm;
+  return at.across_mm * (at.radial - at.radial.dot(at.tangent) * at.tangent).norm();
+}
+
 }  // namespace
 
 std::vector<std::string> BranchNotes(const CadTube& tube,
@@ -117,6 +127,7 @@ std::vector<std::string> PlateNotes(const CadBody& body, const CadTube& tube,
   };
   const double plain = radius + std::max(kLeastPlateMm, kEndRadii * radius);
   Place farthest;
+  double farthest_mm = 0;
   for (const FaceEdge& edge : body.edges) {
     if (round.contains(edge.face)) continue;
     for (const Vector3d& p : edge.points) {
@@ -125,16 +136,18 @@ std::vector<std::string> PlateNotes(const CadBody& body, const CadTube& tube,
           (tube.first.fitting_mm > 0 && at.along_mm < tube.first.fitting_mm + kEndRadii * radius) ||
           (tube.last.fitting_mm > 0 &&
            at.along_mm > length - tube.last.fitting_mm - kEndRadii * radius);
-      if (at_end || at.across_mm < std::max(plain, farthest.across_mm) || is_others(p)) continue;
+      const double reach_mm = ReachMm(tube, at);
+      if (at_end || reach_mm < std::max(plain, farthest_mm) || is_others(p)) continue;
       farthest = at;
+      farthest_mm = reach_mm;
     }
   }
-  if (farthest.across_mm == 0) return {};
+  if (farthest_mm == 0) return {};
   char text[200];
   std::snprintf(text, sizeof text,
                 "other faces reach up to %.1f mm from its axis, at %.1f mm of the developed length "
                 "(a plate, a bracket, a sleeve): left out",
-                farthest.across_mm, farthest.along_mm);
+                farthest_mm, farthest.along_mm);
   return {text};
 }
 

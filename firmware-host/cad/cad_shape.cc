@@ -50,6 +50,8 @@ SurfacePatch PatchOf(const AnswerJson& j) {
 CadBody BodyOf(const AnswerJson& j) {
   CadBody body;
   body.name = j.at("name").get<std::string>();
+  body.occurrence = j.value("occurrence", std::string());
+  body.assembly = j.value("assembly", std::string());
   const std::string kind = j.at("kind").get<std::string>();
   body.kind = kind == "solid"     ? BodyKind::kSolid
               : kind == "surface" ? BodyKind::kSurface

@@ -48,9 +48,11 @@ enum class BodyKind { kSolid, kSurface, kWire };
 
 struct CadBody {
   std::string name;
+  std::string occurrence, assembly;  // in which it stands, and what it is called there; or empty
   BodyKind kind = BodyKind::kSolid;
   int faces = 0;
   int joined = 1;           // of so many bodies of the file (body_join.h)
+  int repeated = 0;         // so many more bodies of the file are this one, in the same place
   bool recognised = false;  // its free surfaces have been looked at (near_surface.h)
   bool has_tube = false;    // one of TubesOf (cad_tube.h), or what lies in one's bore
   std::vector<SurfacePatch> patches;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "firmware-host/cad/end_to_end.h"
 #include "firmware-host/cad/one_tube.h"
 
 namespace bendloop::host {
@@ -74,9 +75,14 @@ std::vector<CadTube> TubesOf(CadShape& shape) {
       body.has_tube |= !tube.is_ring;
       tube.body = i;
       tube.name = body.name;
+      tube.occurrence = body.occurrence;
       if (body.joined > 1) {
         tube.notes.push_back("the file has it as " + std::to_string(body.joined) +
                              " bodies, end to end");
+      }
+      if (body.repeated > 0) {
+        tube.notes.push_back("the file has it in the same place again, so many times: " +
+                             std::to_string(body.repeated));
       }
       BeginNearOrigin(tube);
       if (tube.problems.empty() && !tube.is_wire) FindOpenings(body, tube);
@@ -87,6 +93,7 @@ std::vector<CadTube> TubesOf(CadShape& shape) {
   // Beside a tube they are seals and beads.
   if (!std::all_of(tubes.begin(), tubes.end(), is_ring)) std::erase_if(tubes, is_ring);
   TakeInnerBodies(tubes);
+  NoteEndToEnd(tubes);
   return tubes;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -42,18 +43,29 @@ struct TubeEnd {
   // is nowhere. `longest_twice`: and on the other side.
   Eigen::Vector3d longest = Eigen::Vector3d::Zero();
   bool longest_twice = false;
+  bool reaches_bend = false;  // its plane cuts into the bend beside it
+  // Its cut goes through the bend where the rows end: the bend counts to its farthest point.
+  bool in_bend = false;
   std::optional<FlatEnd> flat;
+};
+
+// Another tube of the file that begins where one ends.
+struct NextTube {
+  std::size_t tube = 0;  // of the list, counted from 0
+  double apart_mm = 0;   // along both; negative: they reach into each other
 };
 
 // A tube of a file.
 struct CadTube {
-  std::string name;      // of its body
-  std::size_t body = 0;  // of the shape, counted from 0
+  std::string name;        // of its body
+  std::string occurrence;  // what its assembly calls the body, where that is something else
+  std::size_t body = 0;    // of the shape, counted from 0
   bool is_wire = false;
   double pipe_radius_mm = 0;  // 0: a centre line alone
   std::optional<double> wall_mm;
   Spine spine;  // between its ends
   TubeEnd first, last;
+  std::set<int> faces;  // of its straights and bends, outside and inside
   std::vector<WallOpening> openings;
   std::vector<WallOpening> openings_reversed;  // as they are from the other end
   // What is told by its place, counted from the first end and from the last.
@@ -62,9 +74,10 @@ struct CadTube {
   // Why it is no sequence of lines and arcs; empty: it is one.
   std::vector<std::string> problems;
 
-  bool goes_on = false;  // with another diameter, as another tube of the file
-  bool is_round = true;  // false: no face goes all around it; one of its problems
-  bool is_ring = false;  // closed: without ends; one of its problems
+  std::vector<NextTube> next;  // of other bodies, in line with it
+  bool goes_on = false;        // with another diameter, as another tube of the file
+  bool is_round = true;        // false: no face goes all around it; one of its problems
+  bool is_ring = false;        // closed: without ends; one of its problems
 
   bool is_bent() const { return !spine.arcs.empty(); }
   // No face of its surface goes around any axis.

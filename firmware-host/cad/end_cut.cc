@@ -8,6 +8,7 @@
 #include <iterator>
 #include <map>
 #include <numbers>
+#include <set>
 #include <vector>
 
 namespace bendloop::host {
@@ -163,24 +164,99 @@ EndCut CutThrough(const std::vector<const FaceEdge*>& loop, const Frame& frame,
   return cut;
 }
 
-}  // namespace
+// The end of the bend's centre line that lies nearest to one of the straight's.
+Vector3d JointOf(const TubePiece& straight, const TubePiece& bend) {
+  Vector3d joint = bend.PointAt(bend.from);
+  double nearest = INFINITY;
+  for (const double at : {bend.from, bend.to}) {
+    for (const double end : {straight.from, straight.to}) {
+      const double apart = (bend.PointAt(at) - straight.PointAt(end)).norm();
+      if (apart >= nearest) continue;
+      nearest = apart;
+      joint = bend.PointAt(at);
+    }
+  }
+  return joint;
+}
 
-std::optional<EndCut> CutOf(const CadBody& body, const TubePiece& piece, const Vector3d& origin,
-                            const Vector3d& outward) {
-  const Vector3d x = outward.unitOrthogonal();
-  const Frame frame{origin, outward, x, outward.cross(x)};
-  const double tolerance_mm = MatchToleranceMm(piece.radius_mm) / 4;
+// Where a straight and its bend meet is no part of an end's edge, and a cut that touches or crosses
+// the joint is one edge only without it.
+void DropJoint(const TubePiece& bend, const Frame& frame, double joint_mm, double tolerance_mm,
+               std::vector<const FaceEdge*>& border) {
+  std::set<int> of_bend;
+  for (const FaceEdge* edge : bend.edges) of_bend.insert(edge->edge);
+  std::erase_if(border, [&](const FaceEdge* edge) {
+    return of_bend.contains(edge->edge) ||
+           std::all_of(edge->points.begin(), edge->points.end(), [&](const Vector3d& p) {
+             return std::abs(frame.Along(p) - joint_mm) < tolerance_mm;
+           });
+  });
+}
+
+std::size_t SectorsAround(const std::vector<const FaceEdge*>& loop, const Frame& frame) {
+  Around around;
+  for (const FaceEdge* edge : loop) AddAround(edge->points, frame.origin, frame.along, around);
+  return around.count();
+}
+
+// The cut of which `part` is what lies on the straight, and the bend has the rest in the same
+// plane.
+std::optional<EndCut> CutOverBend(std::vector<const FaceEdge*> part, const TubePiece& bend,
+                                  const Frame& frame, double tolerance_mm) {
+  const EndCut cut = CutThrough(part, frame, tolerance_mm);
+  if (!cut.is_plane || cut.oblique_deg == 0) return std::nullopt;
+  const double angle = cut.oblique_deg * std::numbers::pi / 180;
+  const Vector3d normal = std::cos(angle) * frame.along - std::sin(angle) * cut.longest;
+  const Vector3d at = frame.origin + cut.along_mm * frame.along;
+  for (const FaceEdge* edge : bend.edges) {
+    const bool lies_in_it = std::all_of(
+        edge->points.begin(), edge->points.end(),
+        [&](const Vector3d& p) { return std::abs((p - at).dot(normal)) < tolerance_mm; });
+    if (lies_in_it) part.push_back(edge);
+  }
+  if (SectorsAround(part, frame) < kAllAround) return std::nullopt;
+  EndCut whole = CutThrough(part, frame, tolerance_mm);
+  whole.reaches_bend = true;
+  return whole.is_plane ? std::optional(whole) : std::nullopt;
+}
+
+std::optional<EndCut> FarthestCut(const std::vector<const FaceEdge*>& border, const TubePiece* bend,
+                                  const Frame& frame, double tolerance_mm) {
   std::optional<EndCut> farthest;
-  for (const auto& loop : Loops(BorderOf(body, piece, frame, tolerance_mm), tolerance_mm)) {
-    Around around;
-    for (const FaceEdge* edge : loop) AddAround(edge->points, frame.origin, frame.along, around);
-    if (around.count() < kAllAround) continue;
-    const EndCut cut = CutThrough(loop, frame, tolerance_mm);
-    if (!farthest || cut.highest_mm + cut.lowest_mm > farthest->highest_mm + farthest->lowest_mm) {
+  for (const auto& loop : Loops(border, tolerance_mm)) {
+    std::optional<EndCut> cut;
+    if (SectorsAround(loop, frame) >= kAllAround) {
+      cut = CutThrough(loop, frame, tolerance_mm);
+    } else if (bend != nullptr) {
+      cut = CutOverBend(loop, *bend, frame, tolerance_mm);
+    }
+    if (!cut) continue;
+    if (!farthest ||
+        cut->highest_mm + cut->lowest_mm > farthest->highest_mm + farthest->lowest_mm) {
       farthest = cut;
     }
   }
   return farthest;
+}
+
+}  // namespace
+
+std::optional<EndCut> CutOf(const CadBody& body, const TubePiece& piece, const TubePiece* bend,
+                            const Vector3d& origin, const Vector3d& outward) {
+  const Vector3d x = outward.unitOrthogonal();
+  const Frame frame{origin, outward, x, outward.cross(x)};
+  const double tolerance_mm = MatchToleranceMm(piece.radius_mm) / 4;
+  const auto border = BorderOf(body, piece, frame, tolerance_mm);
+  if (bend != nullptr) {
+    auto end = border;
+    const double joint_mm = frame.Along(JointOf(piece, *bend));
+    DropJoint(*bend, frame, joint_mm, tolerance_mm, end);
+    if (auto cut = FarthestCut(end, bend, frame, tolerance_mm)) {
+      cut->in_bend = cut->is_plane && cut->along_mm < joint_mm - tolerance_mm;
+      return cut;
+    }
+  }
+  return FarthestCut(border, nullptr, frame, tolerance_mm);
 }
 
 }  // namespace bendloop::host

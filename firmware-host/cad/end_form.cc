@@ -159,7 +159,7 @@ FreeForm FreeFormBeyond(const CadBody& body, const std::vector<TubePiece>& piece
 }
 
 EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& view, double at_mm,
-                   const std::set<int>& others) {
+                   const std::set<int>& tubes) {
   const double tolerance = MatchToleranceMm(piece.radius_mm);
   const std::map<int, FormFace> faces = FormFacesOf(body);
   std::map<int, std::vector<int>> faces_of_edge;
@@ -186,7 +186,7 @@ EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& v
     const int edge = *open.begin();
     open.erase(open.begin());
     for (const int number : faces_of_edge[edge]) {
-      if (others.contains(number) || !seen.insert(number).second) continue;
+      if (tubes.contains(number) || !seen.insert(number).second) continue;
       const FormFace& face = faces.at(number);
       const Reach reach = ReachOf(face, view);
       if (reach.lowest < at_mm - tolerance || reach.widest > kWidestRadii * piece.radius_mm) {

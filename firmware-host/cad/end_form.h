@@ -23,10 +23,9 @@ struct EndForm {
 
 // How the tube goes on beyond its straight or bend `piece`, on the axis of `view`: faces that join
 // its edge at `at_mm` and theirs in turn, as of a chamfer, a flare, a swage or a cap, while they
-// keep near to the axis; `at_mm` where nothing goes on. `others`: faces of other tubes, as beyond a
-// reducer.
+// keep near to the axis; `at_mm` where nothing goes on. `tubes`: faces of tubes, which are no form.
 EndForm FormBeyond(const CadBody& body, const TubePiece& piece, const EndView& view, double at_mm,
-                   const std::set<int>& others);
+                   const std::set<int>& tubes);
 
 // Whether a surface is neither plane nor cylinder, torus, cone or sphere.
 bool IsFreeForm(const SurfacePatch& patch);

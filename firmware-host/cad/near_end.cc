@@ -56,7 +56,7 @@ TubePiece FacesAbout(const CadBody& body, double radius_mm, const Spine& spine) 
 
 void EndAtBorder(const CadBody& body, double pipe_radius_mm, Spine& spine, TubeEnd& end) {
   const TubePiece piece = FacesAbout(body, pipe_radius_mm, spine);
-  const std::optional<EndCut> cut = CutOf(body, piece, spine.end, piece.axis);
+  const std::optional<EndCut> cut = CutOf(body, piece, nullptr, spine.end, piece.axis);
   if (!cut || std::abs(cut->along_mm) > pipe_radius_mm) return;
   end = {};
   end.is_plane = cut->is_plane;

@@ -92,6 +92,22 @@ bool NamesUnit(std::string_view text) {
   return false;
 }
 
+// What a STEP file says instead of faces; empty: nothing that is known.
+std::string NotBuiltByOpenCascade(std::string_view text) {
+  struct Kind {
+    std::string_view entity, what;
+  };
+  static constexpr Kind kKinds[] = {
+      {"SWEPT_DISK_SOLID", "SWEPT_DISK_SOLID (a disk along a centre line)"},
+      {"CSG_SOLID", "CSG_SOLID (bodies added and subtracted)"},
+      {"CSG_SHAPE_REPRESENTATION", "CSG_SHAPE_REPRESENTATION (bodies added and subtracted)"},
+  };
+  for (const Kind& kind : kKinds) {
+    if (text.find(kind.entity) != std::string_view::npos) return std::string(kind.what);
+  }
+  return "";
+}
+
 // `step_mm`: how densely free surfaces are sampled; 0: enough to see what they are.
 hal::Result<CadShape> LoadShape(const std::string& file, double step_mm = 0) {
   // Said here in plain words, and not by OpenCASCADE.
@@ -102,16 +118,25 @@ hal::Result<CadShape> LoadShape(const std::string& file, double step_mm = 0) {
   if (const std::string kind = ForeignKind(*text); !kind.empty()) {
     return hal::Fail(hal::ErrorKind::kBadInput, file + ": " + kind);
   }
+  const auto fail = [&](hal::Error error) {
+    const std::string entity = NotBuiltByOpenCascade(*text);
+    if (error.kind == hal::ErrorKind::kBadInput && !entity.empty()) {
+      error.message = file + ": has its shape as " + entity +
+                      ", which OpenCASCADE does not build: export it as boundary surfaces (BREP, "
+                      "a solid or shell of faces), as STEP AP214";
+    }
+    return hal::Fail(error);
+  };
   const auto answer = RunCadHelper({"read", file, std::to_string(step_mm)}, "", file);
-  if (!answer) return hal::Fail(answer.error());
+  if (!answer) return fail(answer.error());
   auto shape = ReadCadShape(*answer, file);
-  if (!shape) return shape;
+  if (!shape) return fail(shape.error());
   shape->names_unit = NamesUnit(*text);
   JoinBodies(*shape);
   return shape;
 }
 
-// A number of the list, or a name as it stands there.
+// A number of the list, or a name as it stands there: the part's, or what its assembly calls it.
 hal::Result<CadTube> ByName(const std::vector<CadTube>& tubes, const std::string& wanted,
                             const std::string& file) {
   std::size_t number = 0;
@@ -119,6 +144,10 @@ hal::Result<CadTube> ByName(const std::vector<CadTube>& tubes, const std::string
   std::vector<CadTube> named;
   for (const CadTube& tube : tubes) {
     if (tube.name == wanted) named.push_back(tube);
+  }
+  if (named.empty()) {
+    std::copy_if(tubes.begin(), tubes.end(), std::back_inserter(named),
+                 [&](const CadTube& tube) { return tube.occurrence == wanted; });
   }
   // The solid and its centre line have one name.
   if (named.size() > 1) std::erase_if(named, [](const CadTube& t) { return t.is_wire; });

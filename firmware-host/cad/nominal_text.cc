@@ -5,6 +5,7 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
+#include <string_view>
 #include <utility>
 
 #include "firmware-host/cad/bend_notes.h"
@@ -80,14 +81,19 @@ std::string FormText(const CadTube& tube, bool is_first) {
 std::string EndRemark(const CadTube& tube, bool is_first) {
   const TubeEnd& end = is_first ? tube.first : tube.last;
   std::string text = is_first ? "first end: " : "last end: ";
-  if (!end.is_plane) {
+  if (end.in_bend) {
+    text +=
+        "cut askew through the bend beside it: the rows have no straight there, and the bend up to "
+        "the farthest point of the cut";
+  } else if (!end.is_plane) {
     text += "cut to a shape that is no plane; the length is up to its farthest point" +
             FarthestAround(tube, is_first) + ", the tube is whole all around up to " +
             Fixed(end.whole_before_mm, 3) + " mm before it";
   } else if (end.oblique_deg > 0) {
     const hal::EndCut cut = is_first ? FirstCut(tube) : LastCut(tube);
     text += "cut " + Fixed(end.oblique_deg, 3) + " degrees oblique, longest at " +
-            Turn(cut.around_deg, 2) + " degrees around; the length is along the axis";
+            Turn(cut.around_deg, 2) + " degrees around; the length is along the axis" +
+            (end.reaches_bend ? "; the cut reaches into the bend beside it" : "");
   } else {
     text += FormText(tube, is_first);
   }
@@ -137,6 +143,7 @@ Json EndJson(const CadTube& tube, bool is_first) {
       {"oblique_deg", end.is_plane ? Number(end.oblique_deg) : Json(nullptr)},
       {"around_deg", cut.obliquity_deg > 0 ? AroundJson(cut.around_deg) : Json(nullptr)},
       {"plane", end.is_plane},
+      {"cuts_bend", end.reaches_bend || end.in_bend},
       {"closed_by", CoverJson(end.cover)},
       {"pressed_flat", FlatJson(tube, is_first)},
       {"plain_tube_ends_before_mm", Number(end.is_plane ? end.fitting_mm : end.whole_before_mm)}};
@@ -150,6 +157,19 @@ std::vector<std::string> NotesOf(const CadTube& tube) {
   return notes;
 }
 
+// Which others of the list go on where the tube ends.
+std::string NextText(const CadTube& tube) {
+  std::string text;
+  for (const NextTube& next : tube.next) {
+    text += (text.empty() ? "end to end with " : " and ") + std::to_string(next.tube + 1);
+    const double apart_mm = std::abs(next.apart_mm);
+    if (apart_mm >= 5e-4) {
+      text += ", " + Fixed(apart_mm, 3) + " mm " + (next.apart_mm < 0 ? "in each other" : "apart");
+    }
+  }
+  return text;
+}
+
 // Some systems write a name where a part has none.
 bool IsName(const std::string& name) {
   std::string plain;
@@ -159,15 +179,26 @@ bool IsName(const std::string& name) {
   return !plain.empty() && plain != "none";
 }
 
+// To what a part file holds, between two letters of UTF-8.
+std::string Shortened(std::string name) {
+  constexpr std::size_t kMostBytes = 255;
+  constexpr std::string_view kMore = "...";
+  if (name.size() <= kMostBytes) return name;
+  std::size_t end = kMostBytes - kMore.size();
+  while (end > 0 && (static_cast<unsigned char>(name[end]) & 0xC0) == 0x80) --end;
+  name.resize(end);
+  return name += kMore;
+}
+
 }  // namespace
 
 std::string BodyName(const CadTube& tube) { return IsName(tube.name) ? Printable(tube.name) : ""; }
 
 std::string PartName(const CadTube& tube, const std::string& file) {
   const std::string name = BodyName(tube);
-  if (!name.empty()) return name;
+  if (!name.empty()) return Shortened(name);
   const std::string stem = Printable(std::filesystem::path(file).stem().string());
-  return stem.empty() ? "Tube" : stem;
+  return stem.empty() ? "Tube" : Shortened(stem);
 }
 
 std::vector<std::string> Remarks(const CadTube& tube) {
@@ -255,24 +286,35 @@ Json NominalJson(const Nominal& nominal) {
 }
 
 std::string TubeList(const std::vector<CadTube>& tubes) {
-  Table table({{"body", Align::kRight},
-               {"name"},
-               {"diameter mm", Align::kDecimal},
-               {"wall mm", Align::kDecimal},
-               {"bends", Align::kRight},
-               {"length mm", Align::kDecimal},
-               {""}});
+  const bool has_occurrences = std::any_of(
+      tubes.begin(), tubes.end(), [](const CadTube& tube) { return !tube.occurrence.empty(); });
+  std::vector<Column> columns{{"body", Align::kRight},
+                              {"name"},
+                              {"placed as"},
+                              {"diameter mm", Align::kDecimal},
+                              {"wall mm", Align::kDecimal},
+                              {"bends", Align::kRight},
+                              {"length mm", Align::kDecimal},
+                              {""}};
+  constexpr std::ptrdiff_t kPlacedAs = 2;
+  if (!has_occurrences) columns.erase(columns.begin() + kPlacedAs);
+  Table table(columns);
   for (std::size_t i = 0; i < tubes.size(); ++i) {
     const CadTube& tube = tubes[i];
     const bool known = tube.pipe_radius_mm > 0;
-    table.Add({std::to_string(i + 1), Printable(tube.name),
-               known ? Fixed(2 * tube.pipe_radius_mm, 3) : "",
-               tube.wall_mm ? Fixed(*tube.wall_mm, 3) : "", std::to_string(tube.spine.arcs.size()),
-               Fixed(tube.spine.length_mm(), 3),
-               !tube.is_round           ? "not round"
-               : !tube.problems.empty() ? "no lines and arcs"
-               : tube.is_wire           ? "centre line"
-                                        : ""});
+    std::vector<Cell> cells{std::to_string(i + 1),
+                            Printable(tube.name),
+                            Printable(tube.occurrence),
+                            known ? Fixed(2 * tube.pipe_radius_mm, 3) : "",
+                            tube.wall_mm ? Fixed(*tube.wall_mm, 3) : "",
+                            std::to_string(tube.spine.arcs.size()),
+                            Fixed(tube.spine.length_mm(), 3),
+                            !tube.is_round           ? "not round"
+                            : !tube.problems.empty() ? "no lines and arcs"
+                            : tube.is_wire           ? "centre line"
+                                                     : NextText(tube)};
+    if (!has_occurrences) cells.erase(cells.begin() + kPlacedAs);
+    table.Add(std::move(cells));
   }
   return table.Render(false);
 }

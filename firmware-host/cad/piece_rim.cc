@@ -103,6 +103,21 @@ void EndAtBorders(TubePiece& piece) {
   piece.to = to;
 }
 
+bool EndsSquare(const TubePiece& bend, double at) {
+  constexpr std::size_t kAllAround = 64;  // of 72, but for what chords leave
+  const double most_mm =
+      2 * std::tan(kMostLeanDeg * std::numbers::pi / 180) * bend.radius_mm + kSamePointMm;
+  const BendFrame frame(bend, at);
+  Around around;
+  for (const FaceEdge* edge : bend.edges) {
+    if (std::all_of(edge->points.begin(), edge->points.end(),
+                    [&](const Vector3d& p) { return std::abs(frame.Of(p).x()) < most_mm; })) {
+      AddAround(edge->points, frame.origin, frame.tangent, around);
+    }
+  }
+  return around.count() >= kAllAround;
+}
+
 bool ShareBorder(const TubePiece& a, const TubePiece& b) {
   return std::any_of(a.edges.begin(), a.edges.end(), [&](const FaceEdge* e) {
     return std::any_of(b.edges.begin(), b.edges.end(),

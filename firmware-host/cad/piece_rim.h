@@ -10,6 +10,10 @@ namespace bendloop::host {
 // around stays as it is.
 void EndAtBorders(TubePiece& piece);
 
+// Whether a bend's border goes around it at `at`, square or leaning by a degree at most; where one
+// cuts askew through a bend, none does.
+bool EndsSquare(const TubePiece& bend, double at);
+
 // Whether the faces of two pieces share an edge, by its number or by all of its points.
 bool ShareBorder(const TubePiece& a, const TubePiece& b);
 

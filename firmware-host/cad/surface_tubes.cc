@@ -14,6 +14,7 @@
 #include "firmware-host/cad/free_surface.h"
 #include "firmware-host/cad/left_out.h"
 #include "firmware-host/cad/near_surface.h"
+#include "firmware-host/cad/piece_rim.h"
 #include "firmware-host/cad/tube_layers.h"
 
 namespace bendloop::host {
@@ -122,7 +123,7 @@ class BodyTubes {
   }
 
   std::optional<CadTube> TubeOf(const Cluster& cluster) {
-    const std::vector<TubeLayer> layers = LayersOf(cluster);
+    const std::vector<TubeLayer> layers = LayersOf(cluster, pieces_);
     const TubeLayer* outer = OuterOf(layers);
     if (outer == nullptr) return std::nullopt;
     const TubeLayer* inner =
@@ -132,9 +133,14 @@ class BodyTubes {
     CadTube tube;
     tube.pipe_radius_mm = outer->radius_mm;
     tube.spine = basis.spine;
-    tube.placed_notes = basis.notes;
-    tube.placed_notes_reversed = basis.notes_reversed;
-    if (inner != nullptr) tube.wall_mm = outer->radius_mm - inner->radius_mm;
+    const auto elbows = ElbowsOf(layers, *outer, inner);
+    tube.notes = ElbowNotes(elbows, *outer, inner);
+    AddInferredNotes(basis, elbows, tube);
+    AddFaces(*outer, tube);
+    if (inner != nullptr) {
+      tube.wall_mm = outer->radius_mm - inner->radius_mm;
+      AddFaces(*inner, tube);
+    }
     if (outer->concave) tube.notes.push_back("no outer surface: the pipe radius is the bore's");
     if (basis.radius_mm < outer->radius_mm) {
       tube.notes.push_back("the outer surface lacks faces: the inner one is followed");
@@ -147,6 +153,7 @@ class BodyTubes {
       tube.notes.push_back(
           Text("straights and bends meet up to %.3f mm beside each other", basis.widest_joint_mm));
     }
+    AddApartNotes(basis, tube);
     SetEnd(cluster, basis, basis.last, tube.spine, tube.last);
     Spine turned = tube.spine.Reversed();
     SetEnd(cluster, basis, basis.first, turned, tube.first);
@@ -171,6 +178,51 @@ class BodyTubes {
     AddGapNotes(basis, tube);
     AddOtherNotes(cluster, *outer, basis, tube);
     return tube;
+  }
+
+  void AddFaces(const TubeLayer& layer, CadTube& tube) const {
+    for (const TubeChain* chain : layer.chains) {
+      for (const int i : chain->pieces) {
+        tube.faces.insert(PieceOf(i).faces.begin(), PieceOf(i).faces.end());
+      }
+    }
+  }
+
+  // What no face shows. A bend whose faces are an elbow's is told as that.
+  static void AddInferredNotes(const TubeChain& basis, const std::vector<const TubeLayer*>& elbows,
+                               CadTube& tube) {
+    tube.placed_notes = basis.notes;
+    tube.placed_notes_reversed = basis.notes_reversed;
+    std::size_t shown = 0;
+    for (const TubeLayer* elbow : elbows) shown = std::max(shown, elbow->shown_arcs);
+    const auto is_of_bend = [](const std::string& note) { return note.starts_with("bend "); };
+    const auto inferred = std::count_if(basis.notes.begin(), basis.notes.end(), is_of_bend);
+    if (shown == 0 || std::size_t(inferred) > shown) return;
+    std::erase_if(tube.placed_notes, is_of_bend);
+    std::erase_if(tube.placed_notes_reversed, is_of_bend);
+  }
+
+  // What its pieces leave between them, and gaps and overlaps along it, which its rows bridge.
+  static void AddApartNotes(const TubeChain& basis, CadTube& tube) {
+    const double told_mm = MatchToleranceMm(basis.radius_mm);
+    if (basis.scatter_mm > 0) {
+      tube.notes.push_back(
+          Text("the diameters of its straights and bends lie up to %.3f mm apart: the part file "
+               "has the straights', on average",
+               2 * basis.scatter_mm));
+    }
+    if (basis.widest_gap_mm > told_mm) {
+      tube.notes.push_back(
+          Text("straights and bends begin up to %.3f mm behind each other's ends: the rows bridge "
+               "these gaps",
+               basis.widest_gap_mm));
+    }
+    if (basis.widest_overlap_mm > told_mm) {
+      tube.notes.push_back(
+          Text("straights and bends reach up to %.3f mm into each other: the rows are those of the "
+               "bends as they are",
+               basis.widest_overlap_mm));
+    }
   }
 
   // How near B-splines come to what they stand for, and where that is no tube.
@@ -290,6 +342,27 @@ class BodyTubes {
     return reach_mm;
   }
 
+  // What the border of the chain's last piece says: a plane that cuts through a bend may leave
+  // nothing of the straight on the axis.
+  void TakeOwnCut(const TubeChain& chain, const ChainEnd& chain_end, const EndView& view,
+                  double& at_mm, double& whole_mm, TubeEnd& end) const {
+    const TubePiece& piece = PieceOf(chain_end.piece);
+    if (piece.inferred) return;
+    if (piece.is_arc) {
+      end.in_bend = !EndsSquare(piece, chain_end.at_to ? piece.to : piece.from);
+      return;
+    }
+    const TubePiece* bend = BendBeside(chain, chain_end.piece);
+    const auto cut = CutOf(body_, piece, bend, view.origin, view.outward);
+    if (!cut) return;
+    if (cut->in_bend) {
+      end.in_bend = true;
+      return;
+    }
+    Take(*cut, at_mm, end);
+    whole_mm = cut->lowest_mm;
+  }
+
   // Where the tube ends on `spine`'s last straight: at the cut of what reaches farthest about it.
   void SetEnd(const Cluster& cluster, const TubeChain& outer, const ChainEnd& chain_end,
               Spine& spine, TubeEnd& end) const {
@@ -300,25 +373,24 @@ class BodyTubes {
         chain_end.at_to ? piece.TangentAt(piece.to) : Vector3d(-piece.TangentAt(piece.from));
     spine.end_outward = outward;
     double at = 0, whole = 0;
-    if (!piece.is_arc && !piece.inferred) {
-      if (const auto cut = CutOf(body_, piece, origin, outward)) {
-        Take(*cut, at, end);
-        whole = cut->lowest_mm;
-      }
+    TakeOwnCut(outer, chain_end, {origin, outward}, at, whole, end);
+    if (end.in_bend) {
+      spine.end = piece.is_arc ? origin : spine.arcs.back().to;
+      return;
     }
     double plain = at;
-    const std::set<int> others = BentFacesBeside(cluster);
+    const std::set<int> tubes = FacesOfBentTubes();
     for (bool grew = true; grew;) {
       grew = false;
       const double before = at;
       for (const TubeChain* chain : cluster) {
         if (chain == &outer) continue;
-        for (const int i : chain->pieces) grew |= Extend(PieceOf(i), origin, outward, at, end);
+        for (const int i : chain->pieces) grew |= Extend(*chain, i, origin, outward, at, end);
       }
       // After a bend whose straight has no face, what goes on is that straight.
       if (piece.is_arc) plain += at - before;
       if (end.oblique_deg != 0) continue;
-      const EndForm form = FormBeyond(body_, piece, {origin, outward}, at, others);
+      const EndForm form = FormBeyond(body_, piece, {origin, outward}, at, tubes);
       if (form.cover != EndCover::kNone) end.cover = form.cover;
       // A flange on a bend is no straight, and what closes it is an end.
       if (piece.is_arc && form.cover != EndCover::kDome && form.cover != EndCover::kPoint) continue;
@@ -326,7 +398,7 @@ class BodyTubes {
       at = std::max(at, form.end_mm);
     }
     if (end.is_plane && end.oblique_deg == 0 && !piece.is_arc) {
-      at = std::max(at, EdgeBeyond(origin, outward, at, piece.radius_mm));
+      at = std::max(at, EdgeBeyond({origin, outward}, at, piece.radius_mm, tubes));
       const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, chain_end);
       if (form.is_end_form(outer.radius_mm)) {
         at = std::max(at, form.along_mm);
@@ -339,17 +411,27 @@ class BodyTubes {
     spine.end = origin + at * outward;
   }
 
+  // The bend that the chain has before or behind one of its straights; null: it has none.
+  const TubePiece* BendBeside(const TubeChain& chain, int number) const {
+    const auto at = std::find(chain.pieces.begin(), chain.pieces.end(), number);
+    const auto is_bend = [&](int i) { return PieceOf(i).is_arc && !PieceOf(i).inferred; };
+    if (at != chain.pieces.begin() && is_bend(at[-1])) return &PieceOf(at[-1]);
+    return at + 1 != chain.pieces.end() && is_bend(at[1]) ? &PieceOf(at[1]) : nullptr;
+  }
+
   static void Take(const EndCut& cut, double& at, TubeEnd& end) {
     at = cut.along_mm;
     end.oblique_deg = cut.is_plane ? cut.oblique_deg : 0;
     end.is_plane = cut.is_plane;
     end.longest = cut.longest;
     end.longest_twice = cut.longest_twice;
+    end.reaches_bend |= cut.reaches_bend;
   }
 
   // A bore or a fitting that begins before `at` and goes on.
-  bool Extend(const TubePiece& piece, const Vector3d& origin, const Vector3d& outward, double& at,
-              TubeEnd& end) const {
+  bool Extend(const TubeChain& chain, int number, const Vector3d& origin, const Vector3d& outward,
+              double& at, TubeEnd& end) const {
+    const TubePiece& piece = PieceOf(number);
     const double tolerance = MatchToleranceMm(piece.radius_mm);
     if (piece.is_arc || piece.inferred || piece.axis.cross(outward).norm() > 1e-4) return false;
     const Vector3d d = piece.PointAt(piece.from) - origin;
@@ -357,7 +439,8 @@ class BodyTubes {
     const double a = d.dot(outward), b = (piece.PointAt(piece.to) - origin).dot(outward);
     const double low = std::min(a, b);
     if (low > at + tolerance) return false;
-    const auto cut = CutOf(body_, piece, origin, outward);
+    const auto cut = CutOf(body_, piece, BendBeside(chain, number), origin, outward);
+    if (cut && cut->in_bend) return false;
     const double to = cut ? cut->along_mm : std::max(a, b);
     if (to < at + 1e-6) return false;
     if (cut) {
@@ -369,28 +452,64 @@ class BodyTubes {
   }
 
   // A chamfer or a rounded lip: edges within the pipe radius of the axis that lie farther out, by
-  // less than a pipe radius.
-  double EdgeBeyond(const Vector3d& origin, const Vector3d& outward, double at,
-                    double radius_mm) const {
+  // less than a pipe radius, and not on a bent tube: this one may come back to its own end.
+  // `tubes`: faces of such.
+  double EdgeBeyond(const EndView& view, double at, double radius_mm,
+                    const std::set<int>& tubes) const {
+    std::set<int> of_tubes;
+    for (const FaceEdge& edge : body_.edges) {
+      if (tubes.contains(edge.face)) of_tubes.insert(edge.edge);
+    }
+    std::vector<const TubePiece*> elsewhere;
+    for (const TubeChain& chain : chains_) {
+      if (chain.spine.arcs.empty()) continue;
+      for (const int i : chain.pieces) {
+        const TubePiece& piece = PieceOf(i);
+        const bool is_here = !piece.is_arc && piece.axis.cross(view.outward).norm() < 1e-4 &&
+                             view.Across(piece.origin) < MatchToleranceMm(radius_mm);
+        if (!is_here) elsewhere.push_back(&piece);
+      }
+    }
     double farthest = at;
     for (const FaceEdge& edge : body_.edges) {
+      if (of_tubes.contains(edge.edge)) continue;
       for (const Vector3d& p : edge.points) {
-        const double along = (p - origin).dot(outward);
-        if (along <= at || along > at + radius_mm) continue;
-        const double across = (p - origin - along * outward).norm();
-        if (across < radius_mm + MatchToleranceMm(radius_mm)) farthest = std::max(farthest, along);
+        const double along = view.Along(p);
+        if (along <= farthest || along > at + radius_mm) continue;
+        if (view.Across(p) > radius_mm + MatchToleranceMm(radius_mm)) continue;
+        const bool is_elsewhere =
+            std::any_of(elsewhere.begin(), elsewhere.end(), [&](const TubePiece* piece) {
+              return piece->HasOnSurface(p, MatchToleranceMm(piece->radius_mm));
+            });
+        if (!is_elsewhere) farthest = along;
       }
     }
     return farthest;
   }
 
+  // Of a torus about the corner `at` whose centre line is tighter than the pipe; 0: none is there.
+  double TooTightBendMm(const Vector3d& at, double radius_mm) const {
+    for (const SurfacePatch& patch : body_.patches) {
+      if (patch.kind == PatchKind::kTorus && patch.bend_radius_mm <= patch.radius_mm &&
+          std::abs(patch.radius_mm - radius_mm) < MatchToleranceMm(radius_mm) &&
+          (patch.origin - at).norm() < 2 * radius_mm) {
+        return patch.bend_radius_mm;
+      }
+    }
+    return 0;
+  }
+
   void AddProblems(const TubeChain& outer, CadTube& tube) const {
     for (const ChainEnd* end : {&outer.first, &outer.last}) {
       if (end->kink_deg > 0) {
-        const bool is_first = end == &outer.first;
-        tube.problems.push_back(
-            Text("straights meet in a kink of %.3f degrees (a mitre)", end->kink_deg) + " at " +
-            FilePlace(is_first ? outer.spine.start : outer.spine.end) + ", which no bender makes");
+        const double bend_mm = TooTightBendMm(end->kink_at, outer.radius_mm);
+        const std::string what =
+            bend_mm > 0
+                ? Text("straights meet in a bend of %.3f mm radius", bend_mm) +
+                      Text(" and %.3f degrees, tighter than the pipe's own radius,", end->kink_deg)
+                : Text("straights meet in a kink of %.3f degrees (a mitre)", end->kink_deg);
+        tube.problems.push_back(what + " at " + FilePlace(end->kink_at) +
+                                ", which no bender makes");
       }
       const FreeForm form = FreeFormBeyond(body_, pieces_, chains_, outer, *end);
       if (form.name.empty()) continue;
@@ -422,14 +541,12 @@ class BodyTubes {
     tube.placed_notes_reversed.push_back(told(!is_first));
   }
 
-  // Of bent tubes that do not share this one's axis, as beyond a reducer.
-  std::set<int> BentFacesBeside(const Cluster& cluster) const {
+  // Straights and bends of bent tubes: of others, as beyond a reducer, and of this one, which may
+  // come back to its own end. None is the form of an end, however near it lies.
+  std::set<int> FacesOfBentTubes() const {
     std::set<int> faces;
     for (const TubeChain& chain : chains_) {
-      if (chain.spine.arcs.empty() ||
-          std::find(cluster.begin(), cluster.end(), &chain) != cluster.end()) {
-        continue;
-      }
+      if (chain.spine.arcs.empty()) continue;
       for (const int i : chain.pieces)
         faces.insert(PieceOf(i).faces.begin(), PieceOf(i).faces.end());
     }

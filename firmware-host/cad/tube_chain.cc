@@ -6,10 +6,12 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "firmware-host/cad/free_surface.h"
 #include "firmware-host/cad/piece_rim.h"
+#include "firmware-host/cad/radius_groups.h"
 
 namespace bendloop::host {
 namespace {
@@ -22,9 +24,9 @@ constexpr double kLongestMissingDiameters = 10;
 // Or longer, where something wider about the axis covers this part of it.
 constexpr double kLeastCovered = 0.5;
 
-// Pieces that share their border are one tube's, though they lie up to so many pipe radii beside
-// each other, and so much askew [deg].
-constexpr double kSharedRadii = 0.1, kSharedKinkDeg = 1;
+// Pieces are one tube's, though they lie up to so many pipe radii beside each other, as faces do
+// that were joined with a tolerance; and so much askew [deg] where they share their border.
+constexpr double kBesideRadii = 0.1, kSharedKinkDeg = 1;
 
 struct End {
   int piece = 0;
@@ -56,29 +58,47 @@ double Roundest(double value, double off_mm) {
   return value;
 }
 
-// Of a chain's pieces by their lengths: of its cylinders and tori, and where it has none, of its
-// B-splines.
+// Of a chain's pieces by their lengths: of its cylinders where these and its tori scatter, of both
+// where they do not, and where it has none, of its B-splines.
 class ChainRadius {
  public:
   void Add(const TubePiece& piece) {
     if (piece.inferred) return;
-    Sum& sum = piece.off_mm > 0 ? splines_ : given_;
-    sum.weighted += piece.radius_mm * piece.length_mm();
-    sum.weight += piece.length_mm();
+    if (piece.off_mm > 0) {
+      splines_.Add(piece);
+    } else {
+      given_.Add(piece);
+      if (!piece.is_arc) straights_.Add(piece);
+    }
+    least_mm_ = std::min(least_mm_, piece.radius_mm);
+    most_mm_ = std::max(most_mm_, piece.radius_mm);
     off_mm_ = std::max(off_mm_, piece.off_mm);
   }
 
   std::optional<double> Mm() const {
-    if (given_.weight > 0) return given_.weighted / given_.weight;
-    if (splines_.weight > 0) return Roundest(splines_.weighted / splines_.weight, off_mm_);
+    if (scatter_mm() > 0 && straights_.weight > 0) return straights_.Mean();
+    if (given_.weight > 0) return given_.Mean();
+    if (splines_.weight > 0) return Roundest(splines_.Mean(), off_mm_);
     return std::nullopt;
+  }
+
+  // How far the radii lie apart; 0: less than a file's rounding may make of it.
+  double scatter_mm() const {
+    const double apart_mm = most_mm_ - least_mm_;
+    return apart_mm > MatchToleranceMm(most_mm_) / 4 ? apart_mm : 0;
   }
 
  private:
   struct Sum {
     double weighted = 0, weight = 0;
+    void Add(const TubePiece& piece) {
+      weighted += piece.radius_mm * piece.length_mm();
+      weight += piece.length_mm();
+    }
+    double Mean() const { return weighted / weight; }
   };
-  Sum given_, splines_;
+  Sum straights_, given_, splines_;
+  double least_mm_ = INFINITY, most_mm_ = 0;
   double off_mm_ = 0;
 };
 
@@ -92,9 +112,10 @@ class Linker {
 
   std::vector<TubeChain> Chains() {
     for (const int i : of_) AddEnds(i);
-    MatchTouching();
+    MatchTouching(false);
+    MatchTouching(true);
     // What is inferred offers its own ends, so this comes to an end: each takes two of the free.
-    while (InferOne()) MatchTouching();
+    while (InferOne()) MatchTouching(false);
     MarkKinks();
     return Walk();
   }
@@ -104,18 +125,19 @@ class Linker {
     End end;
     int mate = -1;
     double kink_deg = 0;
+    Vector3d kink_at = Vector3d::Zero();
   };
 
   void AddEnds(int piece) {
-    slots_.push_back({EndOf(pieces_, piece, false), -1, 0});
-    slots_.push_back({EndOf(pieces_, piece, true), -1, 0});
+    slots_.push_back({EndOf(pieces_, piece, false)});
+    slots_.push_back({EndOf(pieces_, piece, true)});
   }
 
   const TubePiece& PieceOf(const Slot& slot) const { return pieces_[std::size_t(slot.end.piece)]; }
   bool IsFree(std::size_t i) const { return slots_[i].mate < 0; }
 
-  // How far apart two ends are that may be one joint.
-  std::optional<double> Gap(const Slot& a, const Slot& b) const {
+  // How far apart two ends are that may be one joint; `loosely`: though they lie beside each other.
+  std::optional<double> Gap(const Slot& a, const Slot& b, bool loosely) const {
     if (a.end.piece == b.end.piece) return std::nullopt;
     const double angle = AngleDeg(a.end.outward, -b.end.outward);
     if (angle > kSharedKinkDeg) return std::nullopt;
@@ -125,11 +147,9 @@ class Linker {
     const bool line = !PieceOf(a).is_arc || !PieceOf(b).is_arc;
     if (std::abs(axial) > (line ? std::max(radius_mm_, tolerance_mm_) : tolerance_mm_))
       return std::nullopt;
-    const bool meets = angle <= kKinkDeg && beside <= tolerance_mm_;
-    if (!meets && (beside > std::max(kSharedRadii * radius_mm_, tolerance_mm_) ||
-                   !ShareBorder(PieceOf(a), PieceOf(b)))) {
-      return std::nullopt;
-    }
+    const double most_mm = std::max(kBesideRadii * radius_mm_, tolerance_mm_);
+    const bool meets = angle <= kKinkDeg && beside <= (loosely ? most_mm : tolerance_mm_);
+    if (!meets && (beside > most_mm || !ShareBorder(PieceOf(a), PieceOf(b)))) return std::nullopt;
     return gap.norm();
   }
 
@@ -138,7 +158,8 @@ class Linker {
     return (gap - gap.dot(a.end.outward) * a.end.outward).norm();
   }
 
-  void MatchTouching() {
+  // What meets is joined before what lies beside each other.
+  void MatchTouching(bool loosely) {
     struct Pair {
       double gap;
       std::size_t a, b;
@@ -147,7 +168,7 @@ class Linker {
     for (std::size_t a = 0; a < slots_.size(); ++a) {
       for (std::size_t b = a + 1; IsFree(a) && b < slots_.size(); ++b) {
         if (!IsFree(b)) continue;
-        if (const auto gap = Gap(slots_[a], slots_[b])) pairs.push_back({*gap, a, b});
+        if (const auto gap = Gap(slots_[a], slots_[b], loosely)) pairs.push_back({*gap, a, b});
       }
     }
     std::stable_sort(pairs.begin(), pairs.end(),
@@ -245,22 +266,33 @@ class Linker {
     return piece;
   }
 
-  // Straights cut to a mitre reach beyond the point where their axes meet, or up to it.
+  // Of a pair of ends that point at each other the angle of their kink, and where it is.
+  std::optional<std::pair<double, Vector3d>> KinkOf(const Slot& a, const Slot& b) const {
+    const Vector3d t = a.end.outward, u = -b.end.outward;
+    const double angle = AngleDeg(t, u);
+    if (angle < kKinkDeg || angle > 170) return std::nullopt;
+    const double reach =
+        radius_mm_ * (std::tan(angle / 2 * std::numbers::pi / 180) + 0.1) + tolerance_mm_;
+    const Vector3d normal = t.cross(u), gap = b.end.point - a.end.point;
+    if (std::abs(gap.dot(normal)) / normal.norm() > tolerance_mm_) return std::nullopt;
+    const double s = gap.cross(u).dot(normal) / normal.squaredNorm();
+    const double r = -gap.cross(t).dot(normal) / normal.squaredNorm();
+    if (std::abs(s) > reach || std::abs(r) > reach) return std::nullopt;
+    return std::make_pair(angle, Vector3d(a.end.point + s * t));
+  }
+
+  // Straights cut to a mitre reach beyond the point where their axes meet, or up to it. The far end
+  // of a short one may lie as near to it, and points the other way: the slighter kink is the one.
   void MarkKinks() {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       for (std::size_t j = i + 1; IsFree(i) && j < slots_.size(); ++j) {
         if (!IsFree(j) || slots_[i].end.piece == slots_[j].end.piece) continue;
-        const Vector3d t = slots_[i].end.outward, u = -slots_[j].end.outward;
-        const double angle = AngleDeg(t, u);
-        if (angle < kKinkDeg || angle > 170) continue;
-        const double reach =
-            radius_mm_ * (std::tan(angle / 2 * std::numbers::pi / 180) + 0.1) + tolerance_mm_;
-        const Vector3d normal = t.cross(u), gap = slots_[j].end.point - slots_[i].end.point;
-        if (std::abs(gap.dot(normal)) / normal.norm() > tolerance_mm_) continue;
-        const double s = gap.cross(u).dot(normal) / normal.squaredNorm();
-        const double r = -gap.cross(t).dot(normal) / normal.squaredNorm();
-        if (std::abs(s) > reach || std::abs(r) > reach) continue;
-        slots_[i].kink_deg = slots_[j].kink_deg = angle;
+        const auto kink = KinkOf(slots_[i], slots_[j]);
+        if (!kink) continue;
+        for (Slot* slot : {&slots_[i], &slots_[j]}) {
+          if (slot->kink_deg > 0 && slot->kink_deg <= kink->first) continue;
+          std::tie(slot->kink_deg, slot->kink_at) = *kink;
+        }
       }
     }
   }
@@ -289,7 +321,8 @@ class Linker {
   TubeChain From(std::size_t slot, std::vector<bool>& used) {
     TubeChain chain;
     chain.concave = PieceOf(slots_[slot]).concave;
-    chain.first = {slots_[slot].end.piece, slots_[slot].end.at_to, slots_[slot].kink_deg};
+    chain.first = {slots_[slot].end.piece, slots_[slot].end.at_to, slots_[slot].kink_deg,
+                   slots_[slot].kink_at};
     std::size_t at = slot;
     ChainRadius radius;
     std::vector<std::pair<bool, std::size_t>> inferred;  // a bend, its number; or a straight's
@@ -303,22 +336,33 @@ class Linker {
       if (piece.inferred) {
         inferred.emplace_back(piece.is_arc, chain.spine.arcs.size() + (piece.is_arc ? 0 : 1));
       }
-      chain.last = {slots_[other].end.piece, slots_[other].end.at_to, slots_[other].kink_deg};
+      chain.last = {slots_[other].end.piece, slots_[other].end.at_to, slots_[other].kink_deg,
+                    slots_[other].kink_at};
       const int next = slots_[other].mate;
       if (next < 0 || used[std::size_t(next)]) break;
       const Slot &end = slots_[other], &begin = slots_[std::size_t(next)];
       chain.sharpest_joint_deg =
           std::max(chain.sharpest_joint_deg, AngleDeg(end.end.outward, -begin.end.outward));
       chain.widest_joint_mm = std::max(chain.widest_joint_mm, BesideMm(end, begin));
+      AddApart(end, begin, chain);
       at = std::size_t(next);
     }
     chain.radius_mm = radius.Mm().value_or(radius_mm_);
+    chain.scatter_mm = radius.scatter_mm();
     const std::size_t bends = chain.spine.arcs.size();
     for (const auto& [is_arc, number] : inferred) {
       chain.notes.push_back(InferredNote(is_arc, number));
       chain.notes_reversed.push_back(InferredNote(is_arc, bends + (is_arc ? 1 : 2) - number));
     }
     return chain;
+  }
+
+  void AddApart(const Slot& end, const Slot& begin, TubeChain& chain) const {
+    const TubePiece &a = PieceOf(end), &b = PieceOf(begin);
+    if (a.inferred || b.inferred || ShareBorder(a, b)) return;
+    const double apart_mm = (begin.end.point - end.end.point).dot(end.end.outward);
+    chain.widest_gap_mm = std::max(chain.widest_gap_mm, apart_mm);
+    chain.widest_overlap_mm = std::max(chain.widest_overlap_mm, -apart_mm);
   }
 
   // Two pieces of one bend, as edges of a centre line come.
@@ -370,25 +414,9 @@ class Linker {
 }  // namespace
 
 std::vector<TubeChain> ChainsOf(std::vector<TubePiece>& pieces, bool may_infer_bends) {
-  std::vector<int> order;
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    if (pieces[i].around_deg() >= kFewestAroundDeg) order.push_back(int(i));
-  }
-  const auto piece = [&](int i) -> const TubePiece& { return pieces[std::size_t(i)]; };
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return std::make_pair(piece(a).concave, piece(a).radius_mm) <
-           std::make_pair(piece(b).concave, piece(b).radius_mm);
-  });
   std::vector<TubeChain> chains;
-  for (std::size_t i = 0; i < order.size();) {
-    std::vector<int> of{order[i]};
-    const TubePiece first = piece(order[i]);
-    for (++i; i < order.size() && piece(order[i]).concave == first.concave &&
-              piece(order[i]).radius_mm - first.radius_mm < MatchToleranceMm(first.radius_mm) / 4;
-         ++i) {
-      of.push_back(order[i]);
-    }
-    auto found = Linker(pieces, std::move(of), may_infer_bends).Chains();
+  for (std::vector<int>& group : RadiusGroups(pieces)) {
+    auto found = Linker(pieces, std::move(group), may_infer_bends).Chains();
     for (TubeChain& chain : found) chains.push_back(std::move(chain));
   }
   return chains;

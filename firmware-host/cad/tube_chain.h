@@ -48,11 +48,13 @@ struct ChainEnd {
   int piece = -1;
   bool at_to = false;   // of its piece
   double kink_deg = 0;  // another straight of the same radius meets here at this angle
+  Eigen::Vector3d kink_at = Eigen::Vector3d::Zero();  // where their axes do
 };
 
 // Straights and bends of one radius, end to end.
 struct TubeChain {
   double radius_mm = 0;
+  double scatter_mm = 0;  // how far its pieces' radii lie apart, beyond a file's rounding
   bool concave = false;
   std::vector<int> pieces;  // in order
   ChainEnd first, last;
@@ -60,6 +62,8 @@ struct TubeChain {
   bool is_closed = false;
   double sharpest_joint_deg = 0;  // between neighbours that should be tangent
   double widest_joint_mm = 0;     // how far these lie beside each other
+  // And before each other, or into each other, along the straight.
+  double widest_gap_mm = 0, widest_overlap_mm = 0;
   // What no face showed, as counted from the first and from the last end.
   std::vector<std::string> notes, notes_reversed;
 };

@@ -194,6 +194,19 @@ Vector3d TubePiece::TangentAt(double along) const {
   return std::cos(along) * axis.cross(x) - std::sin(along) * x;
 }
 
+bool TubePiece::HasOnSurface(const Vector3d& p, double tolerance_mm) const {
+  const Vector3d d = p - origin;
+  double along = d.dot(axis), across = (d - along * axis).norm(), unit = 1;
+  if (is_arc) {
+    across = std::hypot(across - bend_radius_mm, along);
+    const double angle = std::atan2(d.dot(axis.cross(x)), d.dot(x));
+    along = (from + to) / 2 + std::remainder(angle - (from + to) / 2, 2 * std::numbers::pi);
+    unit = bend_radius_mm;
+  }
+  return std::abs(across - radius_mm) < tolerance_mm && (from - along) * unit < tolerance_mm &&
+         (along - to) * unit < tolerance_mm;
+}
+
 bool TubePiece::is_ring() const {
   constexpr double kFullTurn = 2 * std::numbers::pi - 1e-3;
   return is_arc && to - from > kFullTurn;

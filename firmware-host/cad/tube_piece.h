@@ -43,6 +43,8 @@ struct TubePiece {
   Eigen::Vector3d PointAt(double along) const;
   Eigen::Vector3d TangentAt(double along) const;  // unit, the way that `along` grows
   double length_mm() const { return (to - from) * (is_arc ? bend_radius_mm : 1); }
+  // Whether `p` lies on its surface, between its ends.
+  bool HasOnSurface(const Eigen::Vector3d& p, double tolerance_mm) const;
   bool is_ring() const;  // an arc of a whole turn: a ring, a bead or a fillet, and no bend
   double around_deg() const { return 5.0 * double(around.count()); }
 };

@@ -127,8 +127,10 @@ class WallFaces {
   }
 
  private:
-  // A plane may have its whole border on the outer surface and be none of it: a milled flat.
+  // A plane may have its whole border on the outer surface and be none of it: a milled flat. What
+  // is known as a bend is one, though it lies nearer to an end of the tube that comes back to it.
   Lies LiesOn(int face, const std::vector<const FaceEdge*>& edges) const {
+    if (tube_.faces.contains(face)) return Lies::kOuter;
     const auto patches = patches_.find(face);
     if (patches == patches_.end()) return Lies::kElsewhere;
     const auto is_on = [&](double radius_mm) {

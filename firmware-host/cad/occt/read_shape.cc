@@ -41,10 +41,14 @@
 #include <gp_Cylinder.hxx>
 #include <gp_Pnt2d.hxx>
 #include <gp_Torus.hxx>
+#include <iterator>
+#include <map>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "firmware-host/cad/occt/placements.h"
@@ -71,10 +75,51 @@ constexpr int kEdgeSteps = 16;
 json Numbers(const gp_Pnt& p) { return {p.X(), p.Y(), p.Z()}; }
 json Numbers(const gp_Dir& d) { return {d.X(), d.Y(), d.Z()}; }
 
-std::string NameOf(const TDF_Label& label) {
+// Whether a file has bytes that are neither ASCII, as its escapes are, nor UTF-8.
+bool HasOtherBytes(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  int expected = 0;  // bytes that go on with a letter
+  for (std::istreambuf_iterator<char> at(in), end; at != end; ++at) {
+    const auto byte = static_cast<unsigned char>(*at);
+    const bool goes_on = (byte & 0xC0) == 0x80;
+    if (goes_on != (expected > 0)) return true;
+    if (goes_on) {
+      --expected;
+    } else if (byte >= 0x80) {
+      expected = byte >= 0xF0 ? 3 : byte >= 0xE0 ? 2 : 1;
+    }
+  }
+  return expected > 0;
+}
+
+// OpenCASCADE takes other bytes than UTF-8 as Latin-1. So many accented letters in a row are no
+// word of a western language but one in Windows-1251, as systems write it that are set to Russian.
+TCollection_ExtendedString InCyrillic(const TCollection_ExtendedString& name) {
+  constexpr int kInARow = 3, kFirstLetter = 0xC0, kLastByte = 0xFF;
+  static const std::map<int, int> kOthers{{0xA8, 0x401}, {0xB8, 0x451}, {0xB9, 0x2116}};
+  int row = 0, longest = 0;
+  for (int i = 1; i <= name.Length(); ++i) {
+    const int c = name.Value(i);
+    if (c > kLastByte) return name;
+    row = c >= kFirstLetter ? row + 1 : 0;
+    longest = std::max(longest, row);
+  }
+  if (longest < kInARow) return name;
+  TCollection_ExtendedString cyrillic = name;
+  for (int i = 1; i <= name.Length(); ++i) {
+    const int c = name.Value(i);
+    const auto other = kOthers.find(c);
+    if (c >= kFirstLetter) cyrillic.SetValue(i, Standard_ExtCharacter(c - kFirstLetter + 0x410));
+    if (other != kOthers.end()) cyrillic.SetValue(i, Standard_ExtCharacter(other->second));
+  }
+  return cyrillic;
+}
+
+std::string NameOf(const TDF_Label& label, bool has_other_bytes) {
   Handle(TDataStd_Name) name;
   if (!label.FindAttribute(TDataStd_Name::GetID(), name)) return "";
-  return TCollection_AsciiString(name->Get()).ToCString();  // UTF-8
+  const TCollection_ExtendedString text = has_other_bytes ? InCyrillic(name->Get()) : name->Get();
+  return TCollection_AsciiString(text).ToCString();  // UTF-8
 }
 
 const char* KindOf(GeomAbs_SurfaceType type) {
@@ -361,17 +406,23 @@ void AddCurves(const TopoDS_Edge& edge, double step_mm, json& curves) {
   }
 }
 
+// What a shape is called, and where it is in its assembly.
+struct Names {
+  std::string own, occurrence, assembly;
+};
+
 class Collector {
  public:
-  explicit Collector(double step_mm) : step_mm_(step_mm) {}
+  Collector(double step_mm, bool has_other_bytes)
+      : step_mm_(step_mm), has_other_bytes_(has_other_bytes) {}
 
-  void Add(const TopoDS_Shape& shape, const std::string& name) {
+  void Add(const TopoDS_Shape& shape, const Names& names) {
     if (bodies_.size() > kMostBodies) {
       throw std::runtime_error("holds more than " + std::to_string(kMostBodies) +
                                " bodies; export the tube alone");
     }
     for (TopExp_Explorer at(shape, TopAbs_SOLID); at.More(); at.Next()) {
-      AddBody(at.Current(), name, "solid");
+      AddBody(at.Current(), names, "solid");
     }
     TopoDS_Compound rest;
     BRep_Builder builder;
@@ -381,23 +432,33 @@ class Collector {
       builder.Add(rest, at.Current());
       any = true;
     }
-    if (any) AddBody(rest, name, "surface");
+    if (any) AddBody(rest, names, "surface");
     json curves = json::array();
     TopTools_MapOfShape seen;
     for (TopExp_Explorer at(shape, TopAbs_EDGE, TopAbs_FACE); at.More(); at.Next()) {
       if (seen.Add(at.Current())) AddCurves(TopoDS::Edge(at.Current()), step_mm_, curves);
     }
     if (!curves.empty()) {
-      bodies_.push_back({{"name", name}, {"kind", "wire"}, {"curves", std::move(curves)}});
+      bodies_.push_back({{"kind", "wire"}, {"curves", std::move(curves)}});
+      PutNames(names);
     }
   }
 
+  // In which names may be written that OpenCASCADE does not know.
+  bool has_other_bytes() const { return has_other_bytes_; }
   bool is_empty() const { return bodies_.empty(); }
   int faces() const { return faces_; }
   json Take() { return std::move(bodies_); }
 
  private:
-  void AddBody(const TopoDS_Shape& shape, const std::string& name, const char* kind) {
+  void PutNames(const Names& names) {
+    json& body = bodies_.back();
+    body["name"] = names.own;
+    body["occurrence"] = names.occurrence;
+    body["assembly"] = names.assembly;
+  }
+
+  void AddBody(const TopoDS_Shape& shape, const Names& names, const char* kind) {
     json patches = json::array(), edges = json::array();
     TopTools_IndexedMapOfShape known;
     int number = 0;
@@ -407,14 +468,15 @@ class Collector {
       AddEdges(face, number, known, edges);
     }
     faces_ += number;
-    bodies_.push_back({{"name", name},
-                       {"kind", kind},
+    bodies_.push_back({{"kind", kind},
                        {"faces", number},
                        {"patches", std::move(patches)},
                        {"edges", std::move(edges)}});
+    PutNames(names);
   }
 
   double step_mm_;
+  bool has_other_bytes_;
   int faces_ = 0;
   json bodies_ = json::array();
 };
@@ -443,8 +505,8 @@ void Walk(const TDF_Label& label, const gp_Trsf& outer, const std::string& given
     XCAFDoc_ShapeTool::GetReferredShape(label, what);
     here = outer * XCAFDoc_ShapeTool::GetLocation(label).Transformation();
   }
-  std::string name = NameOf(what);
-  if (name.empty()) name = NameOf(label);
+  std::string name = NameOf(what, collector.has_other_bytes());
+  if (name.empty()) name = NameOf(label, collector.has_other_bytes());
   if (IsKindOfShape(name)) name = given.empty() ? name : given;
   if (name.empty()) name = given;
   if (XCAFDoc_ShapeTool::IsAssembly(what)) {
@@ -454,7 +516,13 @@ void Walk(const TDF_Label& label, const gp_Trsf& outer, const std::string& given
     return;
   }
   const TopoDS_Shape shape = XCAFDoc_ShapeTool::GetShape(what);
-  if (!shape.IsNull()) collector.Add(Placed(shape, here), name);
+  std::string occurrence = NameOf(label, collector.has_other_bytes());
+  // What has no name is called by a number of the file, or by OpenCASCADE's own label.
+  if (occurrence == name || IsKindOfShape(occurrence) || occurrence.starts_with("=>") ||
+      occurrence.find_first_not_of("0123456789") == std::string::npos) {
+    occurrence.clear();
+  }
+  if (!shape.IsNull()) collector.Add(Placed(shape, here), {name, occurrence, given});
 }
 
 void CheckStatus(IFSelect_ReturnStatus status) {
@@ -477,7 +545,25 @@ void AddWithoutProducts(STEPControl_Reader& reader, Collector& collector) {
       reader.TransferEntity(entity);
     }
   }
-  for (int i = 1; i <= reader.NbShapes(); ++i) collector.Add(reader.Shape(i), "");
+  for (int i = 1; i <= reader.NbShapes(); ++i) collector.Add(reader.Shape(i), {});
+}
+
+// Part 21's last line, which some programs leave out, and others write into a broken file.
+constexpr std::string_view kLastLine = "END-ISO-10303-21";
+
+// Whether the file ends with its data, and only the last line is missing.
+bool LacksLastLine(std::istream& in) {
+  constexpr std::streamoff kTail = 4096;
+  in.seekg(0, std::ios::end);
+  const std::streamoff size = in.tellg(), from = std::max(std::streamoff{0}, size - kTail);
+  std::string tail(std::size_t(size - from), ' ');
+  in.seekg(from);
+  in.read(tail.data(), std::streamsize(tail.size()));
+  in.clear();
+  in.seekg(0);
+  const std::size_t end = tail.rfind("ENDSEC");
+  return end != std::string::npos && tail.find(kLastLine, end) == std::string::npos &&
+         tail.find('=', end) == std::string::npos;
 }
 
 // Editors put UTF-8's mark before a text, which part 21 does not know.
@@ -487,6 +573,16 @@ void SkipMark(std::istream& in) {
   if (in.gcount() == 3 && std::string(mark, 3) == "\xef\xbb\xbf") return;
   in.clear();
   in.seekg(0);
+}
+
+IFSelect_ReturnStatus ReadText(const std::string& file, STEPControl_Reader& reader) {
+  std::ifstream in(file, std::ios::binary);
+  const bool lacks_end = LacksLastLine(in);
+  SkipMark(in);
+  if (!lacks_end) return reader.ReadStream(file.c_str(), in);
+  std::stringstream whole;
+  whole << in.rdbuf() << "\n" << kLastLine << ";\n";
+  return reader.ReadStream(file.c_str(), whole);
 }
 
 // Of all shells, those that a shell names and the file lacks, too.
@@ -512,9 +608,7 @@ int ReadStep(const std::string& file, Collector& collector) {
   reader.SetNameMode(true);
   reader.SetColorMode(false);
   reader.SetLayerMode(false);
-  std::ifstream in(file, std::ios::binary);
-  SkipMark(in);
-  CheckStatus(reader.ChangeReader().ReadStream(file.c_str(), in));
+  CheckStatus(ReadText(file, reader.ChangeReader()));
   const std::string placement = PlacementNotTaken(reader.ChangeReader().StepModel());
   if (!placement.empty()) {
     throw std::runtime_error("places a part by an operator (" + placement +
@@ -548,7 +642,7 @@ void ReadIges(const std::string& file, Collector& collector) {
   CheckStatus(reader.ReadFile(file.c_str()));
   reader.TransferRoots();
   if (reader.NbShapes() == 0) throw std::runtime_error("none of its shapes can be built");
-  collector.Add(reader.OneShape(), "");
+  collector.Add(reader.OneShape(), {});
 }
 
 bool IsIges(const std::string& file) {
@@ -562,8 +656,8 @@ bool IsIges(const std::string& file) {
 }  // namespace
 
 json ReadShape(const std::string& file, double step_mm) {
-  Collector collector(step_mm);
   const bool iges = IsIges(file);
+  Collector collector(step_mm, !iges && HasOtherBytes(file));
   int faces = 0;
   if (iges) {
     ReadIges(file, collector);
