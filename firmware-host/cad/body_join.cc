@@ -20,10 +20,6 @@ using Eigen::Vector3d;
 // Curves of one centre line meet to this [mm], which a file in metres with 5 decimals holds.
 constexpr double kCurvesMeetMm = 0.01;
 
-// Bodies of one straight or one bend each are pieces of one tube, though they lie so many pipe
-// radii beside each other, or before or into each other.
-constexpr double kBesideRadii = 0.1, kApartRadii = 1;
-
 // An end of a body's straight, bend or curve.
 struct LooseEnd {
   std::size_t body = 0;

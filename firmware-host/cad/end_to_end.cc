@@ -15,9 +15,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Ends lie so many pipe radii beside each other, and before or in each other, at most.
-constexpr double kBesideRadii = 0.1, kApartRadii = 1;
-
 // How far `b` begins behind the end of `a`, negative: before it; nothing: it does not go on there.
 std::optional<double> ApartMm(const CadTube& a, bool a_first, const CadTube& b, bool b_first) {
   const double tolerance = MatchToleranceMm(a.pipe_radius_mm);

@@ -15,7 +15,7 @@ using Eigen::Vector3d;
 // no oblique cut.
 constexpr double kNearDeg = 1;
 // And lie so many pipe radii beside it, and off its surface.
-constexpr double kBesideRadii = 0.2, kOffRadii = 0.5;
+constexpr double kNearAxisRadii = 0.2, kOffRadii = 0.5;
 
 bool LiesAboutEnd(const CadBody& body, int face, const Vector3d& end, const Vector3d& outward,
                   double radius_mm) {
@@ -44,7 +44,7 @@ TubePiece FacesAbout(const CadBody& body, double radius_mm, const Spine& spine) 
     if (patch.kind == PatchKind::kCylinder) {
       const double cosine = patch.axis.dot(spine.end_direction());
       const double beside = (spine.end - patch.origin).cross(patch.axis).norm();
-      if (std::abs(cosine) < least_cosine || beside > kBesideRadii * radius_mm) continue;
+      if (std::abs(cosine) < least_cosine || beside > kNearAxisRadii * radius_mm) continue;
       piece.axis = cosine < 0 ? Vector3d(-patch.axis) : patch.axis;
     }
     piece.faces.push_back(patch.face);

@@ -24,9 +24,8 @@ constexpr double kLongestMissingDiameters = 10;
 // Or longer, where something wider about the axis covers this part of it.
 constexpr double kLeastCovered = 0.5;
 
-// Pieces are one tube's, though they lie up to so many pipe radii beside each other, as faces do
-// that were joined with a tolerance; and so much askew [deg] where they share their border.
-constexpr double kBesideRadii = 0.1, kSharedKinkDeg = 1;
+// Pieces of one tube may lie so much askew [deg] where they share their border.
+constexpr double kSharedKinkDeg = 1;
 
 struct End {
   int piece = 0;

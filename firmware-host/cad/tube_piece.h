@@ -13,6 +13,9 @@ namespace bendloop::host {
 inline constexpr double kFewestAroundDeg = 150;
 // Neighbours that meet at more than this [deg] are a kink; less is a drawing's rounding, and told.
 inline constexpr double kKinkDeg = 0.5;
+// Pieces are one tube's, though they lie up to so many pipe radii beside each other, as faces do
+// that were joined with a tolerance; and bodies so many before or into each other.
+inline constexpr double kBesideRadii = 0.1, kApartRadii = 1;
 
 // Sectors of 5 degrees around a tube.
 using Around = std::bitset<72>;
