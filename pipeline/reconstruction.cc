@@ -79,9 +79,6 @@ struct StageSettings {
   std::size_t shrink_samples = 30'000;
   // Times that a neighbour is taken off. Each takes one joint at least; more were never seen.
   int most_parted = 3;
-  // [twice the logarithm of the odds] A number of bends is not asked for again beyond (as
-  // fit/report_quality.cc tells it).
-  double clear_margin = 10.0;
   // [degrees] 1 sigma of an angle from which on the live view shows the bend.
   double settled_deg = 2.0;
 };
@@ -187,7 +184,7 @@ void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
 double MarginBesideDents(const SurfaceFit& structure, const BowedSolution& solution,
                          std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
   const std::size_t bends = solution.fit.tube.program.bend_count();
-  if (!solution.undented || !structure.rival || structure.margin > kStage.clear_margin ||
+  if (!solution.undented || !structure.rival || structure.margin > kCloseCall ||
       structure.rival->program.bend_count() <= bends) {
     return structure.margin;
   }

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 #include "pipeline/features/plane_samples.h"
 #include "pipeline/fit/surface_points.h"
@@ -34,8 +35,8 @@ double ClumpingOfNearest(const OpeningBorder& border, std::span<const Eigen::Vec
   return std::max(1.0, 0.5 / std::sqrt(density.per_mm2) / (sum_mm / count));
 }
 
-}  // namespace
-
+// 1 sigma of how far the next one is from anywhere, over that of as many scattered ones (Cox,
+// Renewal Theory, 1962, section 5.2: forward recurrence time). `offsets_mm`: become sorted.
 double ClumpingOf(std::vector<double>& offsets_mm) {
   if (offsets_mm.size() < kLeastOfSide) return 1.0;
   std::sort(offsets_mm.begin(), offsets_mm.end());
@@ -52,6 +53,8 @@ double ClumpingOf(std::vector<double>& offsets_mm) {
   const double of_scattered_mm = sum / static_cast<double>(offsets_mm.size() - 1);
   return std::max(1.0, std::sqrt(std::max(0.0, variance_mm2)) / of_scattered_mm);
 }
+
+}  // namespace
 
 Clumping ClumpingBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> samples) {
   if (samples.empty()) return {};

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <span>
-#include <vector>
 
 #include "pipeline/features/opening_border.h"
 
@@ -19,9 +18,5 @@ struct Clumping {
 // And rays of laser lines stand in columns, and lines lie unevenly: where a border lies between two
 // of them all samples of a side tell the same.
 Clumping ClumpingBeside(const OpeningBorder& border, std::span<const Eigen::Vector2d> samples);
-
-// 1 sigma of how far the next one is from anywhere, over that of as many scattered ones [source:
-// Cox, Renewal Theory, 1962, section 5.2, forward recurrence time]. `offsets_mm`: become sorted.
-double ClumpingOf(std::vector<double>& offsets_mm);
 
 }  // namespace bendloop::pipeline

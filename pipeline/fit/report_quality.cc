@@ -20,9 +20,8 @@ namespace {
 
 // When a result is doubted.
 struct Doubts {
-  // [twice the logarithm of the odds] Margin of the structure: 10 are odds of 150 to 1.
-  double close_call = 10.0;
-  // The same, where there was nothing to compare with: as sure as can be said in a table.
+  // Margin of the structure where there was nothing to compare with: as sure as can be said in a
+  // table.
   double most_margin = 1e6;
   // [sigma] Between two halves; of some twenty values the greatest is beyond 5 once in 10^5 scans.
   double halves_differ = 5.0;
@@ -354,7 +353,7 @@ void ReportQuality(const SurfaceFit& structure, const SurfaceFit& fit, const Hal
         {length_mm, 6.0 * fit.easing_sigma_mm2[i] / std::max(1e-9, length_mm)});
   }
   measurement.structure_margin = std::clamp(structure.margin, 0.0, kDoubts.most_margin);
-  if (measurement.structure_margin < kDoubts.close_call) {
+  if (measurement.structure_margin < kCloseCall) {
     measurement.warnings.push_back(
         "the number of bends is a close call (margin " + Fixed(measurement.structure_margin, 1) +
         ", clear from 10 on): " +

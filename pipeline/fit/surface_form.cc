@@ -343,12 +343,6 @@ std::optional<double> SidesOf(const SegmentPoints& points, const Extent& extent,
 
 }  // namespace
 
-SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm,
-                     const DentInCells& in_cells) {
-  return FindForm({tube, fit.flattening, fit.easing, {}}, noise_mm, blocks, reach_mm, in_cells);
-}
-
 SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
                      std::span<const PointBlock> blocks, double reach_mm,
                      const DentInCells& in_cells) {

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "pipeline/fit/bowed_spine.h"
-#include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/tube/measurement.h"
 
@@ -36,12 +35,9 @@ inline constexpr DentInCells kPerhapsDents{0.005};
 // What a bend may have left of a dent that it has taken in: for what fits without it.
 inline constexpr DentInCells kFaintDents{0.003, 3.5, 3.0};
 
-// `tube`: of the fit, with its ends. `noise_mm`: 1 sigma of a point.
+// `state`: with its ends. `noise_mm`: 1 sigma of a point.
 // Straights of a bowed tube are looked at as if they did not bow.
 SurfaceForm FindForm(const BowedTubeState& state, double noise_mm,
-                     std::span<const PointBlock> blocks, double reach_mm,
-                     const DentInCells& dents = kClearDents);
-SurfaceForm FindForm(const SurfaceFit& fit, const hal::Tube& tube, double noise_mm,
                      std::span<const PointBlock> blocks, double reach_mm,
                      const DentInCells& dents = kClearDents);
 

@@ -131,6 +131,9 @@ struct PassOffset {
   Eigen::Vector3d turn_deg = Eigen::Vector3d::Zero();  // about it
 };
 
+// Of Measurement::structure_margin: odds of 150 to 1.
+inline constexpr double kCloseCall = 10.0;
+
 // What a scan says of a tube.
 struct Measurement {
   hal::Tube tube;          // in the world frame
@@ -155,7 +158,7 @@ struct Measurement {
   TubeFeaturesFound features;
   std::vector<PassOffset> passes;  // none: all points came in one, or in no order that is known
   // By how much the tube is better than the next best one with another number of bends: twice the
-  // natural logarithm of the odds. Below 10 it was a close call; NaN: not known, as of canals.
+  // natural logarithm of the odds. Below kCloseCall it was one; NaN: not known, as of canals.
   double structure_margin = 0;
   // The greatest difference between a row's value in two halves of the samples, in its own sigmas;
   // NaN: not known, as of canals.
