@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <sstream>
@@ -21,6 +22,8 @@ Outcome Nominal(const std::string& file, std::vector<std::string> words) {
   std::ostringstream out, err;
   host::AddNominalCommand(app, run, out, err);
   const std::string toml = TemporaryFile("part.toml"), json = TemporaryFile("part.json");
+  // Those of a run before are not this one's.
+  for (const std::string& left : {toml, json}) std::filesystem::remove(left);
   words.insert(words.begin(), {"nominal", file, "--out", toml, "--json", json});
   std::reverse(words.begin(), words.end());  // as CLI11 takes them
   try {
@@ -34,8 +37,8 @@ Outcome Nominal(const std::string& file, std::vector<std::string> words) {
   outcome.err = err.str();
   if (outcome.code == 0) {
     outcome.part = config::LoadPart(toml);
-    std::ifstream in(json);
-    outcome.json = nlohmann::json::parse(in);
+    // A list writes none.
+    if (std::ifstream in(json); in) outcome.json = nlohmann::json::parse(in);
   }
   return outcome;
 }
