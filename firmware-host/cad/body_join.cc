@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -82,8 +81,8 @@ bool Meet(const LooseEnd& a, const LooseEnd& b) {
   const bool with_bend = a.is_arc || b.is_arc, singles = a.is_single && b.is_single;
   // Two straights in line may be two parts; those of which each is a body of its own are not.
   if ((!with_bend && !singles) || a.concave != b.concave ||
-      std::abs(a.radius_mm - b.radius_mm) >= tolerance / 4 || a.outward.dot(b.outward) >= 0 ||
-      a.outward.cross(b.outward).norm() >= std::sin(kKinkDeg * std::numbers::pi / 180)) {
+      std::abs(a.radius_mm - b.radius_mm) >= tolerance / 4 ||
+      !PointAtEachOther(a.outward, b.outward)) {
     return false;
   }
   const Vector3d gap = b.point - a.point;

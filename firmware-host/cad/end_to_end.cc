@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <numbers>
 #include <string>
 
 #include "firmware-host/cad/tube_piece.h"
@@ -19,10 +18,8 @@ using Eigen::Vector3d;
 std::optional<double> ApartMm(const CadTube& a, bool a_first, const CadTube& b, bool b_first) {
   const double tolerance = MatchToleranceMm(a.pipe_radius_mm);
   if (std::abs(a.pipe_radius_mm - b.pipe_radius_mm) > tolerance / 4) return std::nullopt;
-  const Vector3d out = a.spine.OutwardAt(a_first), other = b.spine.OutwardAt(b_first);
-  if (out.dot(other) > 0 || out.cross(other).norm() > std::sin(kKinkDeg * std::numbers::pi / 180)) {
-    return std::nullopt;
-  }
+  const Vector3d out = a.spine.OutwardAt(a_first);
+  if (!PointAtEachOther(out, b.spine.OutwardAt(b_first))) return std::nullopt;
   const Vector3d gap =
       (b_first ? b.spine.start : b.spine.end) - (a_first ? a.spine.start : a.spine.end);
   const double apart_mm = gap.dot(out), beside_mm = (gap - apart_mm * out).norm();

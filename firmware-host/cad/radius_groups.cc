@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -23,8 +22,7 @@ struct PieceEnd {
 
 bool Meet(const PieceEnd& a, const PieceEnd& b) {
   return a.concave == b.concave && (a.point - b.point).norm() < MatchToleranceMm(a.radius_mm) &&
-         a.outward.dot(b.outward) < 0 &&
-         a.outward.cross(b.outward).norm() < std::sin(kKinkDeg * std::numbers::pi / 180);
+         PointAtEachOther(a.outward, b.outward);
 }
 
 std::vector<PieceEnd> EndsOf(const std::vector<std::vector<int>>& groups,

@@ -165,6 +165,11 @@ void AddPiecesOf(Group& group, std::vector<TubePiece>& pieces) {
 
 }  // namespace
 
+bool PointAtEachOther(const Vector3d& outward, const Vector3d& other) {
+  return outward.dot(other) < 0 &&
+         outward.cross(other).norm() < std::sin(kKinkDeg * std::numbers::pi / 180);
+}
+
 void AddAround(const std::vector<Vector3d>& points, const Vector3d& origin, const Vector3d& along,
                Around& around) {
   constexpr int kBetween = 8;  // places from one point to the next

@@ -17,6 +17,9 @@ inline constexpr double kKinkDeg = 0.5;
 // that were joined with a tolerance; and bodies so many before or into each other.
 inline constexpr double kBesideRadii = 0.1, kApartRadii = 1;
 
+// Whether two ends, by their ways out, are no kink where they meet.
+bool PointAtEachOther(const Eigen::Vector3d& outward, const Eigen::Vector3d& other);
+
 // Sectors of 5 degrees around a tube.
 using Around = std::bitset<72>;
 
