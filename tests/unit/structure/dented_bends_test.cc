@@ -111,7 +111,7 @@ TEST(DentedBends, AreNoSunkWalls) {
   for (const double off : RadiiOff(cloud.truth, *measured)) EXPECT_LT(std::abs(off), 4);
 }
 
-// Taken for passes that do not meet, dents made the pipe radius ten times as uncertain as its
+// Taken for passes that do not meet, dents made the pipe radius many times as uncertain as its
 // points have it, and the ends with it. And how many bends there are was a close call, as one more
 // explains a dent nearly as well.
 TEST(DentedStraights, LeavePipeRadiusAndBendsKnown) {
