@@ -7,10 +7,8 @@
 #include <vector>
 
 #include "firmware-host/cad/cad_shape.h"
-#include "firmware-host/cad/end_cut.h"
-#include "firmware-host/cad/end_form.h"
-#include "firmware-host/cad/flat_end.h"
 #include "firmware-host/cad/tube_chain.h"
+#include "firmware-host/cad/tube_end.h"
 #include "hal/tube_features.h"
 
 namespace bendloop::host {
@@ -29,24 +27,6 @@ struct WallOpening {
   std::vector<int> faces;
 
   double lean_deg() const;  // from the wall's normal
-};
-
-// An end of the tube.
-struct TubeEnd {
-  double oblique_deg = 0;  // of the cut; 0: square
-  bool is_plane = true;    // false: cut to a shape, and the length is up to its farthest point
-  double fitting_mm = 0;   // the plain outer surface ends so far before it
-  EndCover cover = EndCover::kNone;  // kFlat: of a tube whose bore the file shows
-  // Of one that is no plane: up to so far before it the outer surface goes all around.
-  double whole_before_mm = 0;
-  // Of an oblique cut, and of a shape: unit, from the axis to where the tube is longest; zero: that
-  // is nowhere. `longest_twice`: and on the other side.
-  Eigen::Vector3d longest = Eigen::Vector3d::Zero();
-  bool longest_twice = false;
-  bool reaches_bend = false;  // its plane cuts into the bend beside it
-  // Its cut goes through the bend where the rows end: the bend counts to its farthest point.
-  bool in_bend = false;
-  std::optional<FlatEnd> flat;
 };
 
 // Another tube of the file that begins where one ends.

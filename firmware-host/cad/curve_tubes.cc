@@ -2,7 +2,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -10,6 +9,7 @@
 #include "firmware-host/cad/cad_tube.h"
 #include "firmware-host/cad/developed.h"
 #include "firmware-host/cad/free_surface.h"
+#include "firmware-host/cad/note_text.h"
 
 namespace bendloop::host {
 namespace {
@@ -81,10 +81,7 @@ void TakeProfiles(const std::vector<Profile>& profiles, CadTube& tube) {
 }
 
 std::string KinkText(double angle_deg) {
-  char text[100];
-  std::snprintf(text, sizeof text, "its lines meet in a corner of %.3f degrees without an arc",
-                angle_deg);
-  return text;
+  return NoteText("its lines meet in a corner of %.3f degrees without an arc", angle_deg);
 }
 
 // Lines that meet in corners are one tube's polygon, drawn without its bends.

@@ -8,6 +8,7 @@
 
 #include "firmware-host/cad/developed.h"
 #include "firmware-host/cad/form_face.h"
+#include "firmware-host/cad/note_text.h"
 
 namespace bendloop::host {
 namespace {
@@ -70,10 +71,8 @@ std::vector<std::string> LeftOutNotes(const CadTube& tube,
     if (is_off) beside_mm += length;
   }
   if (beside_mm > 0) {
-    char text[120];
-    std::snprintf(text, sizeof text, "%.3f mm of the same diameter lie beside it: not in the rows",
-                  beside_mm);
-    notes.emplace_back(text);
+    notes.push_back(
+        NoteText("%.3f mm of the same diameter lie beside it: not in the rows", beside_mm));
   }
   return notes;
 }

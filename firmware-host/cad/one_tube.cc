@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "firmware-host/cad/developed.h"
+#include "firmware-host/cad/note_text.h"
 #include "hal/bend_program.h"
 #include "pipeline/tube/representations.h"
 
@@ -56,12 +57,6 @@ bool OneCentreLine(const CadTube& inner, const CadTube& outer) {
          std::equal(a.rbegin(), a.rend(), b.begin(), same);
 }
 
-std::string BodyText(const char* format, double diameter_mm) {
-  char text[120];
-  std::snprintf(text, sizeof text, format, diameter_mm);
-  return text;
-}
-
 // Whether `inner` was taken into `outer`.
 bool Take(const CadTube& inner, CadTube& outer) {
   if (inner.is_wire || outer.is_wire || inner.wall_mm || !OneCentreLine(inner, outer)) return false;
@@ -71,11 +66,11 @@ bool Take(const CadTube& inner, CadTube& outer) {
   if (!outer.wall_mm) {
     outer.wall_mm = outer.pipe_radius_mm - inner.pipe_radius_mm;
     outer.notes.push_back(
-        BodyText("its bore is a body of its own, %.3f mm in diameter", 2 * inner.pipe_radius_mm));
+        NoteText("its bore is a body of its own, %.3f mm in diameter", 2 * inner.pipe_radius_mm));
     return true;
   }
   if (inner.pipe_radius_mm > outer.pipe_radius_mm - *outer.wall_mm + tolerance) return false;
-  outer.notes.push_back(BodyText("a body of %.3f mm in diameter lies in its bore: left out",
+  outer.notes.push_back(NoteText("a body of %.3f mm in diameter lies in its bore: left out",
                                  2 * inner.pipe_radius_mm));
   return true;
 }
