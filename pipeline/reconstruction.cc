@@ -192,7 +192,7 @@ double MarginBesideDents(const SurfaceFit& structure, const BowedSolution& solut
   ReachTo(EndsOf(structure.tube), start);
   const BowedSolution rival = SolveAnew(start, blocks, options);
   if (rival.fit.tube.program.bend_count() <= bends) return structure.margin;
-  return std::max(structure.margin, MarginOver(rival, solution, blocks, options.reach_mm));
+  return std::max(structure.margin, EvidenceWithDents(solution, rival, blocks, options.reach_mm));
 }
 
 void LeaveOutSeamAndWrinkles(const SurfaceFit& structure, std::span<const PointBlock> blocks,

@@ -275,21 +275,17 @@ std::optional<double> EvidenceBesideDents(const BowedSolution& fewer, const Bowe
          kRevise.number_price * (FormNumbers(fewer) - FormNumbers(found));
 }
 
-// How much better the points speak for `a` [twice the logarithm of the odds], `more` beforehand.
-double EvidenceWithDents(const BowedSolution& a, const BowedSolution& b,
-                         std::span<const PointBlock> blocks, double reach_mm, double more = 0) {
-  const double evidence = more + EvidenceFor(a, b, blocks, reach_mm);
-  if (a.fit.tube.program.bend_count() >= b.fit.tube.program.bend_count()) return evidence;
-  const auto beside = EvidenceBesideDents(a, b, blocks, reach_mm);
-  return std::max(evidence, beside.value_or(evidence));
-}
-
 // Whether bends of this tube may look like two.
 bool ExplainsParted(const BowedSolution& solution) {
   return !solution.fit.easing.empty() || solution.undented;
 }
 
 }  // namespace
+
+bool IsOfSameBends(const BowedSolution& other, const BowedSolution& solution) {
+  return !other.bows.is_lost &&
+         other.fit.tube.program.bend_count() == solution.fit.tube.program.bend_count();
+}
 
 void DoubtBy(const Doubt& doubt, bool free_pipe_radius, BowedSolution& chosen) {
   const std::size_t bends = chosen.fit.tube.program.bend_count();
@@ -322,9 +318,12 @@ double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
          kRevise.number_price * (FormNumbers(a) - FormNumbers(b));
 }
 
-double MarginOver(const BowedSolution& rival, const BowedSolution& solution,
-                  std::span<const PointBlock> blocks, double reach_mm) {
-  return EvidenceWithDents(solution, rival, blocks, reach_mm);
+double EvidenceWithDents(const BowedSolution& a, const BowedSolution& b,
+                         std::span<const PointBlock> blocks, double reach_mm, double more) {
+  const double evidence = more + EvidenceFor(a, b, blocks, reach_mm);
+  if (a.fit.tube.program.bend_count() >= b.fit.tube.program.bend_count()) return evidence;
+  const auto beside = EvidenceBesideDents(a, b, blocks, reach_mm);
+  return std::max(evidence, beside.value_or(evidence));
 }
 
 BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> blocks,
@@ -334,8 +333,8 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
   const bool may_be_lost = solution.bows.is_lost || IsAtBound(solution.fit.tube);
   if (!may_be_lost || bends < 2 || options.priors.radii_alike > 0) return solution;
   BowedSolution other = OfOneDie(solution, blocks, options);
-  const bool is_found = !other.bows.is_lost && other.fit.tube.program.bend_count() == bends &&
-                        GainOf(other, solution, blocks, options.reach_mm) > 0;
+  const bool is_found =
+      IsOfSameBends(other, solution) && GainOf(other, solution, blocks, options.reach_mm) > 0;
   return is_found ? std::move(other) : std::move(solution);
 }
 

@@ -23,6 +23,10 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
                             const SurfaceFitOptions& options,
                             std::optional<SurfaceFit> straight = std::nullopt);
 
+// Whether what another fit found has as many bends, and no bow led it astray: only then the two can
+// be asked which of them is the better.
+bool IsOfSameBends(const BowedSolution& other, const BowedSolution& solution);
+
 // How much better the points speak for `a`, of as many bends as `b` [twice the logarithm of the
 // odds].
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
@@ -37,10 +41,10 @@ double AdvantageAt(std::span<const PointBlock> blocks, const BowedSolution& a,
 double EvidenceFor(const BowedSolution& a, const BowedSolution& b,
                    std::span<const PointBlock> blocks, double reach_mm);
 
-// The same for `solution` against `rival`; where that has more bends, also of the points beside the
-// dents that it is without.
-double MarginOver(const BowedSolution& rival, const BowedSolution& solution,
-                  std::span<const PointBlock> blocks, double reach_mm);
+// The same, `more` of them beforehand; where `b` has more bends, also of the points beside the
+// dents that `a` is without, if those speak more for it.
+double EvidenceWithDents(const BowedSolution& a, const BowedSolution& b,
+                         std::span<const PointBlock> blocks, double reach_mm, double more = 0);
 
 // What a tube may be as well, `part` of the odds. `chosen` is less sure by as much as that lies
 // elsewhere.

@@ -45,10 +45,7 @@ std::optional<BowedSolution> WithoutDent(std::optional<OwnedBlocks> left,
   std::optional<BowedSolution> other;
   for (int round = 0; left && left->point_count() < CountPoints(from); ++round) {
     other = SolveWithBows(other ? other->straight : solution.straight, *left, options);
-    if (other->fit.tube.program.bend_count() != solution.fit.tube.program.bend_count() ||
-        other->bows.is_lost) {
-      return std::nullopt;
-    }
+    if (!IsOfSameBends(*other, solution)) return std::nullopt;
     if (!other->undented) other->undented = std::move(left);
     if (round == kFaint.rounds) return other;
     left = WithoutDents(other->bows.state, other->bows.noise_mm, blocks, from, options.reach_mm,

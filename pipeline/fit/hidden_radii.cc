@@ -54,10 +54,9 @@ void TakeUsualWhereHidden(const SurfaceFitOptions& options, BowedSolution& solut
   if (!start) return;
   const std::span<const PointBlock> beside = *solution.undented;
   BowedSolution other = SolveWithBows(*start, beside, with);
-  const std::size_t bends = fit.tube.program.bend_count();
-  if (other.bows.is_lost || other.fit.tube.program.bend_count() != bends) return;
+  if (!IsOfSameBends(other, solution)) return;
   const double worse = AdvantageAt(beside, solution, other, options.reach_mm);
-  if (worse > kHiddenRadii.worse * static_cast<double>(bends)) return;
+  if (worse > kHiddenRadii.worse * static_cast<double>(fit.tube.program.bend_count())) return;
   if (!other.undented) other.undented = std::move(solution.undented);
   solution = std::move(other);
 }

@@ -128,8 +128,8 @@ std::optional<Doubt> TryOdd(std::size_t bend, double asked_mm, const UsualBendRa
   from_there.priors.odd_bends.push_back(bend);
   from_there.easing = solution.fit.easing;
   BowedSolution odd = SolveWithBows(*start, blocks, from_there);
+  if (!IsOfSameBends(odd, solution)) return std::nullopt;
   const auto& rows = odd.fit.tube.program.rows;
-  if (rows.size() != solution.fit.tube.program.rows.size() || odd.bows.is_lost) return std::nullopt;
   const double off_mm = rows[bend].bend_radius_mm.value_or(0.0) - usual.mean_mm;
   if (std::abs(off_mm) < kOddDie.same * usual.sigma_mm) return std::nullopt;
   const double better = OddsOfOdd(rows[bend], odd.fit.sigma.rows[bend], usual);

@@ -41,7 +41,7 @@ void TrySkewedEasing(std::span<const PointBlock> blocks, const SurfaceFitOptions
   with.report = options.report;
   with.easing = skewed.easing;
   BowedSolution other = SolveWithBows(skewed.tube, blocks, with);
-  if (other.fit.tube.program.bend_count() != bends || other.bows.is_lost) return;
+  if (!IsOfSameBends(other, solution)) return;
   if (other.bows.worth > kSkew.left * worth) return;
   if (AdvantageOf(other, solution, blocks, options.reach_mm) < least) return;
   solution = std::move(other);

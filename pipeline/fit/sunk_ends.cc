@@ -69,8 +69,7 @@ std::optional<OwnedBlocks> LeaveOutSunkEnds(std::span<const PointBlock> blocks,
     SurfaceFitOptions with = options;
     with.wide_plateau = is_wide;
     BowedSolution other = SolveAnew(solution.straight, left, with);
-    const bool is_same = other.fit.tube.program.bend_count() == fit.tube.program.bend_count();
-    if (!is_same || other.bows.is_lost || SunkEnds(other.fit).empty()) return std::nullopt;
+    if (!IsOfSameBends(other, solution) || SunkEnds(other.fit).empty()) return std::nullopt;
     return other;
   };
   auto narrow = solved(false), wide = solved(true);

@@ -50,11 +50,6 @@ bool LooksSunk(const BowedSolution& round, std::span<const PointBlock> blocks, d
   return dented > 1 && (dented == bends || (dented > 2 && 2 * dented > bends));
 }
 
-bool IsSameTube(const BowedSolution& other, const BowedSolution& flattened) {
-  return !other.bows.is_lost &&
-         other.fit.tube.program.bend_count() == flattened.fit.tube.program.bend_count();
-}
-
 // How much the samples must speak for flattened bends [twice the logarithm of the odds].
 double AskedForFlattened(const SurfaceFit& flattened) {
   const double variance_mm2 = flattened.sigma_mm * flattened.sigma_mm;
@@ -69,7 +64,7 @@ std::optional<BowedSolution> WithDents(const BowedSolution& flattened,
   // Easing, too, may be of dents; without them it is found again.
   round.easing = {};
   BowedSolution other = SolveWithBows(flattened.straight, blocks, round);
-  if (!other.undented || !IsSameTube(other, flattened)) return std::nullopt;
+  if (!other.undented || !IsOfSameBends(other, flattened)) return std::nullopt;
   // It has taken a dent in itself.
   if (other.bows.worth > std::max(kRoundBends.disagree, flattened.bows.worth)) return std::nullopt;
   if (LooksSunk(other, blocks, round.reach_mm)) return std::nullopt;
@@ -88,7 +83,7 @@ std::optional<BowedSolution> BesideDents(const BowedSolution& flattened,
   const std::span<const PointBlock> beside = *undented;
   round.easing = flattened.fit.easing;
   BowedSolution other = SolveWithBows(flattened.straight, beside, round);
-  if (!IsSameTube(other, flattened)) return std::nullopt;
+  if (!IsOfSameBends(other, flattened)) return std::nullopt;
   const double advantage = AdvantageAt(beside, flattened, other, round.reach_mm);
   if (advantage > AskedForFlattened(flattened.fit)) return std::nullopt;
   if (!other.undented) other.undented = std::move(undented);
@@ -149,7 +144,7 @@ void FlattenRoundBends(std::span<const PointBlock> blocks, SurfaceFitOptions& op
   const double led = of_few(options).cost_mm2 - few_flattened.cost_mm2;
   if (led < few_mm2 * StructureCriterion::InsistOnFlattened(few_flattened)) return;
   BowedSolution other = SolveAnew(solution.straight, blocks, flattened);
-  if (other.fit.tube.program.bend_count() != bends || other.bows.is_lost) return;
+  if (!IsOfSameBends(other, solution)) return;
   if (AdvantageOf(other, solution, blocks, options.reach_mm) < AskedForFlattened(other.fit)) return;
   options = std::move(flattened);
   solution = std::move(other);
