@@ -365,10 +365,21 @@ class PassFit {
 
   void SetCovariance(const Joint& joint, const TubeParameters& parameters) {
     const int n = parameters.size();
+    const auto offsets = static_cast<int>(offsets_.size());
     const double variance = joint.squares / std::max(1.0, joint.weight);
-    const Eigen::MatrixXd together = Inverse(joint.matrix).topLeftCorner(n, n);
-    const Eigen::MatrixXd alone = Inverse(joint.matrix.topLeftCorner(n, n));
-    covariance_ = variance * (together - alone);
+    // As a product, and not as the difference of the parameters' covariances with offsets and
+    // without: what points hardly tell of a bend (a slight one) is as large in both, and would
+    // leave less than nothing.
+    const Eigen::MatrixXd both = joint.matrix.topRightCorner(n, offsets);
+    const Eigen::MatrixXd moves = SolveSymmetric(joint.matrix.topLeftCorner(n, n), both);
+    const EigenSystem of_offsets =
+        SymmetricEigen(joint.matrix.bottomRightCorner(offsets, offsets) - both.transpose() * moves);
+    const double least = joint.sigma_mm * joint.sigma_mm * fit_.design_effect /
+                         std::pow(sigmas_.maxCoeff(), 2);  // what their priors alone tell of them
+    const Eigen::VectorXd known = of_offsets.values.cwiseMax(least);
+    const Eigen::MatrixXd root =
+        moves * of_offsets.vectors * known.cwiseSqrt().cwiseInverse().asDiagonal();
+    covariance_ = variance * root * root.transpose();
   }
 
   const SurfaceFit& fit_;
