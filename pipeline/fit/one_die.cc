@@ -29,6 +29,8 @@ struct OneDieSettings {
   // Root mean square of the parts by which variances of curvatures differ from those of a die, up
   // to which all of them are its. Of radii that differ by a tenth it is some hundredths.
   double same = 0.01;
+  // Nearer to it they are no surer to be.
+  double nearest = 0.001;
 };
 constexpr OneDieSettings kOneDie;
 
@@ -85,13 +87,11 @@ bool LooksEased(const SurfaceFit& fit, const Die& die) {
              std::max(std::pow(kOneDie.agree_sigmas, 2), std::pow(kOneDie.agree_part, 2) * differ);
 }
 
-// How many times a variance what neither tube explains tells them apart by, too, by chance: where
-// all bends tell of the die, so that only what is arc, and what is easing, is another. Else that is
-// a reason not to take other radii.
-double ChanceOf(const BowedSolution& solution, const Die& die) {
+// Root mean square of the parts by which variances of the bends' curvatures are not those of bends
+// of this die.
+double ApartFrom(const Die& die, const BowedSolution& solution) {
   const auto& rows = solution.fit.tube.program.rows;
   const std::size_t bends = solution.fit.tube.program.bend_count();
-  if (bends < kOneDie.least_bends) return 1.0;
   const std::vector<double> eased_mm2 = EasedMm2(solution.fit);
   double apart = 0;
   for (std::size_t i = 0; i < bends; ++i) {
@@ -100,8 +100,23 @@ double ChanceOf(const BowedSolution& solution, const Die& die) {
     const double off = (square * radius_mm * radius_mm + eased_mm2[i]) / of_die_mm2 - 1.0;
     apart += off * off / static_cast<double>(bends);
   }
-  if (apart > kOneDie.same * kOneDie.same) return 1.0;
-  return std::max(1.0, solution.fit.design_effect / std::max(1.0, solution.bows.worth));
+  return std::sqrt(apart);
+}
+
+// How much worse bends of one die may explain the points [variances]. Where all of them tell of the
+// die, what is arc, and what is easing, is all that is another: what neither tube explains tells
+// these apart, too, by chance; and by chance bends of other radii would hardly tell of one, each
+// beyond the two that any die fits as hardly as they are near to it. Else that is a reason not to
+// take other radii.
+double MayBeWorse(const BowedSolution& solution, const Die& die) {
+  const auto bends = static_cast<double>(solution.fit.tube.program.bend_count());
+  const double worse = kOneDie.worse * bends;
+  if (solution.fit.tube.program.bend_count() < kOneDie.least_bends) return worse;
+  const double apart = ApartFrom(die, solution);
+  if (apart > kOneDie.same) return worse;
+  const double unexplained =
+      std::max(1.0, solution.fit.design_effect / std::max(1.0, solution.bows.worth));
+  return unexplained * worse - 2.0 * (bends - 2.0) * std::log(std::max(apart, kOneDie.nearest));
 }
 
 }  // namespace
@@ -145,7 +160,7 @@ void TryOneDie(std::span<const PointBlock> blocks, const SurfaceFitOptions& opti
   alike.radii_alike = kRadiiOfOneDie;
   const double better = AdvantageOf(other, solution, blocks, options.reach_mm) -
                         alike.ChiSquare(other.fit.tube.program, {});
-  if (!(better > -kOneDie.worse * static_cast<double>(bends) * ChanceOf(solution, *die))) return;
+  if (!(better > -MayBeWorse(solution, *die))) return;
   solution = std::move(other);
 }
 

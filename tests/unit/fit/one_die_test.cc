@@ -128,6 +128,39 @@ TEST(OneDie, FindsTheEasingOfBendsThatHardlyDiffer) {
   }
 }
 
+// A bend that eases in and out linearly over more than its arc is, in its curvature along the
+// spine, one of a wider die that eases over that arc: its radius was told to be twice what it was,
+// with a sigma of a hundredth. What a fit leaves of the bends' sections spoke for that.
+TEST(OneDie, TellsABendThatEasesOverMoreThanItsArc) {
+  const double bend_radius_mm = 15;
+  hal::Tube tube = ThreeBends();
+  tube.pipe_radius_mm = 7.4;
+  tube.program.rows = {{102, 0, 86, bend_radius_mm},
+                       {98, 54, 30.5, bend_radius_mm},
+                       {83, 8, 75.5, bend_radius_mm},
+                       {94, 158, 69, bend_radius_mm},
+                       {97, 0, 0, {}}};
+  std::mt19937_64 random(1);
+  const auto cloud = tests::ScanRealTube(tube, {.easing_r = 1.075, .ramps = true, .ovality = 0.01},
+                                         {.points = 60'000, .noise_mm = 0.003}, random);
+  const std::vector<PointBlock> blocks = {{Eigen::Vector3d::Zero(), 1e3, cloud.points_W}};
+  SurfaceFitOptions options{.reach_mm = 1.5};
+  options.flattened = true;
+  const double eased_mm2 = std::pow(2 * 1.075 * tube.pipe_radius_mm, 2) / 12;
+  const double arc_mm2 = VarianceOfArc(tube.program.rows[1]) * bend_radius_mm * bend_radius_mm;
+  options.easing.variance_mm2.assign(4, eased_mm2);
+  options.easing.variance_mm2[1] = arc_mm2;
+  const auto wide =
+      WithBendRadii(tube, std::sqrt(eased_mm2 / VarianceOfArc(tube.program.rows[1])), 1);
+  ASSERT_TRUE(wide);
+  BowedSolution solution = SolveWithBows(*wide, blocks, options);
+  ASSERT_GT(*solution.fit.tube.program.rows[1].bend_radius_mm, 25);
+  TryOneDie(blocks, options, solution);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_NEAR(*solution.fit.tube.program.rows[i].bend_radius_mm, bend_radius_mm, 0.5) << i;
+  }
+}
+
 // Radii that differ for another reason stay what they are.
 TEST(OneDie, RadiiThatDoNotFollowTheAngleStay) {
   const double angles_deg[] = {57, 79, 92, 100, 66};
