@@ -2,8 +2,6 @@
 // The paper's overview (Bauer & Polthier 2009, section 1.3): project, connect, simplify,
 // approximate, fit. Samples are projected while they arrive; the rest follows when the scan ends,
 // and now and then for the live view.
-#include "pipeline/reconstruction.h"
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -43,9 +41,11 @@
 #include "pipeline/fit/surface_fit.h"
 #include "pipeline/fit/surface_form.h"
 #include "pipeline/fit/tube_ends.h"
+#include "pipeline/fit/wall_spine.h"
 #include "pipeline/fit/without_dents.h"
 #include "pipeline/fit/wrinkles.h"
 #include "pipeline/points/input_checks.h"
+#include "pipeline/reconstruction.h"
 #include "pipeline/spine/closed_tube.h"
 #include "pipeline/spine/oriented_samples.h"
 #include "pipeline/spine/sample_intake.h"
@@ -146,11 +146,11 @@ SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
 }
 
 // The dents that cells showed, by their points.
-void TellDents(std::span<const PointBlock> blocks, const TubeEnds& ends, double noise_mm,
-               Measurement& measurement) {
+void TellDents(std::span<const PointBlock> blocks, const WallSpine& wall, const TubeEnds& ends,
+               double noise_mm, Measurement& measurement) {
   const CutFaces faces(measurement.tube, measurement.features);
-  MeasureDents(measurement.tube, {measurement.easing, measurement.flattening}, ends, faces,
-               noise_mm, blocks, measurement.dents);
+  MeasureDents(measurement.tube, {wall, measurement.flattening}, ends, faces, noise_mm, blocks,
+               measurement.dents);
   KeepPressedIn(measurement.tube, faces, noise_mm, blocks, measurement.dents);
   KeepThoseOf(measurement.tube, measurement.dents, measurement.wrinkles);
 }
@@ -358,15 +358,16 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   LookBeyondEnds(ends, final, measurement);
   if (options_.nominal) SayOtherPart(*options_.nominal, final.other_die, measurement);
   timer.Done("ends");
-  WallCells cells = DescribeSamples(tube->blocks, intake_.grid().kept_count(), final.noise_mm,
+  const WallSpine wall = WallSpineOf(final.bowed, measurement.tube, measurement.easing);
+  WallCells cells = DescribeSamples(tube->blocks, intake_.grid().kept_count(), wall, final.noise_mm,
                                     measurement, workers);
   timer.Done("description");
   if (knows_wall) {
     measurement.features = {true, cuts.first, cuts.last,
-                            FindOpenings(measurement.tube, measurement.easing, ends, final.noise_mm,
+                            FindOpenings(measurement.tube, wall.spine, ends, final.noise_mm,
                                          tube->blocks, std::move(cells))};
   }
-  TellDents(tube->blocks, ends, final.noise_mm, measurement);
+  TellDents(tube->blocks, wall, ends, final.noise_mm, measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
   SayWhatIsAroundBends(fit, final.bowed, fitted, final.options.reach_mm, measurement);

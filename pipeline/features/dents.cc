@@ -67,7 +67,8 @@ class Wall {
       : r_mm_(tube.pipe_radius_mm),
         faces_(faces),
         face_mm_(CutFaces::ReachMm(noise_mm, r_mm_)),
-        spine_(SpineOf(tube.program, tube.X_WT, form.easing)),
+        about_(form.about),
+        spine_(form.about.spine),
         frames_(SegmentFrames(spine_, 0.0, form.flattening)),
         blocks_(blocks) {
     for (const Flattening& of_bend : form.flattening) {
@@ -78,7 +79,8 @@ class Wall {
   }
 
   // The nearest to a point, outwards to it, and where along the spine.
-  std::pair<hal::SurfaceFrame, double> FrameTo(const Eigen::Vector3d& point) const {
+  std::pair<hal::SurfaceFrame, double> FrameTo(const Eigen::Vector3d& seen) const {
+    const Eigen::Vector3d point = Straightened(seen, FootOf(seen));
     const SpineFoot foot = FootOf(point);
     const double along_mm =
         foot.segment < 0
@@ -123,6 +125,11 @@ class Wall {
   hal::SurfaceFrame FrameAt(double along_mm, double around_deg) const {
     return hal::FrameAt(spine_.segments, along_mm, around_deg, spine_.pieces);
   }
+  // Of a place on the frames' straights, how far these bow aside there.
+  Eigen::Vector3d BowedMm(double along_mm) const {
+    const std::size_t segment = hal::SegmentAt(spine_.segments, along_mm);
+    return about_.BesideMm(segment, along_mm - spine_.segments[segment].from_start_mm);
+  }
   double length_mm() const { return spine_.length_mm(); }
   // Where along the spine a place of the wall about the frame is, and how much of the spine is
   // beside a length of the wall there.
@@ -142,13 +149,19 @@ class Wall {
   }
 
  private:
+  // The point where it would be if the straight that it lies on did not bow.
+  Eigen::Vector3d Straightened(const Eigen::Vector3d& point, const SpineFoot& foot) const {
+    if (foot.segment < 0) return point;
+    return point - about_.BesideMm(static_cast<std::size_t>(foot.segment), foot.along_mm);
+  }
   SpineFoot FootOf(const Eigen::Vector3d& point) const {
     std::vector<std::int32_t> all(spine_.segments.size());
     std::iota(all.begin(), all.end(), 0);
     return NearestFoot(point, spine_.segments, frames_, all);
   }
-  std::optional<WallPoint> PlaceOf(const Eigen::Vector3d& point, const UnrolledWall& unrolled,
+  std::optional<WallPoint> PlaceOf(const Eigen::Vector3d& seen, const UnrolledWall& unrolled,
                                    double along_mm) const {
+    const Eigen::Vector3d point = Straightened(seen, FootOf(seen));
     const SpineFoot foot = FootOf(point);
     if (foot.segment < 0) return std::nullopt;
     const Eigen::Vector2d place = unrolled.PlaceOf(point, foot);
@@ -172,17 +185,19 @@ class Wall {
       if ((block.center_mm - middle).squaredNorm() > near_mm * near_mm) continue;
       CandidateSegments(block, frames_, 2.0 * r_mm_, candidates);
       if (candidates.empty()) continue;
-      for (const Eigen::Vector3d& point : block.points) {
-        const SpineFoot foot = NearestFoot(point, segments, frames_, candidates);
+      for (const Eigen::Vector3d& as_seen : block.points) {
+        SpineFoot foot = NearestFoot(as_seen, segments, frames_, candidates);
+        const Eigen::Vector3d point = Straightened(as_seen, foot);
+        if (!about_.bows.empty()) foot = NearestFoot(point, segments, frames_, candidates);
         const double off = foot.distance_mm - r_mm_;
         if (foot.segment < 0 || off < off_mm[0] || off > off_mm[1]) continue;
         const auto at = static_cast<std::size_t>(foot.segment);
         if (foot.along_mm < 0 || foot.along_mm > segments[at].length_mm) continue;
         const Eigen::Vector2d place = unrolled.PlaceOf(point, foot);
         const double u = unrolled.AlongWallMm(place, along_mm), v = -place.y();
-        if (std::abs(u) > reach_mm || std::abs(v) > around_mm || faces_.AreAt(point, face_mm_))
+        if (std::abs(u) > reach_mm || std::abs(v) > around_mm || faces_.AreAt(as_seen, face_mm_))
           continue;
-        seen.push_back({{u, v, off}, &point, at});
+        seen.push_back({{u, v, off}, &as_seen, at});
       }
     }
     return seen;
@@ -204,7 +219,8 @@ class Wall {
   const CutFaces& faces_;
   double face_mm_;
   double flat_mm_ = 0;  // the furthest that a bend's wall lies off the round one
-  EasedSpine spine_;
+  const WallSpine& about_;
+  const EasedSpine& spine_;
   std::vector<SegmentFrame> frames_;
   std::span<const PointBlock> blocks_;
 };
@@ -324,7 +340,7 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
   there.outward = UnrolledWall::Carried(
       Eigen::AngleAxisd(fitted.around_mm / r_mm, frame.tangent) * frame.outward, frame.tangent,
       there.tangent);
-  dent.position_mm = there.spine_mm + r_mm * there.outward;
+  dent.position_mm = there.spine_mm + r_mm * there.outward + wall.BowedMm(along_mm);
   dent.along_sigma_mm = part * fitted.along_sigma_mm;
   dent.around_sigma_deg = fitted.around_sigma_mm / r_mm * hal::kDegreesPerRadian;
   dent.depth_mm = fitted.depth_mm, dent.sigma_mm = fitted.depth_sigma_mm;

@@ -8,15 +8,15 @@
 #include "pipeline/features/cut_faces.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
-#include "pipeline/tube/easing.h"
+#include "pipeline/fit/wall_spine.h"
 #include "pipeline/tube/flattening.h"
 #include "pipeline/tube/measurement.h"
 
 namespace bendloop::pipeline {
 
-// What a tube's bends are beside sharp and round.
+// What the dents lie in.
 struct WallForm {
-  const Easing& easing;
+  const WallSpine& about;
   std::span<const Flattening> flattening;  // of every bend, or none
 };
 
@@ -29,8 +29,7 @@ struct WallForm {
 //
 // `faces`: where the wall was cut; what is seen of them is no wall.
 // `noise_mm`: 1 sigma of a point along the normal.
-// `wall`: how its bends ease and are flattened; places are those of `tube`, whose bends are sharp
-// and round.
+// Places are those of `tube`, whose bends are sharp and round.
 void MeasureDents(const hal::Tube& tube, const WallForm& wall, const TubeEnds& ends,
                   const CutFaces& faces, double noise_mm, std::span<const PointBlock> blocks,
                   std::vector<DentFound>& dents);

@@ -370,14 +370,13 @@ class Candidate {
 
 }  // namespace
 
-std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easing,
+std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const EasedSpine& spine,
                                        const TubeEnds& ends, double sigma_mm,
                                        std::span<const PointBlock> blocks, WallCells cells) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, std::move(cells));
   std::vector<OpeningFound> openings, may_be_unseen;
   if (places.empty()) return openings;
-  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, easing);
   const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
   const LookedAtTube looked_at{tube.pipe_radius_mm, sigma_mm, spine.segments, frames, blocks};
   const Candidate candidate(looked_at, segments, sigma_mm);

@@ -16,9 +16,9 @@ namespace bendloop::pipeline {
 // Holes and slots through the wall: places where no sample lies, neither on the surface nor above
 // it, though they are dense all around, as densely as an opening of one clear border leaves them.
 // What the scanner did not reach, what a clamp hides and the gaps between laser lines are no holes.
-// `tube`: with all that is on its ends. `sigma_mm`: noise of the points. `cells`: where on the tube
-// they are.
-std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const Easing& easing,
+// `tube`: with all that is on its ends; `wall`: what its wall lies about (WallSpineOf()).
+// `sigma_mm`: noise of the points. `cells`: where on the tube they are.
+std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const EasedSpine& wall,
                                        const TubeEnds& ends, double sigma_mm,
                                        std::span<const PointBlock> blocks, WallCells cells);
 

@@ -84,19 +84,21 @@ class Describer {
  public:
   // Every `sparse`-th point is kept for the surface. `cells`: counts the points on the wall; none:
   // nobody asks.
-  Describer(const EasedSpine& spine, std::span<const Flattening> flattening, double pipe_radius_mm,
+  Describer(const WallSpine& wall, std::span<const Flattening> flattening, double pipe_radius_mm,
             double sigma_mm, const Bins& bins, std::size_t sparse, WallCellCounter* cells,
             Description& description)
-      : segments_(spine.segments),
-        frames_(SegmentFrames(spine, kBeyond * pipe_radius_mm, {})),
-        flattened_(flattening.empty() ? std::vector<SegmentFrame>()
-                                      : SegmentFrames(spine, kBeyond * pipe_radius_mm, flattening)),
+      : wall_(wall),
+        segments_(wall.spine.segments),
+        frames_(SegmentFrames(wall.spine, kBeyond * pipe_radius_mm, {})),
+        flattened_(flattening.empty()
+                       ? std::vector<SegmentFrame>()
+                       : SegmentFrames(wall.spine, kBeyond * pipe_radius_mm, flattening)),
         pipe_radius_mm_(pipe_radius_mm),
         length_mm_(bins.length_mm),
         reach_mm_(kDescription.outlier * sigma_mm),
         inverse_bin_(1.0 / bins.bin_mm),
         sparse_(sparse),
-        is_sharp_(spine.pieces == 1),
+        is_sharp_(wall.spine.pieces == 1),
         cells_(cells),
         out_(description) {
     out_.count.assign(bins.count, 0);
@@ -122,7 +124,7 @@ class Describer {
       for (std::size_t c = 0; c < candidates_.size(); ++c) {
         const SegmentFrame& frame = frames_[static_cast<std::size_t>(candidates_[c])];
         if (frame.bend_radius_mm > 0) AlongArc(frame, nearest_.Local(c), count, along_mm_[c]);
-        FlattenedInside(c);
+        SetInside(c, count);
       }
       if (shares) cells_->AddShared(nearest_, candidates_, along_mm_, count, index + first);
       for (std::size_t i = 0; i < count; ++i) {
@@ -134,20 +136,31 @@ class Describer {
   }
 
  private:
-  void FlattenedInside(std::size_t candidate) {
+  // How far the wall of flattened bends, and of straights that bow, lies inside the round one.
+  void SetInside(std::size_t candidate, std::size_t count) {
+    if (!wall_.bows.empty() || !flattened_.empty()) inside_mm_[candidate].fill(0.0);
+    const auto k = static_cast<std::size_t>(candidates_[candidate]);
+    if (!wall_.bows.empty() && !wall_.bows[k].is_none()) {
+      const auto& local = nearest_.Local(candidate);
+      const Bow& bow = wall_.bows[k];
+      for (std::size_t i = 0; i < count; ++i) {
+        const Eigen::Vector2d beside_mm = bow.Beside(bow.At(local.x[i], segments_[k].length_mm));
+        inside_mm_[candidate][i] =
+            -(beside_mm.x() * local.y[i] + beside_mm.y() * local.z[i]) / local.distance[i];
+      }
+    }
     if (flattened_.empty()) return;
     const SegmentFrame& frame = flattened_[static_cast<std::size_t>(candidates_[candidate])];
     if (frame.flattening) {
       FlattenedBy(frame, pipe_radius_mm_, nearest_.Local(candidate), inside_mm_[candidate]);
-    } else {
-      inside_mm_[candidate].fill(0.0);
     }
   }
   void Add(const Eigen::Vector3d& point, std::size_t i, bool keep) {
     const std::size_t c = nearest_.Candidate(i);
     const auto k = static_cast<std::size_t>(candidates_[c]);
     const double off_round_mm = nearest_.Local(c).distance[i] - pipe_radius_mm_;
-    const double d = flattened_.empty() ? off_round_mm : off_round_mm + inside_mm_[c][i];
+    const bool is_round = flattened_.empty() && wall_.bows.empty();
+    const double d = is_round ? off_round_mm : off_round_mm + inside_mm_[c][i];
     const double along_mm =
         frames_[k].bend_radius_mm > 0
             ? along_mm_[c][i]
@@ -170,6 +183,7 @@ class Describer {
     out_.sum_mm[bin] += off_round_mm;
   }
 
+  const WallSpine& wall_;
   const std::vector<hal::SpineSegment>& segments_;
   std::vector<SegmentFrame> frames_, flattened_;
   double pipe_radius_mm_, length_mm_, reach_mm_, inverse_bin_;
@@ -180,11 +194,11 @@ class Describer {
   std::vector<std::int32_t> candidates_;
   NearestLanes nearest_;
   WallCellCounter::AlongArcs along_mm_;
-  std::vector<std::array<double, kBatch>> inside_mm_;  // of flattened bends, by candidate
+  std::vector<std::array<double, kBatch>> inside_mm_;  // by candidate
 };
 
 // A walk over all points. `cells`: becomes where they are, if it has any.
-Description Describe(std::span<const PointBlock> blocks, const EasedSpine& spine,
+Description Describe(std::span<const PointBlock> blocks, const WallSpine& wall,
                      std::span<const Flattening> flattening, const hal::Tube& tube, double sigma_mm,
                      const Bins& bins, EmptyWallCells& cells, Workers* workers) {
   const std::size_t sparse = CountPoints(blocks) / kDescription.most_kept + 1;
@@ -205,7 +219,7 @@ Description Describe(std::span<const PointBlock> blocks, const EasedSpine& spine
     if (counts) counter.emplace(tube, cells);
     const std::size_t end = (part + 1) * rounds.size() / parts.size();
     for (std::size_t round = part * rounds.size() / parts.size(); round < end; ++round) {
-      Describer describer(spine, flattening, tube.pipe_radius_mm, sigma_mm, bins, sparse,
+      Describer describer(wall, flattening, tube.pipe_radius_mm, sigma_mm, bins, sparse,
                           counts ? &*counter : nullptr, descriptions[round]);
       for (std::size_t i = rounds[round].begin; i < rounds[round].end; ++i) {
         describer.Add(blocks[i], first_index[i]);
@@ -342,18 +356,18 @@ void SetSpine(const Bins& bins, const std::vector<hal::SpineSegment>& segments,
 }  // namespace
 
 WallCells DescribeSamples(std::span<const PointBlock> blocks, std::size_t all_samples,
-                          double sigma_mm, Measurement& measurement, Workers* workers) {
+                          const WallSpine& wall, double sigma_mm, Measurement& measurement,
+                          Workers* workers) {
   const hal::Tube& tube = measurement.tube;
-  const EasedSpine spine = SpineOf(tube.program, tube.X_WT, measurement.easing);
-  const Bins bins(spine, tube.pipe_radius_mm);
+  const Bins bins(wall.spine, tube.pipe_radius_mm);
   EmptyWallCells cells = EmptyCellsOf(tube, blocks);
   Description points =
-      Describe(blocks, spine, measurement.flattening, tube, sigma_mm, bins, cells, workers);
+      Describe(blocks, wall, measurement.flattening, tube, sigma_mm, bins, cells, workers);
   SetDistances(points, all_samples, measurement.fit);
   SayOutliers(bins, points, measurement);
   SayOtherSections(bins, points, measurement);
   SetCoverage(bins, points.count, measurement);
-  SetSpine(bins, spine.segments, points, measurement);
+  SetSpine(bins, wall.spine.segments, points, measurement);
   measurement.surface = std::move(points.surface);
   return std::move(cells.cells);
 }

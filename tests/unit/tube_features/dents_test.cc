@@ -26,6 +26,7 @@ TEST(Dents, AreasInBendsAreThoseOfTheSurface) {
   constexpr double kRadiusMm = 8, kNoiseMm = 0.02, kDeepMm = 0.6, kWideMm = 2;
   const hal::Tube tube{kRadiusMm, {{{40, 0, 90, 24.0}, {40, 0, 0, std::nullopt}}}, {}};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const WallSpine wall{SpineOf(tube.program, tube.X_WT, {})};
   const double middle_mm = 40 + 0.25 * std::numbers::pi * 24;
   const double area_mm2 = 2 * std::numbers::pi * std::numbers::ln2 * kWideMm * kWideMm;
   std::mt19937_64 random(7);
@@ -51,7 +52,7 @@ TEST(Dents, AreasInBendsAreThoseOfTheSurface) {
     DentFound seen;
     seen.position_mm = at_mm, seen.depth_mm = 0.7 * kDeepMm, seen.size_mm = 5;
     std::vector<DentFound> dents = {seen};
-    MeasureDents(tube, {{}, {}}, {}, CutFaces(tube, {}), kNoiseMm, blocks, dents);
+    MeasureDents(tube, {wall, {}}, {}, CutFaces(tube, {}), kNoiseMm, blocks, dents);
     ASSERT_EQ(dents.size(), 1U);
     EXPECT_NEAR(dents[0].area_mm2, area_mm2, 4 * dents[0].area_sigma_mm2);
     EXPECT_LT(dents[0].area_sigma_mm2, 0.05 * area_mm2);
@@ -65,6 +66,7 @@ TEST(Dents, InBendsAreEvenAlongTheWall) {
   constexpr double kRadiusMm = 8, kBendMm = 24, kNoiseMm = 0.02, kDeepMm = 0.6, kWideMm = 5;
   const hal::Tube tube{kRadiusMm, {{{40, 0, 90, kBendMm}, {40, 0, 0, std::nullopt}}}, {}};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const WallSpine wall{SpineOf(tube.program, tube.X_WT, {})};
   const double area_mm2 = 2 * std::numbers::pi * std::numbers::ln2 * kWideMm * kWideMm;
   const auto bent_mm = [&](double along_mm) {
     return std::clamp(along_mm - 40.0, 0.0, kBendMm * std::numbers::pi / 2);
@@ -97,7 +99,7 @@ TEST(Dents, InBendsAreEvenAlongTheWall) {
       DentFound seen;
       seen.position_mm = at_mm, seen.depth_mm = 0.7 * kDeepMm, seen.size_mm = 2.4 * kWideMm;
       std::vector<DentFound> dents = {seen};
-      MeasureDents(tube, {{}, {}}, {}, CutFaces(tube, {}), kNoiseMm, blocks, dents);
+      MeasureDents(tube, {wall, {}}, {}, CutFaces(tube, {}), kNoiseMm, blocks, dents);
       ASSERT_EQ(dents.size(), 1U);
       const DentFound& found = dents[0];
       EXPECT_LT(found.area_sigma_mm2, 0.05 * area_mm2);
@@ -124,6 +126,7 @@ TEST(Dents, AreWhereTheyAreBesideAnother) {
   const std::vector<Pressed> pressed = {{50, 0, 0.9, 6}, {78, 82, 0.8, 5.5}};
   const hal::Tube tube{kRadiusMm, {{{130, 0, 0, std::nullopt}}}, {}};
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const WallSpine wall{SpineOf(tube.program, tube.X_WT, {})};
   tests::ErrorSigmas sigmas;
   for (unsigned seed = 1; seed <= 6; ++seed) {
     SCOPED_TRACE(seed);
@@ -150,7 +153,7 @@ TEST(Dents, AreWhereTheyAreBesideAnother) {
       seen.position_mm = frame.spine_mm + kRadiusMm * frame.outward;
       seen.depth_mm = 0.8 * dent.depth_mm, seen.size_mm = 2.4 * dent.wide_mm;
     }
-    MeasureDents(tube, {{}, {}}, {}, CutFaces(tube, {}), kNoiseMm, blocks, dents);
+    MeasureDents(tube, {wall, {}}, {}, CutFaces(tube, {}), kNoiseMm, blocks, dents);
     ASSERT_EQ(dents.size(), pressed.size());
     for (std::size_t i = 0; i < dents.size(); ++i) {
       const DentFound& found = dents[i];

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pipeline/fit/wall_spine.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "hal/spine.h"
+#include "pipeline/reconstruction.h"
+#include "tests/support/real_tube.h"
+#include "tests/unit/fit/three_bends.h"
+
+namespace bendloop::pipeline {
+namespace {
+
+// The best-fit lines of its straights pass each other by millimetres beside the second bend.
+hal::Tube BentFarBack() {
+  hal::Tube tube;
+  tube.pipe_radius_mm = 13.6;
+  tube.program.rows = {
+      {100, 0, 70, 38}, {150, -103, 97, 38}, {60, 85, 143, 38}, {107, 58, 98, 38}, {90, 0, 0, {}}};
+  return tube;
+}
+
+Measurement Scanned(const tests::Form& form, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const auto cloud =
+      tests::ScanRealTube(BentFarBack(), form, {.points = 60'000, .noise_mm = 0.02}, random);
+  const auto measured = Reconstruct(cloud.points_W, {}, kClock);
+  EXPECT_TRUE(measured);
+  return measured.value_or(Measurement{});
+}
+
+// Two points of three were told to be no points of the tube, and what is left of it a scrap.
+TEST(WallSpine, OfATubeThatBowsIsWhereItsPointsAre) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    const Measurement m = Scanned({.bow = 1.0 / 900}, seed);
+    ASSERT_EQ(m.tube.program.bend_count(), 4U);
+    EXPECT_LT(m.fit.outliers, 3000U);
+    for (const std::string& warning : m.warnings) {
+      EXPECT_EQ(warning.find("do not lie on it"), std::string::npos) << warning;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace bendloop::pipeline
