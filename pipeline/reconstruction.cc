@@ -2,6 +2,8 @@
 // The paper's overview (Bauer & Polthier 2009, section 1.3): project, connect, simplify,
 // approximate, fit. Samples are projected while they arrive; the rest follows when the scan ends,
 // and now and then for the live view.
+#include "pipeline/reconstruction.h"
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -45,7 +47,6 @@
 #include "pipeline/fit/without_dents.h"
 #include "pipeline/fit/wrinkles.h"
 #include "pipeline/points/input_checks.h"
-#include "pipeline/reconstruction.h"
 #include "pipeline/spine/closed_tube.h"
 #include "pipeline/spine/oriented_samples.h"
 #include "pipeline/spine/sample_intake.h"
@@ -162,29 +163,33 @@ void DropPlanesOfFittings(Measurement& measurement) {
 }
 
 // The nominal's bends in place of more, where dents explain what those do, or all points speak for
-// them: bends may ease so that the search has never been near them.
-void TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
+// them: bends may ease so that the search has never been near them. Whether these did: how many
+// there are is as sure as they say then, `margin`; else it stays a close call that was one.
+bool TryNominal(const hal::BendProgram& nominal, const SpinePolygon& polygon,
                 std::span<const PointBlock> blocks, const SurfaceFitOptions& options,
                 BowedSolution& solution, double& margin) {
-  if (nominal.bend_count() >= solution.fit.tube.program.bend_count()) return;
+  if (nominal.bend_count() >= solution.fit.tube.program.bend_count()) return false;
   const double r_mm = solution.fit.tube.pipe_radius_mm;
   BowedSolution other = SolveAnew(NominalAlong(nominal, r_mm, polygon), blocks, options);
-  if (MayHideBends(other) || !MayBeByCorners(nominal, other.fit.tube, other.fit.sigma)) return;
+  if (MayHideBends(other) || !MayBeByCorners(nominal, other.fit.tube, other.fit.sigma))
+    return false;
   const auto more = MoreThanDents(solution, other, blocks, options.reach_mm);
   const double evidence = EvidenceFor(other, solution, blocks, options.reach_mm);
   // Of the points but those of the dents, where there are any.
   const double against = more.value_or(-evidence);
-  // What is taken by all points is as sure as they say; else it stays a close call that was one.
-  margin = against < 0 && !more ? -against : std::min(margin, std::abs(against));
+  const bool by_all = against < 0 && !more;
+  margin = by_all ? -against : std::min(margin, std::abs(against));
   if (against < 0) solution = std::move(other);
+  return by_all;
 }
 
-// The search knows no dents, and finds a bend more nearly as good where there is one: by how much
-// that is worse once they are known.
-double MarginBesideDents(const SurfaceFit& structure, const BowedSolution& solution,
-                         std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
+// The search knows lines and arcs alone, and finds a bend more nearly as good where there is a
+// dent, a bow or an easing: by how much that is worse once they are known.
+double MarginOfSearch(const SurfaceFit& structure, const BowedSolution& solution,
+                      std::span<const PointBlock> blocks, const SurfaceFitOptions& options) {
   const std::size_t bends = solution.fit.tube.program.bend_count();
-  if (!solution.undented || !structure.rival || structure.margin > kCloseCall ||
+  const bool as_searched = IsOfLinesAndArcs(solution) && solution.fit.flattening.empty();
+  if (as_searched || !structure.rival || structure.margin > kCloseCall ||
       structure.rival->program.bend_count() <= bends) {
     return structure.margin;
   }
@@ -232,12 +237,9 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   const auto& nominal = given.nominal;
   const auto nominal_bends =
       nominal ? std::optional<std::size_t>(nominal->bend_count()) : std::nullopt;
-  const double revised = ReviseBends(blocks, final.options, nominal_bends, solution);
-  tube.structure.margin =
-      std::min(revised, MarginBesideDents(structure, solution, blocks, final.options));
-  if (nominal) {
-    TryNominal(*nominal, tube.polygon, blocks, final.options, solution, tube.structure.margin);
-  }
+  double margin = ReviseBends(blocks, final.options, nominal_bends, solution);
+  const bool is_sure =
+      nominal && TryNominal(*nominal, tube.polygon, blocks, final.options, solution, margin);
   RoundDentedBends(blocks, final.options, solution);
   FlattenRoundBends(blocks, final.options, solution);
   final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
@@ -250,6 +252,10 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   FitLast(blocks, final.options, solution);
   TryFaintDents(blocks, final.options, solution);
   TakeUsualWhereHidden(final.options, solution);
+  if (!is_sure) {
+    margin = std::min(margin, MarginOfSearch(structure, solution, blocks, final.options));
+  }
+  tube.structure.margin = margin;
   for (const Doubt& doubt : doubts) DoubtBy(doubt, final.options.free_pipe_radius, solution);
   if (nominal) TakeNominalRadii(*nominal, final.options.free_pipe_radius, solution.fit);
   final.fit = std::move(solution.fit);

@@ -247,10 +247,6 @@ double FormNumbers(const BowedSolution& solution) {
                              solution.fit.easing.skew.size());
 }
 
-bool IsOfLinesAndArcs(const BowedSolution& solution) {
-  return FormNumbers(solution) == 0 && !solution.undented;
-}
-
 // Whether dents explain some of the points, and not too many.
 bool LeavesOutDents(const BowedSolution& solution, std::span<const PointBlock> blocks) {
   if (!solution.undented || solution.bows.is_lost) return false;
@@ -285,6 +281,10 @@ bool ExplainsParted(const BowedSolution& solution) {
 bool IsOfSameBends(const BowedSolution& other, const BowedSolution& solution) {
   return !other.bows.is_lost &&
          other.fit.tube.program.bend_count() == solution.fit.tube.program.bend_count();
+}
+
+bool IsOfLinesAndArcs(const BowedSolution& solution) {
+  return FormNumbers(solution) == 0 && !solution.undented;
 }
 
 void DoubtBy(const Doubt& doubt, bool free_pipe_radius, BowedSolution& chosen) {

@@ -27,6 +27,9 @@ BowedSolution SolveWithBows(const hal::Tube& start, std::span<const PointBlock> 
 // be asked which of them is the better.
 bool IsOfSameBends(const BowedSolution& other, const BowedSolution& solution);
 
+// Whether nothing of it eases, bows or is dented, as the search for bends takes tubes to be.
+bool IsOfLinesAndArcs(const BowedSolution& solution);
+
 // How much better the points speak for `a`, of as many bends as `b` [twice the logarithm of the
 // odds].
 double AdvantageOf(const BowedSolution& a, const BowedSolution& b,
