@@ -71,9 +71,9 @@ struct LeaveSettings {
 };
 constexpr LeaveSettings kLeave;
 
-// Of the squared distances: what bows of the straights explain, which are no reason to leave lines
-// and arcs. Where they are not fitted: a parabola is off its best-fit line by 0.3 of its height,
-// root mean square; seen from all sides by less.
+// Of the squared distances from the wall: what bows of the straights explain, which are no reason
+// to leave lines and arcs. A parabola is off its best-fit line by 0.3 of its height, root mean
+// square; seen from all sides by less.
 double OfBowsMm2(const Measurement& tube) {
   constexpr double kOfHeight = 0.3;
   double sum_mm3 = 0, length_mm = 0;
@@ -83,7 +83,7 @@ double OfBowsMm2(const Measurement& tube) {
   for (const auto& segment : hal::SpineSegments(tube.tube.program, tube.tube.X_WT)) {
     length_mm += segment.length_mm;
   }
-  return std::max(tube.bows_explain_mm2, length_mm > 0 ? sum_mm3 / length_mm : 0.0);
+  return length_mm > 0 ? sum_mm3 / length_mm : 0.0;
 }
 
 // The part of the squared distances that neighbouring samples have in common and that no bow
