@@ -342,6 +342,7 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   timer.Done("structure");
   const FinalFit final = FitAllPoints(*tube, intake_.passes(), options_, AboutEnds(), workers);
   ReportPasses(tube->registration, options_.pass_drift, measurement);
+  measurement.noise_mm = final.noise_mm;
   std::tie(measurement.seam, measurement.wrinkles) = std::tie(final.seam, final.wrinkles);
   const SurfaceFit& fit = final.fit;
   timer.Done("fit");
@@ -381,11 +382,9 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   DropPlanesOfFittings(measurement);
   AddAroundZero(AroundZeroSigma(fit, measurement.tube), measurement);
   measurement.joint = FindCorrelations(fit, measurement.tube.program, measurement.sigma);
-  measurement.noise_mm = final.noise_mm;
   timer.Done("features");
-  if (const auto units = CheckUnits(measurement.tube.pipe_radius_mm); !units) {
-    return hal::Fail(units.error());
-  }
+  const auto units = CheckUnits(measurement.tube.pipe_radius_mm);
+  if (!units) return hal::Fail(units.error());
   measurement.timing = std::move(timer.times);
   return measurement;
 }

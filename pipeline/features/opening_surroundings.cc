@@ -44,6 +44,8 @@ struct LookSettings {
   // [sigma] By how much less low samples may lie, for each mm that rays go towards the border while
   // they go down by one; and at least.
   double low_by_slope = 4.0, least_low = -0.5;
+  // Of what is roughly its border: with less looked through it is none that is seen.
+  double hardly_through = 0.2;
   // Cosine of a ray to the wall's normal: of flatter ones nobody knows where they met it.
   double flattest = 0.15;
 };
@@ -61,6 +63,10 @@ class Shadows {
         r_mm_(tube.pipe_radius_mm),
         all_(frames_.size()) {
     std::iota(all_.begin(), all_.end(), 0);
+    for (const hal::SpineSegment& segment : segments_) {
+      const Eigen::Vector3d middle_mm = segment.PointAt(0.5 * segment.length_mm);
+      balls_.push_back({middle_mm, (segment.start_mm - middle_mm).norm()});
+    }
   }
 
   // The laser, and where the camera of a pass may stand: what it saw is not hidden from there.
@@ -112,18 +118,40 @@ class Shadows {
   // Whether the tube comes nearer to the way than this, and than this part of how far it is.
   bool IsHidden(const Eigen::Vector3d& place, const Eigen::Vector3d& way, double least_mm,
                 double least_part) const {
+    const std::vector<std::int32_t> near = SegmentsBeside(place, way, least_part);
+    if (near.empty()) return false;
     for (double at_mm = 0.5 * r_mm_; at_mm < kLook.hides_mm;) {
-      const double free_mm = NearestSegment(place + at_mm * way, frames_, all_).distance_mm - r_mm_;
+      const double free_mm = NearestSegment(place + at_mm * way, frames_, near).distance_mm - r_mm_;
       if (free_mm < least_mm + least_part * at_mm) return true;
       at_mm += std::max(free_mm, kLook.way_step * r_mm_);
     }
     return false;
   }
+  // Those that come so near to the way anywhere: most of a tube is nowhere near it.
+  std::vector<std::int32_t> SegmentsBeside(const Eigen::Vector3d& place, const Eigen::Vector3d& way,
+                                           double part) const {
+    std::vector<std::int32_t> near;
+    for (std::size_t i = 0; i < balls_.size(); ++i) {
+      const Eigen::Vector3d from = balls_[i].middle_mm - place;
+      const double along_mm = from.dot(way), wide_mm = balls_[i].radius_mm + r_mm_;
+      // Farther along the way than this it is farther from all of it than that part.
+      const double last_mm = std::clamp((along_mm + wide_mm) / (1.0 - part), 0.0, kLook.hides_mm);
+      const double off_mm = (from - std::clamp(along_mm, 0.0, last_mm) * way).norm();
+      if (off_mm < wide_mm + part * last_mm) near.push_back(static_cast<std::int32_t>(i));
+    }
+    return near;
+  }
+
+  struct Ball {
+    Eigen::Vector3d middle_mm;
+    double radius_mm;
+  };
 
   std::span<const hal::SpineSegment> segments_;
   std::span<const SegmentFrame> frames_;
   double r_mm_;
   std::vector<std::int32_t> all_;
+  std::vector<Ball> balls_;  // about the segments' spine
 };
 
 // Of what lies about a place, in the plane across the outward direction there.
@@ -371,6 +399,14 @@ double MostSigmasBelow(const SeenWall& sample, const Eigen::Vector3d& normal,
 
 }  // namespace
 
+double PassSurroundings::PartThrough(const OpeningBorder& border) const {
+  double through_mm2 = scattered_part * border.AreaMm2();
+  for (std::size_t i = 0; i < missed.size(); ++i) {
+    through_mm2 += border.DistanceMm(missed[i].place_mm) < 0 ? cell_mm2[i] : 0;
+  }
+  return through_mm2 / border.AreaMm2();
+}
+
 PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
                                           const Surroundings& around,
                                           const OpeningBorder& about) const {
@@ -399,6 +435,7 @@ PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
     found.cell_mm2.push_back(ray.cell_mm2);
   }
   for (const unsigned pass : missed.scattered) views.AddScattered(pass, about, found);
+  if (found.PartThrough(about) < kLook.hardly_through) return found;  // the rest takes long
   for (std::size_t i = 0; i < wall.size(); ++i) {
     const SeenWall& sample = around.seen[i];
     const double turn = wall[i].place_mm.y() / pipe_radius_mm;

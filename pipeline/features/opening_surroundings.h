@@ -54,12 +54,16 @@ struct PassSurroundings {
   std::vector<MissedPlace> missed;
   std::vector<double> cell_mm2;  // of each: the wall that it stands for
   // Samples of the wall that tell of the border: those whose rays would be known had they missed
-  // it. Of others only those that met it are known, which would make any opening small.
+  // it. Of others only those that met it are known, which would make any opening small. None: of
+  // what is roughly the border hardly anything was looked through.
   std::vector<Eigen::Vector2d> fair;
   // Samples of the wall that come scattered, by passes that looked through the opening; where
   // passes are not known all samples. And the part of its area that these passes looked through.
   std::vector<Eigen::Vector2d> scattered;
   double scattered_part = 0;
+
+  // Of the area in such a border, what they looked through.
+  double PartThrough(const OpeningBorder& border) const;
 };
 
 // A tube with its points, looked at place by place. Another object holds what the spans show.

@@ -157,20 +157,11 @@ std::optional<double> LeastOddsOfCut(const OpeningBorder& border, const Surround
   return std::nullopt;
 }
 
-// Whether passes that are known looked through enough of it.
-bool IsLookedThrough(const OpeningBorder& border, const PassSurroundings& passes) {
-  double through_mm2 = passes.scattered_part * border.AreaMm2();
-  for (std::size_t i = 0; i < passes.missed.size(); ++i) {
-    through_mm2 += border.DistanceMm(passes.missed[i].place_mm) < 0 ? passes.cell_mm2[i] : 0;
-  }
-  return through_mm2 >= kOpening.least_through * border.AreaMm2();
-}
-
 // Whether an opening with this border leaves these samples: none in it, and some on all its sides
 // but one, no further from it than they are from each other.
 bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSurroundings& passes,
            const Look& look) {
-  if (passes.are_known && !IsLookedThrough(border, passes)) return false;
+  if (passes.are_known && passes.PartThrough(border) < kOpening.least_through) return false;
   const bool are_scattered = passes.are_known && !passes.has_lines;
   const double missing =
       DensityBeside(border, are_scattered ? passes.scattered : around.wall).per_mm2 *
@@ -245,6 +236,7 @@ class Candidate {
     for (int longer = 0;; ++longer) {
       wall = WithoutFace(around, about, look);
       passes = tube_.FindPasses(frame, wall, about);
+      if (passes.has_lines && passes.fair.empty()) return std::nullopt;
       fitted = FitOpening(passes.has_lines ? passes.fair : wall.wall, about,
                           kSampling.SmearMm(sigma_mm_, r_mm_), passes.missed, passes.scattered);
       // Of a void that a few samples part a piece was seen: it goes on.
@@ -273,7 +265,8 @@ class Candidate {
       // what is a gap or a shadow from there.
       const PassSurroundings from_there =
           tube_.FindPasses(own, WithoutFace(there, moved, look), moved);
-      if (from_there.are_known && !IsLookedThrough(moved, from_there)) return std::nullopt;
+      if (from_there.are_known && from_there.PartThrough(moved) < kOpening.least_through)
+        return std::nullopt;
     }
     const Clumping wider = ClumpingBeside(border, passes.scattered);
     // Asked last, as it takes longest.
