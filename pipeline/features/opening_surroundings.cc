@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <set>
 
 #include "hal/angles.h"
 #include "pipeline/features/beside_border.h"
@@ -38,7 +39,10 @@ struct LookSettings {
   // nothing; and of the sides of that part so many have its samples. A shadow of what nobody knows
   // of has them on two sides.
   double least_part = 0.4, least_sides = 0.75;
-  int places = 9;  // of it that are asked for, each way
+  // And so many of all sides of what is no shadow of the tube: that is as wide as the tube.
+  double surrounded = 0.9;
+  int places = 9;      // of it that are asked for, each way
+  double clear = 0.1;  // [of its width] beside its border samples tell of no side
   // Samples beside an opening that lie below the wall, and of those on it: fewer are fliers.
   double least_of_face = 4.0, part_of_face = 0.01;
   // [sigma] By how much less low samples may lie, for each mm that rays go towards the border while
@@ -312,8 +316,22 @@ class PassViews {
 
   const UnrolledWall& unrolled() const { return unrolled_; }
 
+  // Of a pass that saw the wall on all sides of the opening no part of the tube hides it: what that
+  // hides is as wide as the tube itself.
+  void TakeSurrounded(const OpeningBorder& about) {
+    const double clear_mm = kLook.clear * about.width_mm;
+    for (const auto& [pass, samples] : passes_) {
+      const std::vector<Eigen::Vector2d> places = PlacesOf(pass);
+      const double within_mm = 2.0 * GapBeside(about, PlaneSamples(places), r_mm_) + clear_mm;
+      if (about.width_mm + 2.0 * within_mm > 2.0 * r_mm_) continue;
+      const BorderSides sides = SidesOf(about, places, clear_mm, within_mm, 0.0);
+      if (sides.with_samples >= kLook.surrounded * sides.all) surrounded_.insert(pass);
+    }
+  }
+
   bool MayBeHidden(const Eigen::Vector3d& place, SensorDirection to_sensor) {
     const unsigned pass = PassOf(to_sensor);
+    if (surrounded_.contains(pass)) return false;
     const auto [at, is_new] = ways_.try_emplace(pass);
     if (is_new) at->second = shadows_.WaysOf(passes_[pass]);
     return shadows_.MayHide(place, to_sensor, at->second);
@@ -321,10 +339,9 @@ class PassViews {
 
   // Adds a pass that comes scattered, if it looked through the opening.
   void AddScattered(unsigned pass, const OpeningBorder& about, PassSurroundings& found) {
-    std::vector<Eigen::Vector2d> places;
-    for (const SeenWall* sample : passes_[pass]) places.push_back(sample->place_mm);
+    const std::vector<Eigen::Vector2d> places = PlacesOf(pass);
     const double gap_mm = GapBeside(about, PlaneSamples(places), r_mm_);
-    const double clear_mm = 0.1 * about.width_mm;
+    const double clear_mm = kLook.clear * about.width_mm;
     const BorderSides sides = SidesOf(about, places, clear_mm, 2.0 * gap_mm + clear_mm, 0.0);
     const double part = PartSeen(pass, about);
     if (part < kLook.least_part || sides.with_samples < kLook.least_sides * part * sides.all) {
@@ -340,6 +357,11 @@ class PassViews {
   }
 
  private:
+  std::vector<Eigen::Vector2d> PlacesOf(unsigned pass) {
+    std::vector<Eigen::Vector2d> places;
+    for (const SeenWall* sample : passes_[pass]) places.push_back(sample->place_mm);
+    return places;
+  }
   // Of the area of an opening, what this pass would have seen were it wall.
   double PartSeen(unsigned pass, const OpeningBorder& about) {
     const Eigen::Vector2d axis = about.Axis(), across = about.Across();
@@ -379,6 +401,7 @@ class PassViews {
   Shadows shadows_;
   std::map<unsigned, std::vector<const SeenWall*>> passes_;
   std::map<unsigned, std::vector<double>> ways_;
+  std::set<unsigned> surrounded_;  // passes that see all sides of the opening
 };
 
 // How low a sample beside an opening may lie that is certainly of the wall. A ray that crosses the
@@ -418,6 +441,7 @@ PassSurroundings LookedAtTube::FindPasses(const hal::SurfaceFrame& frame,
     return found;
   }
   PassViews views(*this, frame, around.seen);
+  views.TakeSurrounded(about);
   std::vector<WallSample> wall;
   wall.reserve(around.seen.size());
   for (const SeenWall& sample : around.seen) {

@@ -584,6 +584,41 @@ TEST(OpeningSurroundings, WhatAnotherPartOfTheTubeHidesIsNoOpening) {
   }
 }
 
+// Beside such a shadow, whose edges are not sharp, a hole with wall on all its sides is one: what a
+// part of the tube hides is as wide as the tube.
+TEST(OpeningSurroundings, AHoleBesideAShadowIsNotHidden) {
+  constexpr double kOfPipeMm = 10, kAboveMm = 190, kAtMm = 200, kFromShadowMm = 15;
+  hal::BendProgram straight;
+  straight.rows.push_back({400, 0, 0, std::nullopt});
+  auto segments = hal::SpineSegments(straight, hal::Pose{});
+  const hal::SurfaceFrame at = hal::FrameAt(segments, kAtMm, 0);
+  const hal::SurfaceFrame frame = hal::FrameAt(segments, kAtMm - kFromShadowMm, 0);
+  hal::Pose across;
+  across.position_mm = at.spine_mm + (kOfPipeMm + kAboveMm) * at.outward - 200 * at.sideways();
+  across.orientation = Eigen::Quaterniond::FromTwoVectors(segments.front().tangent, at.sideways());
+  segments.push_back(hal::SpineSegments(straight, across).front());
+  segments.back().from_start_mm = 1000;
+  const auto frames = SegmentFrames(segments, kOfPipeMm);
+  OpeningBorder hole;
+  hole.width_mm = hole.length_mm = 5;
+  std::vector<Eigen::Vector3d> points;
+  std::vector<SensorDirection> to_sensor;
+  for (int line = -48; line <= 48; ++line) {
+    for (int ray = -19; ray <= 19; ++ray) {
+      const Eigen::Vector2d place(0.5 * line, 0.43 * ray);
+      if (std::abs(place.x() - kFromShadowMm) < kOfPipeMm || hole.DistanceMm(place) < 0) continue;
+      points.push_back(frame.spine_mm + place.x() * frame.tangent + place.y() * frame.sideways() +
+                       std::sqrt(kOfPipeMm * kOfPipeMm - place.y() * place.y()) * frame.outward);
+      to_sensor.push_back(WithPass(PackDirection(frame.outward), 0));
+    }
+  }
+  const PointBlock block{frame.spine_mm, 5 * kOfPipeMm, points, {}, to_sensor};
+  const LookedAtTube tube{kOfPipeMm, 0.02, segments, frames, std::span(&block, 1)};
+  const PassSurroundings passes = tube.FindPasses(frame, tube.LookAt(frame, 24, 0.5), hole);
+  EXPECT_TRUE(passes.has_lines);
+  EXPECT_GT(passes.PartThrough(hole), 0.7);
+}
+
 TEST(OpeningLines, AGapBetweenPassesMissesNothing) {
   std::mt19937_64 random(4);
   OpeningBorder none;  // of no size
