@@ -23,7 +23,7 @@ hal::Tube BentFarBack() {
   return tube;
 }
 
-Measurement Scanned(const tests::Form& form, std::uint64_t seed) {
+Measurement MeasuredScan(const tests::Form& form, std::uint64_t seed) {
   std::mt19937_64 random(seed);
   const auto cloud =
       tests::ScanRealTube(BentFarBack(), form, {.points = 60'000, .noise_mm = 0.02}, random);
@@ -36,7 +36,7 @@ Measurement Scanned(const tests::Form& form, std::uint64_t seed) {
 TEST(WallSpine, OfATubeThatBowsIsWhereItsPointsAre) {
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     SCOPED_TRACE(seed);
-    const Measurement m = Scanned({.bow = 1.0 / 900}, seed);
+    const Measurement m = MeasuredScan({.bow = 1.0 / 900}, seed);
     ASSERT_EQ(m.tube.program.bend_count(), 4U);
     EXPECT_LT(m.fit.outliers, 3000U);
     for (const std::string& warning : m.warnings) {
