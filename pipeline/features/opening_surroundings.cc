@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 #include <set>
 
@@ -69,7 +70,11 @@ class Shadows {
     std::iota(all_.begin(), all_.end(), 0);
     for (const hal::SpineSegment& segment : segments_) {
       const Eigen::Vector3d middle_mm = segment.PointAt(0.5 * segment.length_mm);
-      balls_.push_back({middle_mm, (segment.start_mm - middle_mm).norm()});
+      // Of more than half a turn an arc's farthest point is across the circle.
+      const double across_mm = 2.0 * segment.bend_radius_mm;
+      const bool is_more =
+          segment.is_arc() && 2.0 * segment.length_mm > std::numbers::pi * across_mm;
+      balls_.push_back({middle_mm, is_more ? across_mm : (segment.start_mm - middle_mm).norm()});
     }
   }
 
@@ -325,7 +330,8 @@ class PassViews {
       const double within_mm = 2.0 * GapBeside(about, PlaneSamples(places), r_mm_) + clear_mm;
       if (about.width_mm + 2.0 * within_mm > 2.0 * r_mm_) continue;
       const BorderSides sides = SidesOf(about, places, clear_mm, within_mm, 0.0);
-      if (sides.with_samples >= kLook.surrounded * sides.all) surrounded_.insert(pass);
+      const bool has_sides = sides.all > 0;
+      if (has_sides && sides.with_samples >= kLook.surrounded * sides.all) surrounded_.insert(pass);
     }
   }
 
