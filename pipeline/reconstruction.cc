@@ -30,6 +30,7 @@
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/last_fit.h"
+#include "pipeline/fit/line_blocks.h"
 #include "pipeline/fit/odd_die.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/other_parts.h"
@@ -96,6 +97,15 @@ struct ApproximatedTube {
   Registration registration;        // of the scan's passes; the blocks look at its points
 };
 
+// What features are looked for in.
+struct FeaturePoints {
+  std::span<const PointBlock> blocks;
+  std::size_t in_view = 0;          // far from the tube, too
+  std::optional<LineBlocks> lines;  // where they look at these
+  std::vector<PartedBlock> parted;
+  std::vector<Eigen::Vector3d> moved;
+};
+
 // Least squares on all points.
 struct FinalFit {
   SurfaceFitOptions options;
@@ -137,13 +147,18 @@ SurfaceForm FormBeside(const BowedTubeState& state, const FinalFit& final,
 SurfaceForm FormOf(const FinalFit& final, const hal::Tube& tube,
                    std::span<const PointBlock> blocks) {
   SurfaceForm form = FormBeside({tube, final.fit.flattening, final.fit.easing, {}}, final, blocks);
-  const auto& bows = final.bowed.bows;
-  if (std::all_of(bows.begin(), bows.end(), [](const Bow& bow) { return bow.is_none(); })) {
-    return form;
-  }
+  if (!final.bowed.is_bowed()) return form;
   SurfaceForm beside_bows = FormBeside(final.bowed, final, blocks);
   beside_bows.straights = std::move(form.straights);
   return beside_bows;
+}
+
+void TellForm(const FinalFit& final, std::span<const PointBlock> blocks, Measurement& measurement) {
+  const SurfaceForm form = FormOf(final, measurement.tube, final.BesideSeam(blocks));
+  ReportForm(form, final.fit.priors.radii_alike > 0, measurement);
+  measurement.bows_explain_mm2 =
+      ExplainedByBowsMm2(final.bowed, measurement.tube, blocks, final.options.reach_mm);
+  SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
 }
 
 // The dents that cells showed, by their points.
@@ -276,7 +291,9 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
 class Reconstruction::Impl {
  public:
   Impl(const ReconstructionOptions& options, const hal::Clock& clock)
-      : options_(options), clock_(clock), intake_(options.pipe_radius_mm, options.max_points) {}
+      : options_(options),
+        clock_(clock),
+        intake_(options.pipe_radius_mm, options.max_points, options.max_line_points) {}
 
   SampleIntake& intake() { return intake_; }
   LiveView View() const;
@@ -302,6 +319,8 @@ class Reconstruction::Impl {
   bool IsNominal(const SurfaceFit& structure) const {
     return options_.nominal && MayBeByCorners(*options_.nominal, structure.tube, structure.sigma);
   }
+  // All points near the tube; of a scan that was thinned its lines.
+  FeaturePoints PointsOfFeatures(const ApproximatedTube& tube) const;
   // Blocks whose points may lie on the tube along the polygon.
   std::vector<std::int32_t> IndicesNear(const SpinePolygon& polygon) const;
   // Samples only, or all points.
@@ -353,28 +372,25 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   timer.Done("self_check");
   TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, fitted, workers, &final.bowed);
   const bool knows_wall = !LiesOffTogether(fit);
-  const EndCuts cuts = knows_wall ? FindEndCuts(final.noise_mm, tube->blocks, ends) : EndCuts{};
+  const FeaturePoints seen = PointsOfFeatures(*tube);
+  const EndCuts cuts = knows_wall ? FindEndCuts(final.noise_mm, seen.blocks, ends) : EndCuts{};
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
-  const SurfaceForm form = FormOf(final, measurement.tube, final.BesideSeam(tube->blocks));
-  ReportForm(form, fit.priors.radii_alike > 0, measurement);
-  measurement.bows_explain_mm2 =
-      ExplainedByBowsMm2(final.bowed, measurement.tube, tube->blocks, final.options.reach_mm);
-  SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
+  TellForm(final, tube->blocks, measurement);
   LookBeyondEnds(ends, final, measurement);
   if (options_.nominal) SayOtherPart(*options_.nominal, final.other_die, measurement);
   timer.Done("ends");
   const WallSpine wall = WallSpineOf(final.bowed, measurement.tube, measurement.easing);
-  WallCells cells = DescribeSamples(tube->blocks, intake_.grid().kept_count(), wall, final.noise_mm,
-                                    measurement, workers);
+  WallCells cells =
+      DescribeSamples(seen.blocks, seen.in_view, wall, final.noise_mm, measurement, workers);
   timer.Done("description");
   if (knows_wall) {
     measurement.features = {true, cuts.first, cuts.last,
                             FindOpenings(measurement.tube, wall.spine, ends, final.noise_mm,
-                                         tube->blocks, std::move(cells))};
+                                         seen.blocks, std::move(cells))};
   }
-  TellDents(tube->blocks, wall, ends, final.noise_mm, measurement);
+  TellDents(seen.blocks, wall, ends, final.noise_mm, measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
   SayWhatIsAroundBends(fit, final.bowed, fitted, final.options.reach_mm, measurement);
@@ -462,6 +478,27 @@ void Reconstruction::Impl::LookAround(ApproximatedTube& tube) const {
   }
   tube.structure =
       FindStructure(tube.polygon, r_mm, samples, tube.blocks, {.nominal = options_.nominal});
+}
+
+FeaturePoints Reconstruction::Impl::PointsOfFeatures(const ApproximatedTube& tube) const {
+  FeaturePoints seen;
+  const SampleGrid& grid = intake_.grid();
+  const bool is_thinned = grid.kept_count() < grid.point_count();
+  if (!is_thinned || intake_.lines().points().empty()) {
+    seen.blocks = tube.blocks;
+    seen.in_view = grid.kept_count();
+    return seen;
+  }
+  std::vector<std::int32_t> near = IndicesNear(tube.polygon);
+  std::erase_if(near, [&](std::int32_t index) { return intake_.IsPlanar(index); });
+  std::vector<PointBlock>& blocks = seen.lines.emplace(intake_.lines(), grid, near).blocks;
+  for (const PlainEnd& sleeve : tube.sleeves) {
+    LeaveOut(sleeve, intake_.pipe_radius_mm(), blocks, seen.parted);
+  }
+  if (!tube.registration.passes.empty()) MoveOntoTube(tube.registration, blocks, seen.moved);
+  seen.blocks = blocks;
+  seen.in_view = intake_.lines().points().size();
+  return seen;
 }
 
 std::vector<std::int32_t> Reconstruction::Impl::IndicesNear(const SpinePolygon& polygon) const {

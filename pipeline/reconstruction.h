@@ -26,6 +26,8 @@ struct ReconstructionOptions {
   // Of the points that come to a place again and again so many are kept for the final fit, evenly
   // over the scan: memory and the final fit are bounded by this and by the tube.
   std::size_t max_points = 4'000'000;
+  // Where there are more, of the laser lines so many for the features, as lines.
+  std::size_t max_line_points = 1'000'000;
   // By how much the passes of a scan may lie beside each other. Of clouds nothing is known.
   PassDrift pass_drift = {};
   // For the final result; the live view always projects with moving least squares.

@@ -130,6 +130,7 @@ hal::Result<PartPlan> MakePartPlan(const config::CellConfig& cell) {
   plan.reconstruction.pipe_radius_mm = plan.pipe_radius_mm;
   plan.reconstruction.nominal = plan.nominal;
   plan.reconstruction.max_points = kMostPoints;
+  plan.reconstruction.max_line_points = kMostLinePoints;
   plan.reconstruction.pass_drift = {cell.scan.pass_drift_mm, cell.scan.pass_drift_deg};
 
   const config::Tolerances& tolerance = cell.part.tolerance;

@@ -159,9 +159,7 @@ bool IsHardlyEased(const SurfaceFit& fit) {
 BowedSolution SharpOrEased(const hal::Tube& start, std::span<const PointBlock> blocks,
                            const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution = Solve(start, blocks, options, std::move(straight));
-  const auto& bows = solution.bows.state.bows;
-  const bool is_bowed =
-      std::any_of(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
+  const bool is_bowed = solution.bows.state.is_bowed();
   const std::size_t bends = solution.fit.tube.program.bend_count();
   const bool is_sharp = solution.fit.easing.empty();
   if (bends == 0 || !(is_sharp ? is_bowed : IsHardlyEased(solution.fit))) return solution;

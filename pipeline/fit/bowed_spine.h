@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -23,6 +24,10 @@ struct BowedTubeState {
   std::vector<Flattening> flattening;
   Easing easing;
   std::vector<Bow> bows;  // by segment
+
+  bool is_bowed() const {  // any straight
+    return std::any_of(bows.begin(), bows.end(), [](const Bow& bow) { return !bow.is_none(); });
+  }
 };
 
 // Its spine; each straight is its best-fit line.

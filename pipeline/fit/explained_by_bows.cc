@@ -29,10 +29,7 @@ double MeanSquareMm2(const BowedTubeState& state, std::span<const PointBlock> bl
 
 double ExplainedByBowsMm2(const BowedTubeState& bowed, const hal::Tube& straight,
                           std::span<const PointBlock> blocks, double reach_mm) {
-  if (std::all_of(bowed.bows.begin(), bowed.bows.end(),
-                  [](const Bow& bow) { return bow.is_none(); })) {
-    return 0.0;
-  }
+  if (!bowed.is_bowed()) return 0.0;
   const OwnedBlocks points = Thinned(blocks, StrideTo(CountPoints(blocks), kEnoughPoints));
   const BowedTubeState without{straight, bowed.flattening, bowed.easing, {}};
   return std::max(

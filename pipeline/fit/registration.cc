@@ -395,23 +395,12 @@ class PassFit {
   Eigen::MatrixXd covariance_;
 };
 
-// All points moved; the blocks grow by what moved most.
-void Move(const PassFit& passes, std::vector<PointBlock>& blocks, Registration& registration) {
-  registration.points.reserve(CountPoints(blocks));
-  for (PointBlock& block : blocks) {
-    const std::size_t first = registration.points.size();
-    double most_mm = 0;
-    for (std::size_t i = 0; i < block.points.size(); ++i) {
-      const bool known = i < block.to_sensor.size() && block.to_sensor[i].known();
-      const unsigned pass = known ? PassOf(block.to_sensor[i]) : kMostPasses;
-      const bool moves = pass < registration.passes.size();
-      const Eigen::Vector3d to = moves ? passes.Moved(block.points[i], pass) : block.points[i];
-      if (moves) ++registration.passes[pass].points;
-      most_mm = std::max(most_mm, (to - block.points[i]).norm());
-      registration.points.push_back(to);
+void CountOfPasses(std::span<const PointBlock> blocks, Registration& registration) {
+  for (const PointBlock& block : blocks) {
+    for (const SensorDirection to_sensor : block.to_sensor) {
+      if (!to_sensor.known() || PassOf(to_sensor) >= registration.passes.size()) continue;
+      ++registration.passes[PassOf(to_sensor)].points;
     }
-    block.points = std::span(registration.points).subspan(first);
-    block.half_diagonal_mm += most_mm;
   }
 }
 
@@ -432,8 +421,33 @@ Registration RegisterPasses(const SurfaceFit& fit, unsigned passes, const PassDr
     const Eigen::VectorXd offset = together.Offset(pass);
     registration.passes.push_back({0, offset.head<3>(), offset.tail<3>() * hal::kDegreesPerRadian});
   }
-  Move(together, blocks, registration);
+  CountOfPasses(blocks, registration);
+  MoveOntoTube(registration, blocks, registration.points);
   return registration;
+}
+
+Eigen::Vector3d Registration::Moved(const Eigen::Vector3d& point, SensorDirection to_sensor) const {
+  if (!to_sensor.known() || PassOf(to_sensor) >= passes.size()) return point;
+  const PassOffset& offset = passes[PassOf(to_sensor)];
+  const Eigen::Vector3d turn = offset.turn_deg * hal::kRadiansPerDegree;
+  return point + offset.move_mm + turn.cross(point - middle_mm);
+}
+
+void MoveOntoTube(const Registration& registration, std::vector<PointBlock>& blocks,
+                  std::vector<Eigen::Vector3d>& moved) {
+  moved.reserve(CountPoints(blocks));
+  for (PointBlock& block : blocks) {
+    const std::size_t first = moved.size();
+    double most_mm = 0;
+    for (std::size_t i = 0; i < block.points.size(); ++i) {
+      const bool knows = i < block.to_sensor.size();
+      const Eigen::Vector3d& from = block.points[i];
+      moved.push_back(registration.Moved(from, knows ? block.to_sensor[i] : SensorDirection{}));
+      most_mm = std::max(most_mm, (moved.back() - from).norm());
+    }
+    block.points = std::span(moved).subspan(first);
+    block.half_diagonal_mm += most_mm;
+  }
 }
 
 }  // namespace bendloop::pipeline

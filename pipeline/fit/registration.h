@@ -17,6 +17,9 @@ struct Registration {
   // What the offsets leave unknown of the parameters (TubeParameters), beside the fit's covariance.
   Eigen::MatrixXd covariance;
   std::vector<Eigen::Vector3d> points;  // all, moved: the blocks look at them
+
+  // A point of a pass, where the tube is; of no pass that is known: where it was.
+  Eigen::Vector3d Moved(const Eigen::Vector3d& point, SensorDirection to_sensor) const;
 };
 
 // Small rigid offsets of the passes and the tube's parameters together, by least squares with a
@@ -24,5 +27,9 @@ struct Registration {
 // insist that the passes do not meet they come to look at the moved points.
 Registration RegisterPasses(const SurfaceFit& fit, unsigned passes, const PassDrift& drift,
                             double reach_mm, std::vector<PointBlock>& blocks);
+
+// The same of other blocks of the scan, which come to look at `moved`.
+void MoveOntoTube(const Registration& registration, std::vector<PointBlock>& blocks,
+                  std::vector<Eigen::Vector3d>& moved);
 
 }  // namespace bendloop::pipeline

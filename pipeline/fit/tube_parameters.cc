@@ -98,16 +98,16 @@ class MotionsOfEased {
       : parameters_(parameters), count_(parameters.back() < 0 ? kOfEased - 1 : kOfEased) {
     // Central differences of plain functions: such a part leaves ten digits.
     constexpr double kPart = 1e-5;
-    constexpr std::size_t kSkew = kOfEased - 1;
+    constexpr std::size_t kAtSkew = kOfEased - 1;
     const std::array<double, kOfEased> at = {angle_rad, bend_radius_mm, easing.variance_mm2,
                                              easing.reach, easing.skew.value_or(0.0)};
     for (std::size_t i = 0; i < count_; ++i) {
       if (i == 2 && !free) continue;
       std::array<double, kOfEased> less = at, more = at;
-      less[i] = i == kSkew ? at[i] - kPart : at[i] * (1.0 - kPart);
-      more[i] = i == kSkew ? at[i] + kPart : at[i] * (1.0 + kPart);
+      less[i] = i == kAtSkew ? at[i] - kPart : at[i] * (1.0 - kPart);
+      more[i] = i == kAtSkew ? at[i] + kPart : at[i] * (1.0 + kPart);
       const auto eased = [&](const std::array<double, kOfEased>& of) {
-        const auto skew = easing.skew ? std::optional(of[kSkew]) : std::nullopt;
+        const auto skew = easing.skew ? std::optional(of[kAtSkew]) : std::nullopt;
         return Ease(of[0], of[1], {of[2], of[3], skew, easing.room_mm});
       };
       const EasedBend a = eased(less), b = eased(more);

@@ -6,14 +6,6 @@
 #include "pipeline/fit/kept_ends.h"
 
 namespace bendloop::pipeline {
-namespace {
-
-bool IsBowed(const BowedTubeState& state) {
-  return std::any_of(state.bows.begin(), state.bows.end(),
-                     [](const Bow& bow) { return !bow.is_none(); });
-}
-
-}  // namespace
 
 Eigen::Vector3d WallSpine::BesideMm(std::size_t segment, double along_mm) const {
   if (segment >= bows.size() || bows[segment].is_none()) return Eigen::Vector3d::Zero();
@@ -23,7 +15,7 @@ Eigen::Vector3d WallSpine::BesideMm(std::size_t segment, double along_mm) const 
 }
 
 WallSpine WallSpineOf(const BowedTubeState& bowed, const hal::Tube& tube, const Easing& easing) {
-  if (!IsBowed(bowed) || bowed.tube.program.rows.size() != tube.program.rows.size()) {
+  if (!bowed.is_bowed() || bowed.tube.program.rows.size() != tube.program.rows.size()) {
     return {SpineOf(tube.program, tube.X_WT, easing)};
   }
   WallSpine wall{SpineOf(bowed), bowed.bows};

@@ -21,8 +21,9 @@ constexpr PassSettings kPasses;
 
 }  // namespace
 
-SampleIntake::SampleIntake(std::optional<double> pipe_radius_mm, std::size_t max_points)
-    : max_points_(max_points) {
+SampleIntake::SampleIntake(std::optional<double> pipe_radius_mm, std::size_t max_points,
+                           std::size_t max_line_points)
+    : max_points_(max_points), lines_(max_line_points) {
   if (pipe_radius_mm) StartWith(*pipe_radius_mm);
 }
 
@@ -39,9 +40,13 @@ void SampleIntake::Add(const hal::LaserProfile& profile) {
   CountPasses(profile);
   ++profiles_;
   const Eigen::Matrix3d R_WS = profile.X_WS.orientation.toRotationMatrix();
+  lines_.Begin(profile.X_WS);
   for (const hal::ProfilePoint& p : profile.points) {
     const Eigen::Vector3d from_sensor = R_WS.col(0) * p.x_mm + R_WS.col(2) * p.z_mm;
-    AddPoint(from_sensor + profile.X_WS.position_mm, WithPass(PackDirection(-from_sensor), pass_));
+    const Eigen::Vector3d point = from_sensor + profile.X_WS.position_mm;
+    const SensorDirection to_sensor = WithPass(PackDirection(-from_sensor), pass_);
+    AddPoint(point, to_sensor);
+    lines_.Add(p, point, to_sensor);
   }
   if (grid_) ProjectQuietBlocks();
 }

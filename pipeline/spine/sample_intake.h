@@ -11,6 +11,7 @@
 #include "hal/laser_profile.h"
 #include "hal/result.h"
 #include "pipeline/math/workers.h"
+#include "pipeline/points/kept_lines.h"
 #include "pipeline/points/sample_grid.h"
 #include "pipeline/points/sensor_direction.h"
 #include "pipeline/spine/mls_projection.h"
@@ -21,8 +22,10 @@ namespace bendloop::pipeline {
 // (section 3). Points wait as they are until the pipe radius is known, which sizes the cubes.
 class SampleIntake {
  public:
-  // `max_points`: of those that come again and again to a place so many are kept for the final fit.
-  SampleIntake(std::optional<double> pipe_radius_mm, std::size_t max_points);
+  // `max_points`: of those that come again and again to a place so many are kept for the final fit;
+  // `max_line_points`: of laser lines, as lines.
+  SampleIntake(std::optional<double> pipe_radius_mm, std::size_t max_points,
+               std::size_t max_line_points);
 
   // Takes a profile's points to the world frame.
   void Add(const hal::LaserProfile& profile);
@@ -45,6 +48,7 @@ class SampleIntake {
   double pipe_radius_mm() const { return radius_mm_; }  // 0: not yet known
   // From here on only with a known pipe radius.
   const SampleGrid& grid() const { return *grid_; }
+  const KeptLines& lines() const { return lines_; }  // none of clouds
   std::vector<SpineNode> Nodes() const { return projection_->Nodes(); }
   // The block lies on a plane: no part of the tube.
   bool IsPlanar(std::int32_t block) const { return projection_->IsPlanar(block); }
@@ -71,6 +75,7 @@ class SampleIntake {
   std::uint64_t places_ = 0;                        // that came while points wait
   std::uint64_t stride_ = 1;                        // of these so many-th wait: a power of two
   std::span<const Eigen::Vector3d> lent_;
+  KeptLines lines_;
   std::optional<SampleGrid> grid_;
   std::optional<MlsProjection> projection_;
   std::vector<std::uint64_t> touched_;  // by block: profile of the last change; 0: up to date

@@ -40,6 +40,7 @@ hal::Result<pipeline::Measurement> RunLive(const LoadScan& scan, std::size_t pro
   options.pipe_radius_mm = nominal.pipe_radius_mm;
   options.nominal = nominal.program;
   options.max_points = host::kMostPoints;
+  options.max_line_points = host::kMostLinePoints;
   options.pass_drift = {0.05, 0.02};  // of a cell's file
   pipeline::Reconstruction reconstruction(options, clock);
   hal::LaserProfile profile;

@@ -34,7 +34,7 @@ double LastMm(const SampleGrid& grid) {
 TEST(SampleIntake, TooManyPointsAreThinnedAndNotCutOff) {
   const auto points = MoreThanWait();
   for (const bool lent : {true, false}) {
-    SampleIntake intake(std::nullopt, SampleGrid::kMaxPoints);
+    SampleIntake intake(std::nullopt, SampleGrid::kMaxPoints, SampleGrid::kMaxPoints);
     if (lent) {
       intake.Lend(points);
     } else {

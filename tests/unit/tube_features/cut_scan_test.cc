@@ -135,6 +135,31 @@ TEST(CutScan, FindsHolesThatFewLinesCross) {
   EXPECT_LE(sigmas.beyond_3(), 1);
 }
 
+// What the fit needs of a dense scan is no longer lines; openings and ends are looked for in these.
+TEST(CutScan, IsReadInItsLinesHoweverFewPointsAreFitted) {
+  const hal::Tube tube = drivers::LayOnTable(BentTube(), 4);
+  drivers::VirtualScanOptions options = AllAround(9);
+  options.features.last_end = {4.0, -120};
+  // Narrower than what thinned points leave between them.
+  options.features.openings = {{35, 60, 6, 1.6, 25}, {110, -100, 2.4, 2.4, 0}};
+  const Measurement all = MeasureScan(tube, options);
+  ReconstructionOptions few;
+  few.max_points = 5'000;
+  const Measurement m = MeasureScan(tube, options, few);
+  ASSERT_EQ(all.features.openings.size(), 2U);
+  ASSERT_EQ(m.features.openings.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    SCOPED_TRACE(i);
+    const OpeningFound &full = all.features.openings[i], &thin = m.features.openings[i];
+    EXPECT_NEAR(thin.opening.width_mm, full.opening.width_mm, full.sigma.width_mm);
+    EXPECT_NEAR(thin.opening.length_mm, full.opening.length_mm, full.sigma.length_mm);
+    EXPECT_LT(thin.sigma.width_mm, 1.3 * full.sigma.width_mm);
+  }
+  ASSERT_TRUE(all.features.last_end && m.features.last_end);
+  EXPECT_LT(m.features.last_end->obliquity_sigma_deg,
+            1.3 * all.features.last_end->obliquity_sigma_deg);
+}
+
 // A wide hole across a tight bend, drilled radially: what is left of that wall is no lean's oval.
 TEST(CutScan, AHoleInABendIsRadial) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
