@@ -11,12 +11,14 @@
 #include <tuple>
 #include <utility>
 
+#include "pipeline/feature_points.h"
 #include "pipeline/features/around_zero.h"
 #include "pipeline/features/cut_faces.h"
 #include "pipeline/features/dents.h"
 #include "pipeline/features/end_cut.h"
 #include "pipeline/features/end_profile.h"
 #include "pipeline/features/openings.h"
+#include "pipeline/features/surface_cells.h"
 #include "pipeline/fit/bends_with_bows.h"
 #include "pipeline/fit/correlations.h"
 #include "pipeline/fit/coverage.h"
@@ -30,7 +32,6 @@
 #include "pipeline/fit/incidence.h"
 #include "pipeline/fit/kept_ends.h"
 #include "pipeline/fit/last_fit.h"
-#include "pipeline/fit/line_blocks.h"
 #include "pipeline/fit/odd_die.h"
 #include "pipeline/fit/one_die.h"
 #include "pipeline/fit/other_parts.h"
@@ -79,6 +80,9 @@ struct StageSettings {
   double shrink_widest = 1.5;
   // So many samples are shrunk at most: the spine asks for no more, and each costs the same.
   std::size_t shrink_samples = 30'000;
+  // Points of lines about all places that may be openings, and about the ends, which every tube
+  // has: more cost more time than they make their borders sharper.
+  std::size_t about_openings = 300'000, about_ends = 100'000;
   // Times that a neighbour is taken off. Each takes one joint at least; more were never seen.
   int most_parted = 3;
   // [degrees] 1 sigma of an angle from which on the live view shows the bend.
@@ -95,15 +99,6 @@ struct ApproximatedTube {
   std::vector<PartedBlock> parted;  // what some of the blocks look at
   std::vector<double> left_out_mm;  // lengths of the other pieces
   Registration registration;        // of the scan's passes; the blocks look at its points
-};
-
-// What features are looked for in.
-struct FeaturePoints {
-  std::span<const PointBlock> blocks;
-  std::size_t in_view = 0;          // far from the tube, too
-  std::optional<LineBlocks> lines;  // where they look at these
-  std::vector<PartedBlock> parted;
-  std::vector<Eigen::Vector3d> moved;
 };
 
 // Least squares on all points.
@@ -159,6 +154,18 @@ void TellForm(const FinalFit& final, std::span<const PointBlock> blocks, Measure
   measurement.bows_explain_mm2 =
       ExplainedByBowsMm2(final.bowed, measurement.tube, blocks, final.options.reach_mm);
   SayUnsureBends(std::sqrt(form.sides_mm2), measurement);
+}
+
+EndCuts CutsIn(const FeaturePoints& seen, double noise_mm, TubeEnds& ends) {
+  return FindEndCuts(noise_mm, seen.About(BallsAbout(ends), kStage.about_ends).blocks, ends);
+}
+
+std::vector<OpeningFound> OpeningsIn(const FeaturePoints& seen, WallCells cells,
+                                     const WallSpine& wall, const TubeEnds& ends, double noise_mm,
+                                     const hal::Tube& tube) {
+  const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, std::move(cells));
+  const SeenPoints about = seen.About(BallsAbout(tube, places), kStage.about_openings);
+  return FindOpenings(tube, wall.spine, ends, noise_mm, about.blocks, places);
 }
 
 // The dents that cells showed, by their points.
@@ -319,8 +326,6 @@ class Reconstruction::Impl {
   bool IsNominal(const SurfaceFit& structure) const {
     return options_.nominal && MayBeByCorners(*options_.nominal, structure.tube, structure.sigma);
   }
-  // All points near the tube; of a scan that was thinned its lines.
-  FeaturePoints PointsOfFeatures(const ApproximatedTube& tube) const;
   // Blocks whose points may lie on the tube along the polygon.
   std::vector<std::int32_t> IndicesNear(const SpinePolygon& polygon) const;
   // Samples only, or all points.
@@ -372,8 +377,9 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   timer.Done("self_check");
   TubeEnds ends = FindTubeEnds(fit.tube, final.noise_mm, fitted, workers, &final.bowed);
   const bool knows_wall = !LiesOffTogether(fit);
-  const FeaturePoints seen = PointsOfFeatures(*tube);
-  const EndCuts cuts = knows_wall ? FindEndCuts(final.noise_mm, seen.blocks, ends) : EndCuts{};
+  const FeaturePoints seen(intake_, tube->blocks, IndicesNear(tube->polygon), tube->sleeves,
+                           tube->registration);
+  const EndCuts cuts = knows_wall ? CutsIn(seen, final.noise_mm, ends) : EndCuts{};
   ReportEnds(fit, ends, tube->polygon.front().position_mm, tube->polygon.back().position_mm,
              measurement);
   measurement.pipe_radius_sigma_mm = fit.pipe_radius_sigma_mm;
@@ -383,14 +389,14 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   timer.Done("ends");
   const WallSpine wall = WallSpineOf(final.bowed, measurement.tube, measurement.easing);
   WallCells cells =
-      DescribeSamples(seen.blocks, seen.in_view, wall, final.noise_mm, measurement, workers);
+      DescribeSamples(seen.all(), seen.in_view(), wall, final.noise_mm, measurement, workers);
   timer.Done("description");
   if (knows_wall) {
-    measurement.features = {true, cuts.first, cuts.last,
-                            FindOpenings(measurement.tube, wall.spine, ends, final.noise_mm,
-                                         seen.blocks, std::move(cells))};
+    measurement.features = {
+        true, cuts.first, cuts.last,
+        OpeningsIn(seen, std::move(cells), wall, ends, final.noise_mm, measurement.tube)};
   }
-  TellDents(seen.blocks, wall, ends, final.noise_mm, measurement);
+  TellDents(seen.all(), wall, ends, final.noise_mm, measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
   SayWhatIsAroundBends(fit, final.bowed, fitted, final.options.reach_mm, measurement);
@@ -478,27 +484,6 @@ void Reconstruction::Impl::LookAround(ApproximatedTube& tube) const {
   }
   tube.structure =
       FindStructure(tube.polygon, r_mm, samples, tube.blocks, {.nominal = options_.nominal});
-}
-
-FeaturePoints Reconstruction::Impl::PointsOfFeatures(const ApproximatedTube& tube) const {
-  FeaturePoints seen;
-  const SampleGrid& grid = intake_.grid();
-  const bool is_thinned = grid.kept_count() < grid.point_count();
-  if (!is_thinned || intake_.lines().points().empty()) {
-    seen.blocks = tube.blocks;
-    seen.in_view = grid.kept_count();
-    return seen;
-  }
-  std::vector<std::int32_t> near = IndicesNear(tube.polygon);
-  std::erase_if(near, [&](std::int32_t index) { return intake_.IsPlanar(index); });
-  std::vector<PointBlock>& blocks = seen.lines.emplace(intake_.lines(), grid, near).blocks;
-  for (const PlainEnd& sleeve : tube.sleeves) {
-    LeaveOut(sleeve, intake_.pipe_radius_mm(), blocks, seen.parted);
-  }
-  if (!tube.registration.passes.empty()) MoveOntoTube(tube.registration, blocks, seen.moved);
-  seen.blocks = blocks;
-  seen.in_view = intake_.lines().points().size();
-  return seen;
 }
 
 std::vector<std::int32_t> Reconstruction::Impl::IndicesNear(const SpinePolygon& polygon) const {

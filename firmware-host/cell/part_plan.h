@@ -19,9 +19,9 @@ namespace bendloop::host {
 // For the final fit of a scan, beside one sample a voxel: 1 sigma of an angle is then about a
 // thousandth of a degree, well below what any scanner is true to, and the answer is ready in time.
 inline constexpr std::size_t kMostPoints = 50'000;
-// Of the laser lines of a scan that has more, for holes, ends and dents: borders are as sharp as
-// its rays lie close, but each point costs several times what one of the fit does.
-inline constexpr std::size_t kMostLinePoints = 150'000;
+// Of the laser lines of a scan that has more, for its ends, holes and slots: borders are as sharp
+// as its rays lie close, and all of them are looked at only there. Eight bytes each.
+inline constexpr std::size_t kMostLinePoints = 1'000'000;
 
 // What the cell file means for the pipeline: everything that a run of one part goes by.
 struct PartPlan {

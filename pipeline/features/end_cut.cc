@@ -48,6 +48,8 @@ struct EndCutSettings {
   double unsure_slope = 0.3;
   // [of r_P] From the border into the tube: where the gaps between samples are looked at.
   double window = 3.0;
+  // The ball in which all that is looked at is, should the tube go on for longer than it was found.
+  double ball = 6.0;
 };
 constexpr EndCutSettings kCut;
 
@@ -340,6 +342,11 @@ class EndSearch {
 };
 
 }  // namespace
+
+std::vector<Ball> BallsAbout(const TubeEnds& ends) {
+  const double ball_mm = kCut.ball * ends.tube.pipe_radius_mm;
+  return {{ends.first.end_mm, ball_mm}, {ends.last.end_mm, ball_mm}};
+}
 
 EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnds& ends) {
   EndCuts cuts;

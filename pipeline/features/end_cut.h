@@ -7,6 +7,7 @@
 
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
+#include "pipeline/points/kept_lines.h"
 #include "pipeline/tube/tube_features.h"
 
 namespace bendloop::pipeline {
@@ -28,7 +29,10 @@ struct EndCuts {
 // distance of rays. Other samples stop somewhere before the plane in each narrow column: how far
 // before, tell the gaps between them, each longer one more rarely. So every strip or column has a
 // likelihood of where the plane is, and the mean over all planes (posterior.h) is the estimate.
-// `sigma_mm`: noise of the points, which tells those on the surface.
+// `sigma_mm`: noise of the points, which tells those on the surface. `blocks`: hold the points in
+// the balls about the ends, at least.
 EndCuts FindEndCuts(double sigma_mm, std::span<const PointBlock> blocks, TubeEnds& ends);
+// What ends are looked at with.
+std::vector<Ball> BallsAbout(const TubeEnds& ends);
 
 }  // namespace bendloop::pipeline

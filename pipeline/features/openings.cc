@@ -27,6 +27,8 @@ struct OpeningSettings {
   double on_surface_r = 0.05;
   // The place is looked at as far as this around its middle, in its own size, and [of r_P] further.
   double look = 1.3, look_more = 0.5;
+  // [of r_P] Of a ball in which all that is looked at there is, across the wall.
+  double look_deep = 2.5;
   // Places where the distance to the nearest sample is asked for, across the void.
   int probes = 24;
   // Samples that the wall would have there, as fewer may be missing by chance (e^-16). Of one that
@@ -363,11 +365,25 @@ class Candidate {
 
 }  // namespace
 
+std::vector<Ball> BallsAbout(const hal::Tube& tube, std::span<const EmptyPlace> places) {
+  const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
+  const double r_mm = tube.pipe_radius_mm;
+  std::vector<Ball> balls;
+  for (const EmptyPlace& place : places) {
+    const hal::SurfaceFrame frame = hal::FrameAt(segments, place.along_mm, place.around_deg);
+    // Its middle is found within it, and looked at as far around, from the wall to beyond it.
+    const double reach_mm = (1.0 + kOpening.look) * place.size_mm + kOpening.look_more * r_mm;
+    balls.push_back(
+        {frame.spine_mm + r_mm * frame.outward, std::hypot(reach_mm, kOpening.look_deep * r_mm)});
+  }
+  return balls;
+}
+
 std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const EasedSpine& spine,
                                        const TubeEnds& ends, double sigma_mm,
-                                       std::span<const PointBlock> blocks, WallCells cells) {
+                                       std::span<const PointBlock> blocks,
+                                       std::span<const EmptyPlace> places) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
-  const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, std::move(cells));
   std::vector<OpeningFound> openings, may_be_unseen;
   if (places.empty()) return openings;
   const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});

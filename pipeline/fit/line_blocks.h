@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -9,7 +8,6 @@
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/points/kept_lines.h"
 #include "pipeline/points/sample_grid.h"
-#include "pipeline/points/sensor_direction.h"
 
 namespace bendloop::pipeline {
 
@@ -18,15 +16,15 @@ namespace bendloop::pipeline {
 class LineBlocks {
  public:
   // Those in the grid's blocks with these indices, block by block in their order.
-  LineBlocks(const KeptLines& lines, const SampleGrid& grid, std::span<const std::int32_t> indices);
+  LineBlocks(const DirectedPoints& points, const SampleGrid& grid,
+             std::span<const std::int32_t> indices);
   LineBlocks(LineBlocks&&) = default;
   LineBlocks& operator=(LineBlocks&&) = default;
 
   std::vector<PointBlock> blocks;  // look at what this holds
 
  private:
-  std::vector<Eigen::Vector3d> points_;
-  std::vector<SensorDirection> to_sensor_;
+  DirectedPoints points_;
 };
 
 }  // namespace bendloop::pipeline

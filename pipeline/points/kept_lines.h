@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -10,6 +11,28 @@
 #include "pipeline/points/sensor_direction.h"
 
 namespace bendloop::pipeline {
+
+// Points in W with the directions to their sensors, one each.
+struct DirectedPoints {
+  std::vector<Eigen::Vector3d> points_mm;
+  std::vector<SensorDirection> to_sensor;
+};
+// A point of the sensor frame S in W: the same number wherever it is worked out.
+struct PlacedRay {
+  Eigen::Vector3d point_mm;
+  SensorDirection to_sensor;
+};
+inline PlacedRay PlaceRay(const hal::Pose& X_WS, const Eigen::Matrix3d& R_WS,
+                          const hal::ProfilePoint& at, unsigned pass) {
+  const Eigen::Vector3d from_sensor = R_WS.col(0) * at.x_mm + R_WS.col(2) * at.z_mm;
+  return {from_sensor + X_WS.position_mm, WithPass(PackDirection(-from_sensor), pass)};
+}
+
+// A ball in W.
+struct Ball {
+  Eigen::Vector3d middle_mm;
+  double radius_mm = 0;
+};
 
 // The laser lines of a scan as they came, for what is read line by line: borders of holes and ends.
 // There may be `max_points` points. When more come, every second ray of all lines is left out, or
@@ -20,46 +43,43 @@ class KeptLines {
  public:
   explicit KeptLines(std::size_t max_points) : max_points_(max_points) {}
 
-  // Begins a line; Add() goes to it. `X_WS`: where its sensor was.
-  void Begin(const hal::Pose& X_WS);
-  // The next point of the line, in S and in W; not finite: left out.
-  void Add(const hal::ProfilePoint& at, const Eigen::Vector3d& point_W, SensorDirection to_sensor);
+  void Add(const hal::LaserProfile& profile, unsigned pass);
+  // The same lines, as if there were room for fewer points.
+  KeptLines ThinnedTo(std::size_t max_points) const;
 
-  std::span<const Eigen::Vector3d> points() const { return points_; }
-  std::span<const SensorDirection> to_sensor() const { return to_sensor_; }
+  std::size_t point_count() const { return points_.size(); }
+  // Lines that may come into one of these balls.
+  KeptLines Near(std::span<const Ball> balls) const;
+  DirectedPoints Points() const;
 
  private:
-  // Its first and its last point tell how far it moves.
   struct Line {
     std::size_t begin = 0;  // of its points
     hal::Pose X_WS;
-    hal::ProfilePoint first, last;
-
-    double MovedMm(const hal::Pose& to) const;
+    unsigned pass = 0;
+    Eigen::AlignedBox3d box_mm;  // in W; its points lie in it
   };
   std::size_t EndOf(std::size_t line) const {
     return line + 1 < lines_.size() ? lines_[line + 1].begin : points_.size();
   }
+  // How far the first or the last point of a line moves with its sensor.
+  double MovedMm(std::size_t line, const hal::Pose& to) const;
+  bool IsNear(const hal::Pose& X_WS) const;  // to the last line
+  void Take(const KeptLines& from, std::size_t line, std::size_t stride);
 
   void KeepWithin();
-  bool IsNear(const hal::Pose& X_WS) const;  // to the last line
+  std::size_t Cost() const;
   // Usual distances; infinite: there are no two.
   double PitchMm() const;  // of the rays of a line
   double GapMm() const;    // of lines
-  void ThinRays();
-  void ThinLines();
-  // Every `stride`-th point of a line that ends there goes to where the `kept` ones end.
-  void Keep(const Line& line, std::size_t end, std::size_t stride, std::size_t& kept);
-  void Shrink(std::size_t kept);
+  // To about so many points, or more.
+  KeptLines Thinned(std::size_t max_points) const;
 
   std::size_t max_points_;
-  std::vector<Eigen::Vector3d> points_;
-  std::vector<SensorDirection> to_sensor_;
+  std::vector<hal::ProfilePoint> points_;  // in the S of their lines
   std::vector<Line> lines_;
-  bool is_left_out_ = true;  // the line that comes
-  std::size_t rays_ = 0;     // of it, so far
-  std::size_t stride_ = 1;   // of the rays so many-th are kept
-  double gap_mm_ = 0;        // lines that move less are not
+  std::size_t stride_ = 1;  // of the rays so many-th are kept
+  double gap_mm_ = 0;       // lines that move less are not
 };
 
 }  // namespace bendloop::pipeline

@@ -292,6 +292,24 @@ void SampleGrid::InsertAll(std::span<const Eigen::Vector3d> points, Workers* wor
   point_count_ += arrivals.count();
 }
 
+std::vector<std::int32_t> SampleGrid::BlocksOf(std::span<const Eigen::Vector3d> points) const {
+  std::vector<std::int32_t> indices;
+  indices.reserve(points.size());
+  // Neighbours in a line mostly are in one block.
+  Place last;
+  std::int32_t of_last = -1;
+  for (const Eigen::Vector3d& point : points) {
+    Place place;
+    const bool somewhere = Locate(point, place);
+    if (somewhere && (of_last < 0 || place.cell != last.cell)) {
+      last = place;
+      of_last = numbers_.Find(place.cell);
+    }
+    indices.push_back(somewhere ? of_last : -1);
+  }
+  return indices;
+}
+
 void SampleGrid::Thin(Block& block) {
   if (block.stride >= kGrid.widest_stride) return;
   std::size_t kept = block.sample_count;

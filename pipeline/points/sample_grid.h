@@ -64,11 +64,8 @@ class SampleGrid {
   std::size_t point_count() const { return point_count_; }                 // that came
   std::size_t kept_count() const { return sample_count_ + other_count_; }  // that are here
 
-  // Index of the block that a place is in; -1: none.
-  std::int32_t BlockOf(const Eigen::Vector3d& point) const {
-    Place place;
-    return Locate(point, place) ? numbers_.Find(place.cell) : -1;
-  }
+  // Indices of the blocks that places are in; -1: none.
+  std::vector<std::int32_t> BlocksOf(std::span<const Eigen::Vector3d> points) const;
   // Samples in the 27 blocks around `block`, in a fixed order.
   void GatherNeighbourhood(std::int32_t block, std::vector<Eigen::Vector3d>& out) const;
   // Samples within `radius_mm` of `center`.

@@ -40,14 +40,11 @@ void SampleIntake::Add(const hal::LaserProfile& profile) {
   CountPasses(profile);
   ++profiles_;
   const Eigen::Matrix3d R_WS = profile.X_WS.orientation.toRotationMatrix();
-  lines_.Begin(profile.X_WS);
   for (const hal::ProfilePoint& p : profile.points) {
-    const Eigen::Vector3d from_sensor = R_WS.col(0) * p.x_mm + R_WS.col(2) * p.z_mm;
-    const Eigen::Vector3d point = from_sensor + profile.X_WS.position_mm;
-    const SensorDirection to_sensor = WithPass(PackDirection(-from_sensor), pass_);
-    AddPoint(point, to_sensor);
-    lines_.Add(p, point, to_sensor);
+    const PlacedRay ray = PlaceRay(profile.X_WS, R_WS, p, pass_);
+    AddPoint(ray.point_mm, ray.to_sensor);
   }
+  lines_.Add(profile, pass_);
   if (grid_) ProjectQuietBlocks();
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "drivers/simulated_scanner/virtual_scan.h"
+#include "firmware-host/cell/part_plan.h"
 #include "hal/clock.h"
 #include "hal/tube.h"
 #include "pipeline/reconstruction.h"
@@ -45,10 +46,14 @@ inline CutScan ACutTube(std::uint64_t seed, double spacing_mm) {
   return scanned;
 }
 
+// With as many points kept as a cell keeps.
 inline hal::Result<pipeline::Measurement> Measure(const CutScan& scanned) {
   const drivers::VirtualScan scan(scanned.tube, scanned.options);
   const hal::ManualClock clock;
-  pipeline::Reconstruction reconstruction({}, clock);
+  pipeline::ReconstructionOptions options;
+  options.max_points = host::kMostPoints;
+  options.max_line_points = host::kMostLinePoints;
+  pipeline::Reconstruction reconstruction(options, clock);
   hal::LaserProfile profile(scan.max_points());
   for (std::size_t i = 0; i < scan.profile_count(); ++i) {
     scan.Make(i, profile);
