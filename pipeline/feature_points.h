@@ -26,7 +26,7 @@ struct SeenPoints {
 
 // What features are looked for in: the points that were fitted, or, where these were thinned, the
 // scan's lines. All over the tube as many of them as show where there is something; about that
-// place all that were kept.
+// place all that were kept, as far as there is room.
 class FeaturePoints {
  public:
   // `fitted`: blocks near the tube, of all points that the intake's grid holds; `near`: their

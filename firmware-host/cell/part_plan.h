@@ -20,7 +20,7 @@ namespace bendloop::host {
 // thousandth of a degree, well below what any scanner is true to, and the answer is ready in time.
 inline constexpr std::size_t kMostPoints = 50'000;
 // Of the laser lines of a scan that has more, for its ends, holes and slots: borders are as sharp
-// as its rays lie close, and all of them are looked at only there. Eight bytes each.
+// as its rays lie close, and most of them are looked at only there. Eight bytes each.
 inline constexpr std::size_t kMostLinePoints = 1'000'000;
 
 // What the cell file means for the pipeline: everything that a run of one part goes by.
