@@ -15,8 +15,27 @@ struct FeaturePointSettings {
   // Points of lines all over the tube. By trial: openings that only more of them show are missed,
   // but each costs time in scans that have none, too.
   std::size_t all_over = 200'000;
+  // By so many, about, it is known which part of them lies near the tube.
+  std::size_t asked = 20'000;
 };
 constexpr FeaturePointSettings kFeaturePoints;
+
+// Points of the lines, thinned so that about `room` of them, or all, lie in these blocks: a table
+// around the tube takes no room. `indices`: ascending.
+DirectedPoints PointsOf(const KeptLines& lines, std::size_t room, const SampleGrid& grid,
+                        std::span<const std::int32_t> indices) {
+  if (lines.point_count() <= room) return lines.Points();
+  const auto some = lines.ThinnedTo(kFeaturePoints.asked).Points();
+  std::size_t inside = 0;
+  for (const std::int32_t index : grid.BlocksOf(some.points_mm)) {
+    if (std::binary_search(indices.begin(), indices.end(), index)) ++inside;
+  }
+  const auto count = static_cast<double>(some.points_mm.size());
+  const double part = static_cast<double>(std::max<std::size_t>(1, inside)) / count;
+  const double in_all = static_cast<double>(room) / part;
+  if (static_cast<double>(lines.point_count()) <= in_all) return lines.Points();
+  return lines.ThinnedTo(static_cast<std::size_t>(in_all)).Points();
+}
 
 }  // namespace
 
@@ -30,10 +49,8 @@ FeaturePoints::FeaturePoints(const SampleIntake& intake, std::span<const PointBl
     return;
   }
   std::erase_if(near_, [&](std::int32_t index) { return intake.IsPlanar(index); });
-  const KeptLines& lines = intake.lines();
-  const DirectedPoints points = lines.point_count() > kFeaturePoints.all_over
-                                    ? lines.ThinnedTo(kFeaturePoints.all_over).Points()
-                                    : lines.Points();
+  const DirectedPoints points =
+      PointsOf(intake.lines(), kFeaturePoints.all_over, intake.grid(), near_);
   in_view_ = points.points_mm.size();
   all_ = Bring(points, near_);
 }
@@ -60,9 +77,8 @@ SeenPoints FeaturePoints::About(std::span<const Ball> balls, std::size_t room) c
   std::erase_if(indices, [&](std::int32_t index) {
     return !std::binary_search(near_.begin(), near_.end(), index);
   });
-  KeptLines near = intake_.lines().Near(balls);
-  if (near.point_count() > room) near = near.ThinnedTo(room);
-  return Bring(near.Points(), indices);
+  const KeptLines near = intake_.lines().Near(balls);
+  return Bring(PointsOf(near, room, intake_.grid(), indices), indices);
 }
 
 SeenPoints FeaturePoints::Bring(const DirectedPoints& points,

@@ -160,6 +160,24 @@ TEST(CutScan, IsReadInItsLinesHoweverFewPointsAreFitted) {
             1.3 * all.features.last_end->obliquity_sigma_deg);
 }
 
+// Most of what the scanner sees is no tube: lines on it were thinned with those on the table, and
+// the end was known a tenth as well.
+TEST(CutScan, ATableTakesNoneOfItsRoom) {
+  const hal::Tube tube = drivers::LayOnTable(BentTube(), 4);
+  drivers::VirtualScanOptions options = AllAround(9);
+  options.features.last_end = {4.0, -120};
+  options.clutter.table = true;
+  options.clutter.table_gap_mm = 20;
+  const Measurement all = MeasureScan(tube, options);
+  ReconstructionOptions few;
+  few.max_points = 20'000;
+  const Measurement m = MeasureScan(tube, options, few);
+  ASSERT_TRUE(all.features.last_end && m.features.last_end);
+  EXPECT_LT(m.features.last_end->obliquity_sigma_deg,
+            1.3 * all.features.last_end->obliquity_sigma_deg);
+  EXPECT_GT(m.fit.samples, all.fit.samples / 2);
+}
+
 // A wide hole across a tight bend, drilled radially: what is left of that wall is no lean's oval.
 TEST(CutScan, AHoleInABendIsRadial) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
