@@ -40,6 +40,8 @@ struct EndCutSettings {
   // further beyond the plane that they tell has something between. By trial.
   double near_face = 4.0, above_face = 0.7, face_beyond = 1.0;
   double least_of_face = 12.0;
+  // [sigma] Apart from what noise moves of a face, two planes of the same end lie no further apart.
+  double apart_by_chance = 4.0;
   // [sigma] By which a bevel's border and its tip's may rise differently by chance; [of that] what
   // both are unsure by at least; [of how far a tip lies off at the rim] and at the axis. By trial.
   double rise_alike = 3.0, unlike = 0.25, misplaced = 0.3;
@@ -159,18 +161,28 @@ class CutSearch {
   // None: no face is seen.
   std::optional<FoundCut> WithoutFace(const SamplesNearEnd& near, const EndPlane& with_face) {
     if (near.knows_passes() || !with_face.of_border) return std::nullopt;
+    const double noise_mm = near.WallNoiseMm();
     const auto beyond_mm =
-        near.FaceBeyondMm(with_face.Numbers(r_mm_), kCut.near_face * sigma_mm_, kCut.least_of_face);
+        near.FaceBeyondMm(with_face.Numbers(r_mm_), kCut.near_face * noise_mm, kCut.least_of_face);
     if (!beyond_mm) return std::nullopt;
     const double face_mm = with_face.at_mm + *beyond_mm;
-    const auto plane = PlaneOfWall(near.Above(r_mm_ + kCut.above_face * sigma_mm_));
-    if (!plane) return std::nullopt;
+    const auto plane = PlaneOfWall(near.Above(r_mm_ + kCut.above_face * noise_mm));
+    if (!plane || !MayBeMovedBy(kCut.near_face * noise_mm, with_face, *plane)) return std::nullopt;
     FoundCut found{*plane, Found(*plane)};
-    if (face_mm - plane->at_mm > kCut.face_beyond * sigma_mm_) {
+    if (face_mm - plane->at_mm > kCut.face_beyond * noise_mm) {
       PlaceAtFace(face_mm, found.plane);
       found.may_be_bevelled = true;
     }
     return found;
+  }
+
+  // Whether two planes lie apart, at the rim, by no more than this and chance.
+  bool MayBeMovedBy(double most_mm, const EndPlane& a, const EndPlane& b) const {
+    const Eigen::Vector3d apart_mm = a.Numbers(r_mm_) - b.Numbers(r_mm_);
+    const double by_chance_mm =
+        std::hypot(a.at_sigma_mm, b.at_sigma_mm) + r_mm_ * std::hypot(a.slope_sigma, b.slope_sigma);
+    return std::abs(apart_mm[0]) + apart_mm.tail<2>().norm() <
+           most_mm + kCut.apart_by_chance * by_chance_mm;
   }
 
   std::optional<FoundCut> WithRim(const SamplesNearEnd& near, const Eigen::Vector3d& of_wall_mm) {

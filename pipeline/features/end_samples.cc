@@ -11,6 +11,7 @@
 #include "pipeline/features/sampling.h"
 #include "pipeline/fit/facing_ends.h"
 #include "pipeline/math/arc_tangents.h"
+#include "pipeline/math/quantiles.h"
 #include "pipeline/math/simd.h"
 
 namespace bendloop::pipeline {
@@ -29,6 +30,8 @@ struct NearSettings {
   // Of the sectors that the wall has before a gap: so many it has beyond it; and [of its samples in
   // as long a piece] so many of them.
   double beyond_sectors = 0.75, beyond_samples = 0.3;
+  // [of the scan's noise] By chance an end has no less.
+  double quieter = 0.7;
 };
 constexpr NearSettings kNear;
 
@@ -240,6 +243,16 @@ double SamplesNearEnd::WallReachesMm(double from_mm) const {
   double most_mm = from_mm;
   for (const NearEnd& near : wall_) most_mm = std::max(most_mm, near.at_mm);
   return most_mm - from_mm;
+}
+
+double SamplesNearEnd::WallNoiseMm() const {
+  std::vector<double> radii_mm;
+  for (const NearEnd& near : wall_) {
+    if (near.at_mm > -kNear.before * r_mm_) radii_mm.push_back(near.RadiusMm());
+  }
+  if (radii_mm.empty()) return sigma_mm_;
+  const double noise_mm = RobustSigma(std::move(radii_mm));
+  return noise_mm < kNear.quieter * sigma_mm_ ? noise_mm : sigma_mm_;
 }
 
 std::optional<double> SamplesNearEnd::FaceBeyondMm(const Eigen::Vector3d& plane_mm, double near_mm,

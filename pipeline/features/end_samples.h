@@ -64,6 +64,9 @@ class SamplesNearEnd {
   double WallReachesMm(double from_mm) const;
   void LeaveOutWallBefore(double at_mm);
   void LeaveOutWallFrom(double at_mm);
+  // 1 sigma across the wall right before the end, where that is certainly less than the scan's,
+  // which dents and bows elsewhere raise.
+  double WallNoiseMm() const;
   // How far the face that a cut left lies beyond a plane: mean of at least so many samples below
   // the wall that lie so near to it. None: fewer do.
   std::optional<double> FaceBeyondMm(const Eigen::Vector3d& plane_mm, double near_mm,

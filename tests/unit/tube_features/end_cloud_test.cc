@@ -35,6 +35,9 @@ struct Cloud {
   double hidden_part = 0, hidden_mm = 0, steep_mm = 0;
   // Pressed in so deep, most of it so far before the end; 1 sigma along the tube and around it.
   double dent_mm = 0, dent_before_mm = 0, dent_along_mm = 1, dent_around_rad = 1;
+  double wall_mm = 0;     // of which the cut shows so much
+  double noise_told = 1;  // the noise that is told, of it: dents and bows elsewhere raise that
+  double aside_mm = 0;    // the tube bows: a radius before the end its axis lies so far aside
 
   double length_mm() const { return 12 * radius_mm; }
   // Samples in 1 sigma of noise along the tube, about its border.
@@ -67,7 +70,16 @@ Points Scan(const Cloud& cloud, Random& random) {
         std::pow((cloud.length_mm() - cloud.dent_before_mm - at_mm) / cloud.dent_along_mm, 2) +
         std::pow(around / cloud.dent_around_rad, 2);
     const double r_mm = cloud.radius_mm - cloud.dent_mm * std::exp(-0.5 * of_dent) + noise(random);
-    points.emplace_back(at_mm + cloud.along * noise(random), r_mm * std::cos(around),
+    const double aside_mm =
+        cloud.aside_mm * std::pow((cloud.length_mm() - at_mm) / cloud.radius_mm, 2);
+    points.emplace_back(at_mm + cloud.along * noise(random), r_mm * std::cos(around) + aside_mm,
+                        r_mm * std::sin(around));
+  }
+  const double of_face = 2 * std::numbers::pi * cloud.radius_mm * cloud.wall_mm;
+  for (int i = 0; i < static_cast<int>(cloud.per_mm2 * of_face); ++i) {
+    const double around = Uniform(random, -std::numbers::pi, std::numbers::pi);
+    const double r_mm = cloud.radius_mm - Uniform(random, 0, cloud.wall_mm);
+    points.emplace_back(cloud.length_mm() + noise(random), r_mm * std::cos(around),
                         r_mm * std::sin(around));
   }
   return points;
@@ -84,8 +96,9 @@ FoundEnd FindLastEnd(const Cloud& cloud, Random& random) {
   const Points points = Scan(cloud, random);
   const Eigen::Vector3d middle_mm(0.5 * cloud.length_mm(), 0, 0);
   const std::vector<PointBlock> blocks = {{middle_mm, cloud.length_mm(), points}};
-  TubeEnds ends = FindTubeEnds(tube, cloud.noise_mm, blocks);
-  const EndCuts cuts = FindEndCuts(cloud.noise_mm, blocks, ends);
+  const double noise_mm = cloud.noise_told * cloud.noise_mm;
+  TubeEnds ends = FindTubeEnds(tube, noise_mm, blocks);
+  const EndCuts cuts = FindEndCuts(noise_mm, blocks, ends);
   const double end_mm = ends.tube.X_WT.position_mm.x() + ends.tube.program.rows.back().length_mm;
   FoundEnd found{end_mm - cloud.length_mm(), ends.last_sigma_mm, false};
   found.is_oblique = cuts.last && cuts.last->cut.obliquity_deg > 5 * cuts.last->obliquity_sigma_deg;
@@ -161,6 +174,32 @@ TEST(DentedEnd, IsWhereTheOtherSidesEnd) {
     cloud.dent_along_mm = cloud.radius_mm * Uniform(random, 0.3, 0.6);
     cloud.dent_around_rad = Uniform(random, 0.5, 1.0);
     cloud.dent_before_mm = cloud.radius_mm * Uniform(random, 0.0, 0.5);
+    const FoundEnd end = FindLastEnd(cloud, random);
+    EXPECT_FALSE(end.is_oblique) << i;
+    EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
+    errors.Add(end.sigmas());
+  }
+  EXPECT_LT(errors.rms(), 1.5);
+}
+
+// Farther from the end a dent leaves the wall beside it, and its face is seen: without the samples
+// that may be of the face, which are those of the wall's upper half, so few are left that the end
+// was told where the dent begins, as an oblique cut of 58 degrees.
+TEST(DentedEnd, IsWhereItsFaceIs) {
+  Random random(12);
+  tests::ErrorSigmas errors;
+  for (int i = 0; i < 100; ++i) {
+    Cloud cloud;
+    cloud.radius_mm = LogUniform(random, 5.0, 20.0);
+    cloud.noise_mm = cloud.radius_mm * LogUniform(random, 0.001, 0.004);
+    cloud.per_mm2 = Uniform(random, 60, 150) / std::pow(cloud.radius_mm, 2);
+    cloud.wall_mm = cloud.radius_mm * Uniform(random, 0.08, 0.15);
+    cloud.dent_mm = cloud.radius_mm * Uniform(random, 0.05, 0.15);
+    cloud.dent_along_mm = cloud.radius_mm * Uniform(random, 0.4, 1.0);
+    cloud.dent_around_rad = Uniform(random, 0.4, 1.0);
+    cloud.dent_before_mm = cloud.radius_mm * Uniform(random, 1.5, 4.0);
+    cloud.aside_mm = cloud.noise_mm * Uniform(random, -0.2, 0.2);
+    cloud.noise_told = Uniform(random, 1.0, 6.0);
     const FoundEnd end = FindLastEnd(cloud, random);
     EXPECT_FALSE(end.is_oblique) << i;
     EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
