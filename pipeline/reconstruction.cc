@@ -107,7 +107,9 @@ struct FinalFit {
   IncidenceWeights weights;  // the tube's blocks look at them
   SurfaceFit fit;
   BowedTubeState bowed;
-  double noise_mm = 0;  // 1 sigma of the points
+  // 1 sigma of the points: beside lines and arcs, where bows and dents count as well; and by
+  // itself.
+  double beside_rows_mm = 0, noise_mm = 0;
   std::optional<SeamFound> seam;
   std::vector<WrinklesFound> wrinkles;
   std::optional<OtherDie> other_die;  // than the nominal's, from which the radii are
@@ -129,11 +131,11 @@ struct FinalFit {
 SurfaceForm FormBeside(const BowedTubeState& state, const FinalFit& final,
                        std::span<const PointBlock> blocks) {
   const double reach_mm = final.options.reach_mm;
-  SurfaceForm form = FindForm(state, final.noise_mm, blocks, reach_mm, kPerhapsDents);
+  SurfaceForm form = FindForm(state, final.beside_rows_mm, blocks, reach_mm, kPerhapsDents);
   if (form.dents.empty()) return form;
-  const auto undented = WithoutDents(state, final.noise_mm, blocks, blocks, reach_mm);
+  const auto undented = WithoutDents(state, final.beside_rows_mm, blocks, blocks, reach_mm);
   if (!undented) return form;
-  SurfaceForm without = FindForm(state, final.noise_mm, *undented, reach_mm);
+  SurfaceForm without = FindForm(state, final.beside_rows_mm, *undented, reach_mm);
   without.dents = std::move(form.dents);
   return without;
 }
@@ -285,10 +287,15 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   if (!tube.registration.passes.empty()) {
     Widen(tube.registration.covariance, final.options.free_pipe_radius, final.fit);
   }
-  final.noise_mm = final.weights.certainties.empty() ? final.fit.sigma_mm : final.weights.noise_mm;
+  final.beside_rows_mm =
+      final.weights.certainties.empty() ? final.fit.sigma_mm : final.weights.noise_mm;
+  final.noise_mm = final.beside_rows_mm;
+  if (final.bowed.is_bowed() && !solution.bows.is_lost) {
+    final.noise_mm = std::min(final.noise_mm, solution.bows.noise_mm);
+  }
   if (final.seam) {
-    final.seam = MeasureSeam(*final.seam, final.bowed, final.fit.tube, final.noise_mm, tube.blocks,
-                             final.options.reach_mm);
+    final.seam = MeasureSeam(*final.seam, final.bowed, final.fit.tube, final.beside_rows_mm,
+                             tube.blocks, final.options.reach_mm);
   }
   return final;
 }
@@ -389,14 +396,14 @@ hal::Result<Measurement> Reconstruction::Impl::Finish(Workers* workers) {
   timer.Done("ends");
   const WallSpine wall = WallSpineOf(final.bowed, measurement.tube, measurement.easing);
   WallCells cells =
-      DescribeSamples(seen.all(), seen.in_view(), wall, final.noise_mm, measurement, workers);
+      DescribeSamples(seen.all(), seen.in_view(), wall, final.beside_rows_mm, measurement, workers);
   timer.Done("description");
   if (knows_wall) {
     measurement.features = {
         true, cuts.first, cuts.last,
         OpeningsIn(seen, std::move(cells), wall, ends, final.noise_mm, measurement.tube)};
   }
-  TellDents(seen.all(), wall, ends, final.noise_mm, measurement);
+  TellDents(seen.all(), wall, ends, final.beside_rows_mm, measurement);
   SayDoubtfulEndBends(fit, NominalBends(), measurement);
   SayDeepDents(measurement);
   SayWhatIsAroundBends(fit, final.bowed, fitted, final.options.reach_mm, measurement);
@@ -546,7 +553,7 @@ std::vector<PointBlock> Reconstruction::Impl::AboutEnd(const PlainEnd& end, cons
 
 void Reconstruction::Impl::LookBeyondEnds(const TubeEnds& ends, const FinalFit& final,
                                           Measurement& measurement) const {
-  const double noise_mm = final.noise_mm;
+  const double noise_mm = final.beside_rows_mm;
   const hal::Tube plain = measurement.tube;
   const double r_mm = plain.pipe_radius_mm;
   const EasedSpine spine = SpineOf(plain.program, plain.X_WT, measurement.easing);

@@ -51,6 +51,19 @@ TEST_P(RealTube, HasTheBendsThatWereMade) {
   EXPECT_EQ(measured->tube.program.bend_count(), 4U);
 }
 
+// Not what its points lie off lines and arcs, which was told, and by which ends and openings were
+// looked for.
+TEST(RealTubes, NoiseIsThatOfTheSamples) {
+  constexpr double kNoiseMm = 0.015;
+  std::mt19937_64 random(3);
+  const tests::Form form{.bow = 0.0015, .dents = {{.along = 0.3, .depth_r = 0.12}}};
+  const auto cloud = tests::ScanRealTube(FourBends(), form, {.noise_mm = kNoiseMm}, random);
+  const hal::SteadyClock clock;
+  const auto measured = Reconstruct(cloud.points_W, {}, clock);
+  ASSERT_TRUE(measured) << measured.error().message;
+  EXPECT_NEAR(measured->noise_mm, kNoiseMm, 0.1 * kNoiseMm);
+}
+
 INSTANTIATE_TEST_SUITE_P(
     , RealTube,
     testing::Values(RealCase{"Bowed2000", {.bow = 0.0005}, {}},
