@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <span>
 
 #include "pipeline/features/opening_border.h"
@@ -21,6 +22,8 @@ bool IsNarrow(const OpeningBorder& border, double gap_mm);
 // The sides of a border, and those that have samples.
 struct BorderSides {
   int with_samples = 0, all = 0;
+  // But an eighth: one of eight, three of two dozen.
+  bool AreAllButByChance() const { return all - with_samples <= std::max(1, all / 8); }
 };
 // By the samples up to `reach_mm` outside of it and `clear_mm` inside; the more there are, the more
 // sides, each of `least_side_mm` or more, but eight at least.

@@ -160,7 +160,7 @@ std::optional<double> LeastOddsOfCut(const OpeningBorder& border, const Surround
 }
 
 // Whether an opening with this border leaves these samples: none in it, and some on all its sides
-// but one, no further from it than they are from each other.
+// but an eighth of them, no further from it than they are from each other.
 bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSurroundings& passes,
            const Look& look) {
   if (passes.are_known && passes.PartThrough(border) < kOpening.least_through) return false;
@@ -178,7 +178,7 @@ bool IsCut(const OpeningBorder& border, const Surroundings& around, const PassSu
   // Where rays are known to have passed, sides need be no shorter than lines lie apart.
   const BorderSides sides = SidesOf(border, around.all, clear_mm, 2.0 * look.gap_mm + clear_mm,
                                     passes.are_known ? 2.0 * look.gap_mm : 0.0);
-  return sides.with_samples + 1 >= sides.all;
+  return sides.AreAllButByChance();
 }
 
 // What a place that cells show turned out to be.
