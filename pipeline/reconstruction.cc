@@ -22,6 +22,7 @@
 #include "pipeline/fit/bends_with_bows.h"
 #include "pipeline/fit/correlations.h"
 #include "pipeline/fit/coverage.h"
+#include "pipeline/fit/die_spread.h"
 #include "pipeline/fit/easing_fit.h"
 #include "pipeline/fit/end_forms.h"
 #include "pipeline/fit/explained_by_bows.h"
@@ -234,6 +235,23 @@ void LeaveOutSeamAndWrinkles(const SurfaceFit& structure, std::span<const PointB
   final.beside_wrinkles = WithoutWrinkles(structure, final.wrinkles, beside_seam);
 }
 
+void TellNoise(const BowedFit& bows, FinalFit& final) {
+  final.beside_rows_mm =
+      final.weights.certainties.empty() ? final.fit.sigma_mm : final.weights.noise_mm;
+  final.noise_mm = final.beside_rows_mm;
+  if (final.bowed.is_bowed() && !bows.is_lost) {
+    final.noise_mm = std::min(final.noise_mm, bows.noise_mm);
+  }
+}
+
+// In all points: those of the seam were left out of the fit.
+void MeasureSeamOf(FinalFit& final, std::span<const PointBlock> all) {
+  if (final.seam) {
+    final.seam = MeasureSeam(*final.seam, final.bowed, final.fit.tube, final.beside_rows_mm, all,
+                             final.options.reach_mm);
+  }
+}
+
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
                       const BlocksAbout& about_end, Workers* workers) {
   ReachTo({tube.polygon.front().position_mm, tube.polygon.back().position_mm}, tube.structure.tube);
@@ -266,6 +284,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
       nominal && TryNominal(*nominal, tube.polygon, blocks, final.options, solution, margin);
   RoundDentedBends(blocks, final.options, solution);
   FlattenRoundBends(blocks, final.options, solution);
+  final.options.priors.sunk = LearnSunk(solution.fit);
   final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
   blocks = final.Fitted(tube.blocks);
   TrySkewedEasing(blocks, final.options, solution);
@@ -287,16 +306,8 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   if (!tube.registration.passes.empty()) {
     Widen(tube.registration.covariance, final.options.free_pipe_radius, final.fit);
   }
-  final.beside_rows_mm =
-      final.weights.certainties.empty() ? final.fit.sigma_mm : final.weights.noise_mm;
-  final.noise_mm = final.beside_rows_mm;
-  if (final.bowed.is_bowed() && !solution.bows.is_lost) {
-    final.noise_mm = std::min(final.noise_mm, solution.bows.noise_mm);
-  }
-  if (final.seam) {
-    final.seam = MeasureSeam(*final.seam, final.bowed, final.fit.tube, final.beside_rows_mm,
-                             tube.blocks, final.options.reach_mm);
-  }
+  TellNoise(solution.bows, final);
+  MeasureSeamOf(final, tube.blocks);
   return final;
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "pipeline/fit/tube_parameters.h"
+#include "pipeline/math/quantiles.h"
 
 namespace bendloop::pipeline {
 namespace {
@@ -19,6 +20,8 @@ struct DieSpreadSettings {
   // mean square) where these tell nothing. With an eighth for the least, radii of bends that one
   // die made exactly alike are as uncertain as that where the points know three times as much.
   std::array<double, 7> spreads = {1.0 / 32, 1.0 / 16, 0.125, 0.25, 0.5, 1.0, 2.4};
+  // Of what is usual for the bends: 1 sigma of how far their walls sink in; [of r_P] and at least.
+  double as_sunk = 3.0, hardly_sunk = 0.005;
 };
 constexpr DieSpreadSettings kDieSpread;
 
@@ -152,6 +155,14 @@ FitPriors LearnDieSpread(const SurfaceFit& fit, bool free_pipe_radius) {
     *alike[i].of_priors *= std::sqrt(squares[i] / weights);
   }
   return priors;
+}
+
+double LearnSunk(const SurfaceFit& fit) {
+  if (fit.flattening.size() < 2) return fit.priors.sunk;
+  std::vector<double> sunk;
+  for (const Flattening& of : fit.flattening) sunk.push_back(std::abs(of.collapse + of.plateau));
+  return std::clamp(kDieSpread.as_sunk * Median(std::move(sunk)), kDieSpread.hardly_sunk,
+                    fit.priors.sunk);
 }
 
 }  // namespace bendloop::pipeline

@@ -11,4 +11,8 @@ namespace bendloop::pipeline {
 // section 4). `fit`: with its covariance. `free_pipe_radius`: of the fit.
 FitPriors LearnDieSpread(const SurfaceFit& fit, bool free_pipe_radius);
 
+// [of r_P] How far outer walls sink in is as alike as the bends of a tube are (FitPriors::sunk).
+// Where a dent hides one, or half of the dent is taken for it, the others tell.
+double LearnSunk(const SurfaceFit& fit);
+
 }  // namespace bendloop::pipeline

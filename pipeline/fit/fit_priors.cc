@@ -47,9 +47,9 @@ void FitPriors::Add(const TubeParameters& parameters, const Eigen::VectorXd& at,
     right[i] -= certainty * deviation;
   };
   for (std::size_t bend = 0; parameters.flattened() && bend < parameters.bends(); ++bend) {
+    const Eigen::Vector4d range = FlatteningRange();
     for (int k = 0; k < kFlatteningParameters; ++k) {
-      add(parameters.flattening(bend) + k, at[parameters.flattening(bend) + k], kUsualFlattening,
-          1.0);
+      add(parameters.flattening(bend) + k, at[parameters.flattening(bend) + k], range[k], 1.0);
     }
   }
   if (parameters.eased()) {
@@ -121,6 +121,11 @@ double FitPriors::OccamPenalty(const TubeParameters& parameters, const hal::Tube
   return pivots.cwiseMax(1.0).array().log().sum();
 }
 
+Eigen::Vector4d FitPriors::FlatteningRange() const {
+  static_assert(kFlatteningParameters == 4);
+  return {kUsualFlattening, kUsualFlattening, sunk, sunk};
+}
+
 std::optional<double> FitPriors::MeanRadiusMm(const hal::BendProgram& program) const {
   double radii = 0, sum_mm = 0;
   for (std::size_t i = 0; i < program.bend_count(); ++i) {
@@ -143,9 +148,8 @@ double FitPriors::ChiSquare(const hal::BendProgram& program, std::span<const Fla
   if (!easing.empty()) sum += std::pow((easing.reach - kUsualReach) / kReachSigma, 2);
   for (const double skew : easing.skew) sum += std::pow(skew / kSkewSigma, 2);
   for (const Flattening& f : flattening) {
-    sum += (f.constant * f.constant + f.bump * f.bump + f.collapse * f.collapse +
-            f.plateau * f.plateau) /
-           (kUsualFlattening * kUsualFlattening);
+    const Eigen::Vector4d numbers(f.constant, f.bump, f.collapse, f.plateau);
+    sum += numbers.cwiseQuotient(FlatteningRange()).squaredNorm();
   }
   const auto mean_mm = MeanRadiusMm(program);
   for (std::size_t i = 0; radii_alike > 0 && mean_mm && i < program.bend_count(); ++i) {

@@ -33,6 +33,9 @@ struct FitPriors {
   bool IsOdd(std::size_t bend) const {
     return std::find(odd_bends.begin(), odd_bends.end(), bend) != odd_bends.end();
   }
+  // [of r_P] 1 sigma of how far outer walls sink in, beyond ovals.
+  double sunk = kUsualFlattening;
+  Eigen::Vector4d FlatteningRange() const;  // 1 sigma, as Flattening has its numbers
   // Of the bends that are not odd; none: there are none.
   std::optional<double> MeanRadiusMm(const hal::BendProgram& program) const;
   // [of their mean] 1 sigma of the easings' variances: clamp and dies are the same for all bends of

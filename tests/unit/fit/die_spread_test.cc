@@ -73,6 +73,17 @@ TEST(DieSpread, OfSharpBendsOfAnyDiesIsNothing) {
   EXPECT_EQ(LearnDieSpread(fit, true).radii_alike, 0);
 }
 
+// One of them has a dent there, as seems.
+TEST(DieSpread, WallsSinkInAsThoseOfTheOthersDo) {
+  SurfaceFit fit = FitWith({0, 0, 0}, 1.0);
+  fit.flattening = {{.bump = 0.04}, {.bump = 0.04, .collapse = 0.05}, {.bump = 0.04}};
+  EXPECT_LT(LearnSunk(fit), 0.01);
+  for (Flattening& of : fit.flattening) of.collapse = 0.05;
+  EXPECT_EQ(LearnSunk(fit), kUsualFlattening);
+  fit.flattening.resize(1);
+  EXPECT_EQ(LearnSunk(fit), kUsualFlattening);
+}
+
 TEST(DieSpread, OfFitsWithoutACovarianceStaysAsUsual) {
   SurfaceFit fit = FitWith({0, 0, 0}, 1.0);
   fit.covariance(0, 0) = std::numeric_limits<double>::quiet_NaN();

@@ -146,5 +146,47 @@ TEST(DentedStraights, LeavePipeRadiusAndBendsKnown) {
   EXPECT_LT(radii.rms(), 1.5);
 }
 
+// One in a bend of an oval tube, half of which was taken for an outer wall that sinks in or stands
+// out: up to a tenth too deep or too shallow, and many of its sigmas.
+TEST(DentedBends, OfOvalTubesHaveTheirDentsAsDeepAsTheyAre) {
+  for (const std::uint64_t seed : {3U, 22U}) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    hal::Tube tube;
+    const double r_mm = tube.pipe_radius_mm = Uniform(random, 5, 12);
+    const int bends = static_cast<int>(Uniform(random, 3, 6));
+    const double bend_radius_mm = Uniform(random, 2.5, 4) * r_mm;
+    for (int i = 0; i < bends; ++i) {
+      const double length_mm = Uniform(random, 5, 11) * r_mm;
+      const double rotation_deg = i == 0 ? 0.0 : Uniform(random, -180, 180);
+      tube.program.rows.push_back(
+          {length_mm, rotation_deg, Uniform(random, 30, 100), bend_radius_mm});
+    }
+    tube.program.rows.push_back({Uniform(random, 5, 11) * r_mm, 0, 0, {}});
+    std::vector<double> in_bends_mm;
+    for (const hal::SpineSegment& segment : hal::SpineSegments(tube.program, tube.X_WT)) {
+      if (!segment.is_arc()) continue;
+      in_bends_mm.push_back(segment.from_start_mm + Uniform(random, 0.2, 0.8) * segment.length_mm);
+    }
+    const auto dented = static_cast<std::size_t>(Uniform(random, 0, bends));
+    tests::Dent dent{.along = in_bends_mm[dented] / hal::SpineLength(tube.program)};
+    dent.depth_r = Uniform(random, 0.08, 0.13);
+    tests::Form form{.bow = 0.001};
+    form.easing_r = Uniform(random, 0.3, 0.8);
+    form.ovality = Uniform(random, 0.01, 0.06);
+    dent.around_rad = Uniform(random, -3.14, 3.14);
+    dent.width_r = Uniform(random, 0.45, 0.7);
+    form.dents = {dent};
+    const auto cloud =
+        tests::ScanRealTube(tube, form, {.points = 40'000, .noise_mm = 0.003 * r_mm}, random);
+    ReconstructionOptions options;
+    options.nominal = cloud.truth.program;
+    const auto measured = Reconstruct(cloud.points_W, options, hal::ManualClock());
+    ASSERT_TRUE(measured) << measured.error().message;
+    ASSERT_EQ(measured->dents.size(), 1U);
+    EXPECT_NEAR(measured->dents[0].depth_mm, dent.depth_r * r_mm, 0.06 * dent.depth_r * r_mm);
+  }
+}
+
 }  // namespace
 }  // namespace bendloop::pipeline
