@@ -184,7 +184,7 @@ TEST(DentedEnd, IsWhereTheOtherSidesEnd) {
 
 // Farther from the end a dent leaves the wall beside it, and its face is seen: without the samples
 // that may be of the face, which are those of the wall's upper half, so few are left that the end
-// was told where the dent begins, as an oblique cut of 58 degrees.
+// was told where the dent begins, or as an oblique cut.
 TEST(DentedEnd, IsWhereItsFaceIs) {
   Random random(12);
   tests::ErrorSigmas errors;
