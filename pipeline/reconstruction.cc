@@ -108,8 +108,8 @@ struct FinalFit {
   IncidenceWeights weights;  // the tube's blocks look at them
   SurfaceFit fit;
   BowedTubeState bowed;
-  // 1 sigma of the points: beside lines and arcs, where bows and dents count as well; and by
-  // itself.
+  // 1 sigma of the points: beside lines and arcs, where bows and dents count as well; and their
+  // own.
   double beside_rows_mm = 0, noise_mm = 0;
   std::optional<SeamFound> seam;
   std::vector<WrinklesFound> wrinkles;

@@ -105,6 +105,14 @@ FoundEnd FindLastEnd(const Cloud& cloud, Random& random) {
   return found;
 }
 
+// Of the end's place, which is told as such a cut and is not far beyond what it says.
+double SigmasOff(const Cloud& cloud, bool is_oblique, Random& random) {
+  const FoundEnd end = FindLastEnd(cloud, random);
+  EXPECT_EQ(end.is_oblique, is_oblique);
+  EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << "off " << end.off_mm;
+  return end.sigmas();
+}
+
 // Noise in all directions moves samples beyond the end, noise along rays hardly does; nobody says
 // which it is.
 class SquareEnd : public testing::TestWithParam<double> {};
@@ -152,10 +160,8 @@ TEST(EndInShadow, IsWhereTheOtherSidesEnd) {
     cloud.hidden_part = Uniform(random, 0.2, 0.65);
     cloud.hidden_mm = cloud.radius_mm * Uniform(random, 0.8, 2.5);
     cloud.steep_mm = cloud.hidden_mm * Uniform(random, -1, 1);
-    const FoundEnd end = FindLastEnd(cloud, random);
-    EXPECT_FALSE(end.is_oblique) << i;
-    EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
-    errors.Add(end.sigmas());
+    SCOPED_TRACE(i);
+    errors.Add(SigmasOff(cloud, false, random));
   }
   EXPECT_LT(errors.rms(), 1.4);
 }
@@ -174,10 +180,8 @@ TEST(DentedEnd, IsWhereTheOtherSidesEnd) {
     cloud.dent_along_mm = cloud.radius_mm * Uniform(random, 0.3, 0.6);
     cloud.dent_around_rad = Uniform(random, 0.5, 1.0);
     cloud.dent_before_mm = cloud.radius_mm * Uniform(random, 0.0, 0.5);
-    const FoundEnd end = FindLastEnd(cloud, random);
-    EXPECT_FALSE(end.is_oblique) << i;
-    EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
-    errors.Add(end.sigmas());
+    SCOPED_TRACE(i);
+    errors.Add(SigmasOff(cloud, false, random));
   }
   EXPECT_LT(errors.rms(), 1.5);
 }
@@ -200,10 +204,8 @@ TEST(DentedEnd, IsWhereItsFaceIs) {
     cloud.dent_before_mm = cloud.radius_mm * Uniform(random, 1.5, 4.0);
     cloud.aside_mm = cloud.noise_mm * Uniform(random, -0.2, 0.2);
     cloud.noise_told = Uniform(random, 1.0, 6.0);
-    const FoundEnd end = FindLastEnd(cloud, random);
-    EXPECT_FALSE(end.is_oblique) << i;
-    EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
-    errors.Add(end.sigmas());
+    SCOPED_TRACE(i);
+    errors.Add(SigmasOff(cloud, false, random));
   }
   EXPECT_LT(errors.rms(), 1.5);
 }
@@ -228,10 +230,8 @@ TEST(EndInShadow, IsNoneWhereACutIsOblique) {
     cloud.radius_mm = LogUniform(random, 3.0, 20.0);
     cloud.per_mm2 = Uniform(random, 40, 900) / std::pow(cloud.radius_mm, 2);
     cloud.slope = std::tan(Uniform(random, 10, 50) * hal::kRadiansPerDegree);
-    const FoundEnd end = FindLastEnd(cloud, random);
-    EXPECT_TRUE(end.is_oblique) << i;
-    EXPECT_LT(std::abs(end.off_mm), 6 * end.sigma_mm) << i << " off " << end.off_mm;
-    errors.Add(end.sigmas());
+    SCOPED_TRACE(i);
+    errors.Add(SigmasOff(cloud, true, random));
   }
   EXPECT_LT(errors.rms(), 1.3);
 }
