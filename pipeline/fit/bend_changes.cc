@@ -203,7 +203,7 @@ BendChange WithoutAllInDoubt(const BowedSolution& now, const ControlPolygon& pol
 }  // namespace
 
 bool IsMoreThanBendersLeave(const Bow& bow, double straight_mm) {
-  const double height_mm = 1.5 * bow.modes_mm.head<2>().norm();
+  const double height_mm = 1.5 * bow.HeightMm(0).norm();
   return !bow.is_none() && height_mm >= kChanges.bow * bow.LengthMm(straight_mm);
 }
 

@@ -126,7 +126,7 @@ std::vector<BowHinge> BowHinges(const EasedSpine& spine, const Easing& within, c
         Eigen::Quaterniond::FromTwoVectors(line.tangent, piece.TangentAt(0.5 * piece.length_mm)) *
         line.axes();
     BowHinge hinge;
-    for (std::size_t s = 0; s < 2; ++s) {
+    for (std::size_t s = 0; s < kBowShapes; ++s) {
       const double half_turn = 0.5 * left * curvatures[s] * by_mm * by_mm * piece.length_mm;
       hinge.turn.col(static_cast<Eigen::Index>(2 * s)) = half_turn * axes.col(2);
       hinge.turn.col(static_cast<Eigen::Index>(2 * s + 1)) = -half_turn * axes.col(1);

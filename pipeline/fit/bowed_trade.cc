@@ -153,9 +153,10 @@ LocalVector BowedTube::LineTurn(std::size_t k, double shift_mm) const {
   const Bow& bow = state_.bows[k];
   const double length_mm = LengthOf(k), by_mm = 2.0 / length_mm;
   const auto curvatures = BowCurvaturesAt(bow.middle.center());
-  const Eigen::Vector2d slope =
-      shift_mm * by_mm * by_mm *
-      (curvatures[0] * bow.modes_mm.head<2>() + curvatures[1] * bow.modes_mm.tail<2>());
+  Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+  for (std::size_t s = 0; s < kBowShapes; ++s) {
+    slope += shift_mm * by_mm * by_mm * curvatures[s] * bow.HeightMm(s);
+  }
   const double along_mm = 0.5 * (1.0 + bow.middle.center()) * length_mm - bow.before_mm;
   LocalVector motion = LocalVector::Zero();
   motion.segment<2>(1) = -along_mm * slope;

@@ -129,8 +129,8 @@ void BowedTube::SumKnown() {
     right.noalias() -= motion.transpose() * PullOf(whole);
     if (own_[k] < 0) continue;
     BowMotion with_motion = BowMotion::Zero();
-    Eigen::Matrix4d with_itself = Eigen::Matrix4d::Zero();
-    Eigen::Vector4d pull = Eigen::Vector4d::Zero();
+    auto with_itself = Eigen::Matrix<double, kBowModes, kBowModes>::Zero().eval();
+    BowModes pull = BowModes::Zero();
     for (std::size_t i = first; i < next; ++i) {
       const BowMotion field = OwnMotion(places_[i]);
       const BowMotion felt = InformationOf(places_[i].sum) * field;
@@ -163,8 +163,7 @@ void BowedTube::AddPriors(bool with_bows) {
     if (own_[k] < 0) continue;
     const double length_mm = LengthOf(k);
     for (int mode = 0; mode < kBowModes; ++mode) {
-      // The bow's shape goes from -0.5 to 1; so does the other, nearly.
-      const double range_mm = (mode < 2 ? kBowed.bow : kBowed.s_bow) * length_mm / 1.5;
+      const double range_mm = BowRangeMm(static_cast<std::size_t>(mode / 2), length_mm);
       const double certainty = noise_mm2_ / (with_bows ? range_mm * range_mm : kHeld * kHeld);
       matrix_(own_[k] + mode, own_[k] + mode) += certainty;
       right_[own_[k] + mode] -= certainty * state_.bows[k].modes_mm[mode];

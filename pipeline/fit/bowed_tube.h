@@ -30,9 +30,10 @@ struct BowedSettings {
   // [of r_P] Shorter straights have no bow, nor those of which the bends beside them leave less.
   // What a straight of 1.3 r_P bows by turns the bends beside it by half a degree (L / 320).
   double shortest = 0.7, shortest_left = 0.05;
-  // [of a straight's length] 1 sigma of a bow's height, and of one that changes sides: L / 300 is
-  // the worst that is sold as straight.
-  double bow = 0.002, s_bow = 0.001;
+  // [of a straight's length] 1 sigma of a bow's height, of one that changes sides, and of the
+  // fourth polynomial, of which half a sine has 0.075 of its second, and a parabola none: L / 300
+  // is the worst that is sold as straight.
+  double bow = 0.002, s_bow = 0.001, w_bow = 0.0001;
   // [of the slope of a bow at its ends, and of what part of its straight the tube's bends ease
   // over] How far nobody knows how it goes on there: so much its best-fit line may be turned. By
   // trial.
@@ -53,7 +54,7 @@ struct BowedSettings {
   // Of a place's information that is taken away with it: 1 is a jackknife, which overdoes where a
   // place alone tells of a number; and [standard deviations] of what noise pulls, which is not
   // counted, and from which on something pressed or lies there. Of bowed tubes all beyond the mean
-  // counts: four numbers a straight are not all of its form.
+  // counts: six numbers a straight are not all of its form.
   double leverage = 0.5, noise_sigmas = 2.0, noise_sigmas_of_bowed = 0.0, no_noise_sigmas = 6.0;
   // The tube's straights lie as near to the best-fit lines: [times the highest bow], [of r_P].
   double near_bows = 6.0, near = 0.1;
@@ -75,6 +76,12 @@ struct BowedSettings {
 };
 inline constexpr BowedSettings kBowed;
 
+// [mm] 1 sigma of the height of a shape, of a straight so long; they go from -0.5 to 1 or nearly.
+inline double BowRangeMm(std::size_t shape, double length_mm) {
+  const std::array<double, kBowShapes> of_length{kBowed.bow, kBowed.s_bow, kBowed.w_bow};
+  return of_length[shape] * length_mm / 1.5;
+}
+
 // Whether all bends have a corner.
 bool HasCorners(const hal::BendProgram& program);
 
@@ -85,7 +92,7 @@ inline LocalVector PullOf(const CondensedSum& sum) {
   return sum.col(kLocalState).head<kLocalState>();
 }
 
-// The tube's parameters and, straight by straight, four numbers of its bow.
+// The tube's parameters and, straight by straight, the numbers of its bow.
 class BowedTube {
  public:
   // `fit`: without bows; `state`: where it has come to. `usual_radius_mm`: of bends.
@@ -104,7 +111,7 @@ class BowedTube {
     tails_.assign(own_.size(), LocalVector::Zero());
     for (std::size_t k = 0; k < own_.size(); ++k) {
       if (!spine_.is_line(k)) continue;
-      const Eigen::Vector4d modes_mm = state_.bows[k].modes_mm;
+      const BowModes modes_mm = state_.bows[k].modes_mm;
       state_.bows[k] = ExtentOf(state_, spine_, k);
       tails_[k] = TailsOf(spine_, state_.bows[k], k);
       if (!MayBow(k)) continue;
@@ -197,7 +204,7 @@ class BowedTube {
   BowMotion LineMotion(std::size_t k) const {
     return ToBestFitLine(state_.bows[k], spine_.segments[k].length_mm);
   }
-  Eigen::Vector4d BowAt(std::size_t k, const Eigen::VectorXd& numbers) const {
+  BowModes BowAt(std::size_t k, const Eigen::VectorXd& numbers) const {
     return state_.bows[k].modes_mm + numbers.segment<kBowModes>(own_[k]);
   }
 
@@ -251,7 +258,7 @@ class BowedTube {
 
   Eigen::VectorXd TradeAt(const Eigen::VectorXd& numbers) const;
 
-  // How sure rows are of a tube whose straights bow a little otherwise than by two modes.
+  // How sure rows are of a tube whose straights bow a little otherwise than by these shapes.
   Eigen::MatrixXd OtherBows() const;
 
   // Its derivative, where it is linear enough for differences of a thousandth of a sigma.

@@ -395,6 +395,7 @@ RealCase DrawRealCase(std::uint64_t seed, const std::string& kind_name) {
   form.s_bow = Uniform(random, 0, 0.3) * form.bow;
   form.easing_r = Uniform(random, kind.easing_r);
   form.ramps = Uniform(random, 0, 1) < 0.3;
+  form.half_sine = Uniform(random, 0, 1) < 0.5;
   form.ovality = Uniform(random, kind.ovality);
   form.wrinkles = Uniform(random, kind.wrinkles);
   form.seam = Uniform(random, kind.seam);

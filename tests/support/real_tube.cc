@@ -101,14 +101,17 @@ std::vector<Eigen::Vector2d> Curvatures(const hal::Tube& tube, const Form& form,
       }
       continue;
     }
-    // Bows of height bow * L have the curvature 8 bow / L; that of a cubic is zero in the middle.
+    // Bows of height bow * L have the curvature 8 bow / L, or pi^2 bow / L in the middle; that of a
+    // cubic is zero there.
     const double sign = Uniform(random, 0, 2 * kPi), other = Uniform(random, 0, 2 * kPi);
     const Eigen::Vector2d bow(std::cos(sign), std::sin(sign)),
         s_bow(std::cos(other), std::sin(other));
     for (std::size_t i = first; i < last; ++i) {
       const Overlap here = OverlapOf(i, from, to);
       const double t = (here.middle - from) / (to - from);
-      curvature[i] += here.part * (8.0 * form.bow * bow + 62.0 * form.s_bow * (t - 0.5) * s_bow) /
+      const double of_bow = form.half_sine ? kPi * kPi * std::sin(kPi * t) : 8.0;
+      curvature[i] += here.part *
+                      (of_bow * form.bow * bow + 62.0 * form.s_bow * (t - 0.5) * s_bow) /
                       segment.length_mm;
     }
   }

@@ -27,9 +27,10 @@ enum class EndFitting { kNone, kNut, kFlange, kFlare, kBead, kCap };
 
 // How a real tube differs from its program. Lengths in pipe radii.
 struct Form {
-  double bow = 0;       // height of each straight's bow over its length: 1 / 1000
-  double s_bow = 0;     // the same of a second mode, that changes sides in the middle
-  double easing_r = 0;  // curvature is smoothed over a gaussian of this sigma
+  double bow = 0;          // height of each straight's bow over its length: 1 / 1000
+  double s_bow = 0;        // the same of a second mode, that changes sides in the middle
+  bool half_sine = false;  // bows are no parabolas: less is curved towards the straight's ends
+  double easing_r = 0;     // curvature is smoothed over a gaussian of this sigma
   // The same where bends end; none: they fall as they rise. Of straights that do not bow.
   std::optional<double> falling_r = {};
   bool ramps = false;   // instead over a box as wide as twice this: curvature rises linearly

@@ -19,7 +19,7 @@ namespace {
 TEST(BowedSpine, PointsOfABowedStraightLieOnItsSurface) {
   constexpr double kLengthMm = 50, kRadiusMm = 5;
   Bow bow;
-  bow.modes_mm << 0.1, -0.06, 0.03, 0.05;
+  bow.modes_mm << 0.1, -0.06, 0.03, 0.05, -0.02, 0.01;
   bow.middle = {-0.75, 0.75};
   SegmentPoints points;
   points.MakeRoom(1000);
@@ -42,6 +42,34 @@ TEST(BowedSpine, PointsOfABowedStraightLieOnItsSurface) {
   Straighten(bow, kLengthMm, kRadiusMm, points);
   EXPECT_GT(leaning_mm, 5e-4);
   for (int i = 0; i < 1000; ++i) EXPECT_NEAR(points.distance[i], 0, 0.03 * leaning_mm) << i;
+}
+
+// The shapes' lines are those of least squares over the middle, and slopes and curvatures what the
+// shapes are.
+TEST(BowShapes, HaveTheirBestFitLines) {
+  const StraightMiddle middle{-0.8, 0.55};
+  constexpr int kPlaces = 20'000;
+  for (std::size_t s = 0; s < kBowShapes; ++s) {
+    double off = 0, moment = 0, spread = 0;
+    for (int i = 0; i < kPlaces; ++i) {
+      const double x = middle.from + (i + 0.5) / kPlaces * (middle.to - middle.from);
+      const double from_center = x - middle.center();
+      off += BowShapesAt(x)[s].off / kPlaces;
+      moment += from_center * BowShapesAt(x)[s].off;
+      spread += from_center * from_center;
+    }
+    EXPECT_NEAR(BowLinesOf(middle)[s].off, off, 1e-6) << s;
+    EXPECT_NEAR(BowLinesOf(middle)[s].slope, moment / spread, 1e-6) << s;
+    const auto slope_at = [s](double x) { return BowShapesAt(x)[s].slope; };
+    for (const double x : {-0.9, 0.1, 0.7}) {
+      const double by = BowShapesAt(x + 1e-4)[s].off - BowShapesAt(x - 1e-4)[s].off;
+      EXPECT_NEAR(slope_at(x), by / 2e-4, 1e-6) << s;
+      EXPECT_NEAR(BowCurvaturesAt(x)[s], (slope_at(x + 1e-4) - slope_at(x - 1e-4)) / 2e-4, 1e-6)
+          << s;
+    }
+    EXPECT_NEAR(BowLinesOf({})[s].slope, 0, 1e-12) << "no part of the whole straight's line";
+    EXPECT_NEAR(BowLinesOf({})[s].off, 0, 1e-12);
+  }
 }
 
 // A bow's best-fit line is that of a part of the straight: an end that is sought a tenth of a
