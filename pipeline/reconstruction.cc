@@ -168,7 +168,7 @@ std::vector<OpeningFound> OpeningsIn(const FeaturePoints& seen, WallCells cells,
                                      const hal::Tube& tube) {
   const std::vector<EmptyPlace> places = FindEmptyPlaces(tube, std::move(cells));
   const SeenPoints about = seen.About(BallsAbout(tube, places), kStage.about_openings);
-  return FindOpenings(tube, wall.spine, ends, noise_mm, about.blocks, places);
+  return FindOpenings(tube, wall, ends, noise_mm, about.blocks, places);
 }
 
 // The dents that cells showed, by their points.

@@ -56,7 +56,7 @@ CutFaces::CutFaces(const hal::Tube& tube, const TubeFeaturesFound& features) {
     const Eigen::Vector3d drill = (frame.outward + Tangent(opening.lean_along_deg) * frame.tangent -
                                    Tangent(opening.lean_around_deg) * frame.sideways())
                                       .normalized();
-    openings_.push_back({frame.spine_mm + tube.pipe_radius_mm * frame.outward, frame.outward, drill,
+    openings_.push_back({found.position_mm, frame.outward, drill,
                          (found.direction - found.direction.dot(drill) * drill).normalized(),
                          0.5 * (opening.length_mm - opening.width_mm), 0.5 * opening.width_mm,
                          tube.pipe_radius_mm});

@@ -68,6 +68,7 @@ class Wall {
         faces_(faces),
         face_mm_(CutFaces::ReachMm(noise_mm, r_mm_)),
         about_(form.about),
+        places_(form.about),
         spine_(form.about.spine),
         frames_(SegmentFrames(spine_, 0.0, form.flattening)),
         blocks_(blocks) {
@@ -78,19 +79,7 @@ class Wall {
     }
   }
 
-  // The nearest to a point, outwards to it, and where along the spine.
-  std::pair<hal::SurfaceFrame, double> FrameTo(const Eigen::Vector3d& seen) const {
-    const Eigen::Vector3d point = Straightened(seen, FootOf(seen));
-    const SpineFoot foot = FootOf(point);
-    const double along_mm =
-        foot.segment < 0
-            ? 0.0
-            : spine_.segments[static_cast<std::size_t>(foot.segment)].from_start_mm + foot.along_mm;
-    hal::SurfaceFrame frame = FrameAt(along_mm, 0.0);
-    const Eigen::Vector3d out = point - frame.spine_mm;
-    frame.outward = (out - out.dot(frame.tangent) * frame.tangent).normalized();
-    return {frame, along_mm};
-  }
+  const PlacesOnWall& places() const { return places_; }
 
   // At most `enough_points`, as far apart as all of them; off the wall that is flattened; without
   // those in `others`, as far as these are no nearer than `own_mm`.
@@ -149,20 +138,10 @@ class Wall {
   }
 
  private:
-  // The point where it would be if the straight that it lies on did not bow.
-  Eigen::Vector3d Straightened(const Eigen::Vector3d& point, const SpineFoot& foot) const {
-    if (foot.segment < 0) return point;
-    return point - about_.BesideMm(static_cast<std::size_t>(foot.segment), foot.along_mm);
-  }
-  SpineFoot FootOf(const Eigen::Vector3d& point) const {
-    std::vector<std::int32_t> all(spine_.segments.size());
-    std::iota(all.begin(), all.end(), 0);
-    return NearestFoot(point, spine_.segments, frames_, all);
-  }
   std::optional<WallPoint> PlaceOf(const Eigen::Vector3d& seen, const UnrolledWall& unrolled,
                                    double along_mm) const {
-    const Eigen::Vector3d point = Straightened(seen, FootOf(seen));
-    const SpineFoot foot = FootOf(point);
+    const Eigen::Vector3d point = places_.Straightened(seen, places_.FootOf(seen));
+    const SpineFoot foot = places_.FootOf(point);
     if (foot.segment < 0) return std::nullopt;
     const Eigen::Vector2d place = unrolled.PlaceOf(point, foot);
     return WallPoint{unrolled.AlongWallMm(place, along_mm), -place.y(), 0};
@@ -187,7 +166,7 @@ class Wall {
       if (candidates.empty()) continue;
       for (const Eigen::Vector3d& as_seen : block.points) {
         SpineFoot foot = NearestFoot(as_seen, segments, frames_, candidates);
-        const Eigen::Vector3d point = Straightened(as_seen, foot);
+        const Eigen::Vector3d point = places_.Straightened(as_seen, foot);
         if (!about_.bows.empty()) foot = NearestFoot(point, segments, frames_, candidates);
         const double off = foot.distance_mm - r_mm_;
         if (foot.segment < 0 || off < off_mm[0] || off > off_mm[1]) continue;
@@ -220,12 +199,13 @@ class Wall {
   double face_mm_;
   double flat_mm_ = 0;  // the furthest that a bend's wall lies off the round one
   const WallSpine& about_;
+  PlacesOnWall places_;
   const EasedSpine& spine_;
   std::vector<SegmentFrame> frames_;
   std::span<const PointBlock> blocks_;
 };
 
-// Along and around the tube of sharp bends, as its drawing has places.
+// Along the tube of sharp bends, as its drawing has places, and around what its wall lies about.
 class PlacesOfTube {
  public:
   explicit PlacesOfTube(const hal::Tube& tube)
@@ -234,18 +214,16 @@ class PlacesOfTube {
         all_(segments_.size()) {
     std::iota(all_.begin(), all_.end(), 0);
   }
-  // By the dent's position.
-  void Name(DentFound& dent) const {
+  // By the dent's position, which lies that way from the wall's axis.
+  void Name(const Eigen::Vector3d& outward, DentFound& dent) const {
     const SpineFoot foot = NearestFoot(dent.position_mm, segments_, frames_, all_);
     if (foot.segment < 0) return;
     const auto at = static_cast<std::size_t>(foot.segment);
     const hal::SpineSegment& segment = segments_[at];
     const double along_mm = std::clamp(foot.along_mm, 0.0, segment.length_mm);
-    const Eigen::Vector3d tangent = segment.TangentAt(along_mm);
-    const Eigen::Vector3d out = dent.position_mm - segment.PointAt(along_mm);
     dent.along_mm = segment.from_start_mm + along_mm;
-    dent.around_deg = hal::AroundDeg(hal::AroundZero(segments_, at), tangent,
-                                     (out - out.dot(tangent) * tangent).normalized());
+    dent.around_deg =
+        hal::AroundDeg(hal::AroundZero(segments_, at), segment.TangentAt(along_mm), outward);
   }
 
  private:
@@ -322,7 +300,7 @@ bool MeasureDent(const Wall& wall, double r_mm, double noise_mm, std::span<const
       others.push_back({other.position_mm, ReachOf(other, kDents.rim_sigmas * noise_mm)});
     }
   }
-  const auto [frame, middle_mm] = wall.FrameTo(dent.position_mm);
+  const auto [frame, middle_mm] = wall.places().FrameTo(dent.position_mm);
   const double reach_mm = kDents.look * dent.size_mm + kDents.look_more * r_mm;
   const std::vector<WallPoint> points =
       wall.About(frame, middle_mm, reach_mm, MostOffWallMm(dent.depth_mm, noise_mm), others,
@@ -399,7 +377,7 @@ void MeasureDents(const hal::Tube& tube, const WallForm& form, const TubeEnds& e
   }
   MeasureAgain(wall, tube.pipe_radius_mm, noise_mm, known);
   for (DentFound& dent : known) {
-    places.Name(dent);
+    places.Name(wall.places().FrameTo(dent.position_mm).first.outward, dent);
     const bool from_end = 2.0 * dent.along_mm > length_mm;
     dent.along_sigma_mm =
         std::hypot(dent.along_sigma_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);

@@ -379,15 +379,15 @@ std::vector<Ball> BallsAbout(const hal::Tube& tube, std::span<const EmptyPlace> 
   return balls;
 }
 
-std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const EasedSpine& spine,
+std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const WallSpine& wall,
                                        const TubeEnds& ends, double sigma_mm,
                                        std::span<const PointBlock> blocks,
                                        std::span<const EmptyPlace> places) {
   const auto segments = hal::SpineSegments(tube.program, tube.X_WT);
   std::vector<OpeningFound> openings, may_be_unseen;
   if (places.empty()) return openings;
-  const std::vector<SegmentFrame> frames = SegmentFrames(spine, 0.0, {});
-  const LookedAtTube looked_at{tube.pipe_radius_mm, sigma_mm, spine.segments, frames, blocks};
+  const std::vector<SegmentFrame> frames = SegmentFrames(wall.spine, 0.0, {});
+  const LookedAtTube looked_at{tube.pipe_radius_mm, sigma_mm, wall.spine.segments, frames, blocks};
   const Candidate candidate(looked_at, segments, sigma_mm);
   // The same one is seen at several sizes of cells.
   const auto is_known = [&](const Eigen::Vector3d& position_mm) {
@@ -411,6 +411,12 @@ std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const EasedSpine& 
     found.sigma.along_mm =
         std::hypot(found.sigma.along_mm, from_end ? ends.last_sigma_mm : ends.first_sigma_mm);
     openings.push_back(found);
+  }
+  const PlacesOnWall places_on_wall(wall);
+  for (OpeningFound& found : openings) {
+    const hal::SurfaceFrame zero = hal::FrameAt(segments, found.opening.along_mm, 0.0);
+    found.opening.around_deg = hal::AroundDeg(
+        zero.outward, zero.tangent, places_on_wall.FrameTo(found.position_mm).first.outward);
   }
   std::sort(openings.begin(), openings.end(), [](const OpeningFound& a, const OpeningFound& b) {
     return a.opening.along_mm < b.opening.along_mm;

@@ -8,6 +8,7 @@
 #include "pipeline/features/surface_cells.h"
 #include "pipeline/fit/surface_points.h"
 #include "pipeline/fit/tube_ends.h"
+#include "pipeline/fit/wall_spine.h"
 #include "pipeline/points/kept_lines.h"
 #include "pipeline/tube/easing.h"
 #include "pipeline/tube/tube_features.h"
@@ -20,7 +21,7 @@ namespace bendloop::pipeline {
 // `tube`: with all that is on its ends; `wall`: what its wall lies about (WallSpineOf()).
 // `sigma_mm`: noise of the points. `places`: where cells of the wall are empty; `blocks`: hold the
 // points in the balls about these, at least.
-std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const EasedSpine& wall,
+std::vector<OpeningFound> FindOpenings(const hal::Tube& tube, const WallSpine& wall,
                                        const TubeEnds& ends, double sigma_mm,
                                        std::span<const PointBlock> blocks,
                                        std::span<const EmptyPlace> places);

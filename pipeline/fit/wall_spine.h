@@ -3,10 +3,14 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "hal/tube.h"
+#include "hal/tube_features.h"
 #include "pipeline/fit/bowed_spine.h"
+#include "pipeline/fit/surface_points.h"
 #include "pipeline/tube/easing.h"
 
 namespace bendloop::pipeline {
@@ -20,6 +24,23 @@ struct WallSpine {
 
   // How far it lies beside the segment's line there.
   Eigen::Vector3d BesideMm(std::size_t segment, double along_mm) const;
+};
+
+// Where places of the wall lie about its spine.
+class PlacesOnWall {
+ public:
+  explicit PlacesOnWall(const WallSpine& wall);  // which it keeps a reference to
+
+  // The nearest to a place: outwards to it, on the segment's line if that bows; and how far along.
+  std::pair<hal::SurfaceFrame, double> FrameTo(const Eigen::Vector3d& place_mm) const;
+  SpineFoot FootOf(const Eigen::Vector3d& place_mm) const;
+  // Where a place with that foot would be if the straight that it lies on did not bow.
+  Eigen::Vector3d Straightened(const Eigen::Vector3d& place_mm, const SpineFoot& foot) const;
+
+ private:
+  const WallSpine& wall_;
+  std::vector<SegmentFrame> frames_;
+  std::vector<std::int32_t> all_;
 };
 
 // From end to end of `tube`, whose bends ease; `bowed`: the same as it was fitted, with its bows.

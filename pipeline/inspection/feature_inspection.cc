@@ -50,6 +50,7 @@ class Inspector {
             double decision_sigmas)
       : measurement_(measurement),
         segments_(hal::SpineSegments(measured.program, measured.X_WT)),
+        scanned_(hal::SpineSegments(measurement.tube.program, measurement.tube.X_WT)),
         length_mm_(hal::SpineLength(measured.program)),
         pipe_radius_mm_(measured.pipe_radius_mm),
         reversed_(reversed),
@@ -148,8 +149,9 @@ class Inspector {
     if (!reversed_) return opening;
     opening.along_mm = length_mm_ - opening.along_mm;
     const hal::SurfaceFrame frame = hal::FrameAt(segments_, opening.along_mm, 0.0);
-    const Eigen::Vector3d off = found.position_mm - frame.spine_mm;
-    const Eigen::Vector3d outward = (off - off.dot(frame.tangent) * frame.tangent).normalized();
+    // About the wall's own axis, beside which the tube's may lie (found.position_mm).
+    const Eigen::Vector3d outward =
+        hal::FrameAt(scanned_, found.opening.along_mm, found.opening.around_deg).outward;
     opening.around_deg = hal::AroundDeg(frame.outward, frame.tangent, outward);
     // With the feed turn both directions that leans are counted to.
     opening.lean_along_deg = -opening.lean_along_deg;
@@ -208,15 +210,14 @@ class Inspector {
     const std::size_t at = at_start ? 0 : segments_.size() - 1;
     const Eigen::Vector3d nominal =
         slope(cut, hal::AroundZero(segments_, at), segments_[at].tangent);
-    const auto scanned = hal::SpineSegments(measurement_.tube.program, measurement_.tube.X_WT);
-    const std::size_t same = at_start != reversed_ ? 0 : scanned.size() - 1;
+    const std::size_t same = at_start != reversed_ ? 0 : scanned_.size() - 1;
     const Eigen::Vector3d measured =
-        slope(found.cut, hal::AroundZero(scanned, same), scanned[same].tangent);
+        slope(found.cut, hal::AroundZero(scanned_, same), scanned_[same].tangent);
     return std::atan((nominal - measured).norm()) * hal::kDegreesPerRadian;
   }
 
   const Measurement& measurement_;
-  std::vector<hal::SpineSegment> segments_;
+  std::vector<hal::SpineSegment> segments_, scanned_;  // in the nominal's order, and as measured
   double length_mm_, pipe_radius_mm_;
   bool reversed_;
   double decision_sigmas_;
