@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "pipeline/tube/representations.h"
+#include "tests/support/reversed_features.h"
 #include "tests/support/synthetic_tube.h"
 #include "tests/unit/inspection/sample_parts.h"
 
@@ -115,9 +116,13 @@ TEST(Inspection, JudgesTheHolesThatItFinds) {
   Measurement turned = measured;
   turned.tube = ReverseTube(measured.tube);
   turned.sigma = ReverseProgram(measured.sigma);
-  hal::WallOpening& opening = turned.features.openings[0].opening;
-  opening.along_mm = hal::SpineLength(kPart) - opening.along_mm;
-  opening.around_deg = 12;  // counted from another bend
+  OpeningFound& found = turned.features.openings[0];
+  hal::TubeFeatures features;
+  features.openings = {found.opening};
+  found.opening = tests::ReversedFeatures(features, measured.tube).openings.front();
+  ASSERT_NEAR(found.opening.around_deg, 89.8, 1e-6) << "counted the other way round";
+  // A straight that bows has its wall's axis there, about which that is counted, beside its line.
+  found.position_mm += 0.3 * found.direction.cross(Eigen::Vector3d::UnitX());
   const Inspection reversed = Inspect(turned, kPart, kPipeRadius, WithHole());
   EXPECT_EQ(reversed.verdict, Verdict::kPass) << reversed.reasons.size();
   EXPECT_NEAR(reversed.features.openings[0].along_mm.deviation, 0.1, 1e-6);
