@@ -50,6 +50,8 @@ struct ReviseSettings {
   // than these are left.
   int most_undented = 6;
   double undented = 0.999;
+  // [of r_P] Where dents leave out so much of an end its straight goes on beyond its points.
+  double gone = 0.1;
   // [of the points] That dents leave, or they explain too much.
   double beside_dents = 0.8;
   // Times that samples of a place are worth less: what makes them disagree so much may be a dent
@@ -106,6 +108,25 @@ SurfaceFit FitFromAfar(const hal::Tube& start, std::span<const PointBlock> block
   return cost(far) < cost(near) ? std::move(far) : std::move(near);
 }
 
+// [mm] By how much the first and the last straight go on beyond the points that are left on them:
+// their best-fit lines are of all of them, though their ends be taken for dented.
+std::array<double, 2> HiddenBeside(const BowedTubeState& state, std::span<const PointBlock> all,
+                                   std::span<const PointBlock> left,
+                                   const SurfaceFitOptions& options) {
+  const auto beyond_mm = [&](std::span<const PointBlock> blocks) {
+    const OwnedBlocks few = Thinned(blocks, StrideTo(CountPoints(blocks), kRevise.points));
+    return PointsBeyond(state, few, options.reach_mm);
+  };
+  const auto of_all = beyond_mm(all), of_left = beyond_mm(left);
+  std::array<double, 2> hidden_mm = options.hidden_mm;
+  for (const std::size_t end : {std::size_t{0}, std::size_t{1}}) {
+    if (!of_all[end] || !of_left[end]) continue;
+    const double gone_mm = *of_all[end] - *of_left[end];
+    if (gone_mm > kRevise.gone * state.tube.pipe_radius_mm) hidden_mm[end] += gone_mm;
+  }
+  return hidden_mm;
+}
+
 BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
                     const SurfaceFitOptions& options, std::optional<SurfaceFit> straight) {
   BowedSolution solution{
@@ -127,6 +148,7 @@ BowedSolution Solve(const hal::Tube& start, std::span<const PointBlock> blocks,
     solution.undented = std::move(undented);
     SurfaceFitOptions from_there = options;
     from_there.easing = solution.fit.easing;
+    from_there.hidden_mm = HiddenBeside(solution.bows.state, blocks, *solution.undented, options);
     hal::Tube start_now = start;
     if (from_there.easing.empty()) {
       // What dents hid.

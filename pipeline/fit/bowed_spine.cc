@@ -232,30 +232,41 @@ SurfaceAssignment PointsOf(const BowedTubeState& state, const EasedSpine& spine,
   return points;
 }
 
-void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm,
-                   const std::array<double, 2>& beyond_mm, BowedTubeState& state) {
+std::array<std::optional<double>, 2> PointsBeyond(const BowedTubeState& state,
+                                                  std::span<const PointBlock> blocks,
+                                                  double reach_mm) {
   const double r_mm = state.tube.pipe_radius_mm;
   const EasedSpine spine = SpineOf(state);
   SurfaceAssignment points;
   AssignPoints(SegmentFrames(spine, kBeyond * r_mm, state.flattening), r_mm, blocks, reach_mm,
                points);
-  auto& rows = state.tube.program.rows;
   const auto tells = [](const SegmentPoints& of) {
     return static_cast<Eigen::Index>(of.size) >= kExtent.least_points;
   };
-  if (const SegmentPoints& last = points.segments.back(); tells(last)) {
-    const double to_mm = AlongAt(last, 1.0 - kExtent.part) / (1.0 - kExtent.part) + beyond_mm[1];
-    rows.back().length_mm =
-        std::max(0.0, rows.back().length_mm + to_mm - spine.segments.back().length_mm);
-  }
+  std::array<std::optional<double>, 2> beyond_mm;
   if (const SegmentPoints& first = points.segments.front(); tells(first)) {
     const double to_mm = spine.segments.front().length_mm;
-    const double points_mm =
-        (to_mm - AlongAt(first, kExtent.part)) / (1.0 - kExtent.part) + beyond_mm[0];
-    const double from_mm = std::min(to_mm - points_mm, rows.front().length_mm);
-    rows.front().length_mm -= from_mm;
-    state.tube.X_WT.position_mm +=
-        from_mm * (state.tube.X_WT.orientation * Eigen::Vector3d::UnitX());
+    beyond_mm[0] = (to_mm - AlongAt(first, kExtent.part)) / (1.0 - kExtent.part) - to_mm;
+  }
+  if (const SegmentPoints& last = points.segments.back(); tells(last)) {
+    beyond_mm[1] =
+        AlongAt(last, 1.0 - kExtent.part) / (1.0 - kExtent.part) - spine.segments.back().length_mm;
+  }
+  return beyond_mm;
+}
+
+void EndWithPoints(std::span<const PointBlock> blocks, double reach_mm,
+                   const std::array<double, 2>& beyond_mm, BowedTubeState& state) {
+  const auto points_mm = PointsBeyond(state, blocks, reach_mm);
+  auto& rows = state.tube.program.rows;
+  if (points_mm[1]) {
+    rows.back().length_mm = std::max(0.0, rows.back().length_mm + *points_mm[1] + beyond_mm[1]);
+  }
+  if (points_mm[0]) {
+    const double longer_mm = std::max(*points_mm[0] + beyond_mm[0], -rows.front().length_mm);
+    rows.front().length_mm += longer_mm;
+    state.tube.X_WT.position_mm -=
+        longer_mm * (state.tube.X_WT.orientation * Eigen::Vector3d::UnitX());
   }
 }
 

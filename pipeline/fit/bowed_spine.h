@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -61,6 +63,12 @@ Eigen::Matrix<double, kLocalState, 1> TailsOf(const EasedSpine& spine, const Bow
 // if these did not bow. `beyond_mm`: of the tube's ends.
 SurfaceAssignment PointsOf(const BowedTubeState& state, const EasedSpine& spine, double beyond_mm,
                            std::span<const PointBlock> blocks, double reach_mm);
+
+// How far points go on beyond the ends of the first and of the last straight [mm]; none: too few of
+// them are near it.
+std::array<std::optional<double>, 2> PointsBeyond(const BowedTubeState& state,
+                                                  std::span<const PointBlock> blocks,
+                                                  double reach_mm);
 
 // Lets the first and last straight begin and end where points do, as far as these lie near them, or
 // so far beyond.
