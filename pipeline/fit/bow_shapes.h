@@ -12,7 +12,7 @@ namespace bendloop::pipeline {
 
 // What bows a straight: Legendre polynomials of its length, the second to the fourth, which have no
 // part of its best-fit line. Each in y and z of the straight's frame. The fourth tells half a sine
-// from a parabola: 5 % of its height, and a sixth of the slope at its ends, from where the bends go
+// from a parabola: 5 % of its height, and a third of the slope at its ends, from where the bends go
 // on.
 constexpr std::size_t kBowShapes = 3;
 constexpr int kBowModes = 2 * static_cast<int>(kBowShapes);
