@@ -39,6 +39,7 @@
 #include "pipeline/fit/registration.h"
 #include "pipeline/fit/report_quality.h"
 #include "pipeline/fit/seam.h"
+#include "pipeline/fit/section_rise.h"
 #include "pipeline/fit/self_check.h"
 #include "pipeline/fit/silent_bends.h"
 #include "pipeline/fit/skewed_easing.h"
@@ -252,6 +253,15 @@ void MeasureSeamOf(FinalFit& final, std::span<const PointBlock> all) {
   }
 }
 
+// What the bends' sections are, and what of them is left out.
+void FitSections(std::span<const PointBlock> blocks, BowedSolution& solution, FinalFit& final) {
+  RoundDentedBends(blocks, final.options, solution);
+  FlattenRoundBends(blocks, final.options, solution);
+  TrySectionRise(blocks, final.options, solution);
+  final.options.priors.sunk = LearnSunk(solution.fit);
+  final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
+}
+
 FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const ReconstructionOptions& given,
                       const BlocksAbout& about_end, Workers* workers) {
   ReachTo({tube.polygon.front().position_mm, tube.polygon.back().position_mm}, tube.structure.tube);
@@ -282,10 +292,7 @@ FinalFit FitAllPoints(ApproximatedTube& tube, unsigned passes, const Reconstruct
   double margin = ReviseBends(blocks, final.options, nominal_bends, solution);
   const bool is_sure =
       nominal && TryNominal(*nominal, tube.polygon, blocks, final.options, solution, margin);
-  RoundDentedBends(blocks, final.options, solution);
-  FlattenRoundBends(blocks, final.options, solution);
-  final.options.priors.sunk = LearnSunk(solution.fit);
-  final.beside_sunk = LeaveOutSunkEnds(blocks, final.options, solution);
+  FitSections(blocks, solution, final);
   blocks = final.Fitted(tube.blocks);
   TrySkewedEasing(blocks, final.options, solution);
   TryOneDie(blocks, final.options, solution);

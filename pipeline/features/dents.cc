@@ -184,7 +184,7 @@ class Wall {
   // How far the flattened wall lies inside the round one there.
   double InsideMm(const Eigen::Vector3d& point, std::size_t segment) const {
     const SegmentFrame& frame = frames_[segment];
-    if (!frame.flattening) return 0.0;
+    if (!frame.is_flattened()) return 0.0;
     PointLanes lanes;
     lanes.x[0] = point.x(), lanes.y[0] = point.y(), lanes.z[0] = point.z();
     LocalLanes local;

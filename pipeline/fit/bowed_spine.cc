@@ -225,9 +225,10 @@ SurfaceAssignment PointsOf(const BowedTubeState& state, const EasedSpine& spine,
                            std::span<const PointBlock> blocks, double reach_mm) {
   const double r_mm = state.tube.pipe_radius_mm;
   SurfaceAssignment points;
-  AssignPoints(SegmentFrames(spine, beyond_mm, state.flattening), r_mm, blocks, reach_mm, points);
+  const auto frames = SegmentFrames(spine, beyond_mm, state.flattening);
+  AssignPoints(frames, r_mm, blocks, reach_mm, points);
   for (std::size_t k = 0; k < points.segments.size() && k < state.bows.size(); ++k) {
-    Straighten(state.bows[k], spine.segments[k].length_mm, r_mm, points.segments[k]);
+    Straighten(state.bows[k], frames[k], spine.segments[k].length_mm, r_mm, points.segments[k]);
   }
   return points;
 }

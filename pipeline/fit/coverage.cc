@@ -151,9 +151,9 @@ class Describer {
     }
     if (flattened_.empty()) return;
     const SegmentFrame& frame = flattened_[static_cast<std::size_t>(candidates_[candidate])];
-    if (frame.flattening) {
-      FlattenedBy(frame, pipe_radius_mm_, nearest_.Local(candidate), inside_mm_[candidate]);
-    }
+    if (!frame.is_flattened()) return;
+    FlattenedBy(frame, pipe_radius_mm_, nearest_.Local(candidate), flattened_mm_);
+    for (std::size_t i = 0; i < count; ++i) inside_mm_[candidate][i] += flattened_mm_[i];
   }
   void Add(const Eigen::Vector3d& point, std::size_t i, bool keep) {
     const std::size_t c = nearest_.Candidate(i);
@@ -195,6 +195,7 @@ class Describer {
   NearestLanes nearest_;
   WallCellCounter::AlongArcs along_mm_;
   std::vector<std::array<double, kBatch>> inside_mm_;  // by candidate
+  std::array<double, kBatch> flattened_mm_{};
 };
 
 // A walk over all points. `cells`: becomes where they are, if it has any.

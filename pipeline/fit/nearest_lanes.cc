@@ -101,7 +101,7 @@ void NearestLanes::Find(std::span<const Eigen::Vector3d> points,
   }
   for (std::size_t c = 0; c < candidates.size(); ++c) {
     const SegmentFrame& frame = frames[static_cast<std::size_t>(candidates[c])];
-    if (!frame.flattening) continue;
+    if (!frame.is_flattened()) continue;
     FlattenedBy(frame, pipe_radius_mm, locals_[c], inside_mm_);
     for (std::size_t i = 0; i < count; ++i) locals_[c].distance[i] += inside_mm_[i];
   }

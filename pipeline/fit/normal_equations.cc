@@ -25,9 +25,10 @@ struct BoundSettings {
   double thinnest_pipe = 0.5, thickest_pipe = 2.0;
   // [of r_P] A term of Flattening, either way: eight times what is usual (kUsualFlattening).
   double flattening = 0.4;
-  // [of r_P] Of the easing: so little moves no surface, and a bender's clamp and die are no longer
+  // [of r_P] Of the easing: so little moves no surface (0.05 did: radii of exact scans
+  // were too small), and a bender's clamp and die are no longer
   // than a few pipe diameters.
-  double least_easing = 0.05, most_easing = 3.0;
+  double least_easing = 0.005, most_easing = 3.0;
 };
 constexpr BoundSettings kBounds;
 

@@ -34,7 +34,8 @@ double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegm
   return segment.bend_radius_mm * TurnOf(points.x[i], points.y[i], segment);
 }
 
-void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, SegmentPoints& points) {
+void Straighten(const Bow& bow, const SegmentFrame& line, double length_mm, double pipe_radius_mm,
+                SegmentPoints& points) {
   if (bow.is_none()) return;
   for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(points.size); ++i) {
     const double x = bow.At(points.x[i], length_mm);
@@ -46,8 +47,11 @@ void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, Segment
     beside_mm *= 1.0 - 0.5 * leans_mm * leans_mm / std::max(1e-12, beside_mm.squaredNorm());
     points.y[i] = beside_mm[0];
     points.z[i] = beside_mm[1];
-    const double certainty = points.Certainty(i);
-    points.distance[i] = certainty * (std::hypot(points.y[i], points.z[i]) - pipe_radius_mm);
+    double off_mm = beside_mm.norm() - pipe_radius_mm;
+    if (line.is_flattened()) {
+      off_mm += FlattenedBy(line, pipe_radius_mm, points.x[i], points.y[i], points.z[i]);
+    }
+    points.distance[i] = points.Certainty(i) * off_mm;
   }
 }
 
@@ -94,7 +98,7 @@ std::vector<PlaceSum> SumPlaces(const EasedSpine& spine, std::span<const Segment
       SegmentPoints& of_segment = points.segments[k];
       const PlaceRange& range = ranges[k];
       if (k < bows.size()) {
-        Straighten(bows[k], spine.segments[k].length_mm, pipe_radius_mm, of_segment);
+        Straighten(bows[k], frames[k], spine.segments[k].length_mm, pipe_radius_mm, of_segment);
       }
       parts.resize(std::max(parts.size(), range.count));
       for (std::size_t i = 0; i < range.count; ++i) parts[i].Clear(of_segment.weighted);

@@ -22,7 +22,8 @@ double TurnOf(double x, double y, const hal::SpineSegment& arc);
 double AlongOf(const SegmentPoints& points, Eigen::Index i, const hal::SpineSegment& segment);
 
 // Moves the points of a straight `length_mm` long, which stand in its frame, as if it did not bow.
-void Straighten(const Bow& bow, double length_mm, double pipe_radius_mm, SegmentPoints& points);
+void Straighten(const Bow& bow, const SegmentFrame& line, double length_mm, double pipe_radius_mm,
+                SegmentPoints& points);
 
 // A short piece of a segment, all round, and what its points say of the segment's frame.
 struct PlaceSum {

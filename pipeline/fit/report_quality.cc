@@ -69,6 +69,7 @@ struct EasedSettings {
   double cut_off = 0.21;
   double widest_rad = 2.6;  // of wider bends the corner runs away
   double least_sine = 0.2;  // of slighter bends the plane is not known anyway
+  double least = 0.1;       // [of r_P] Of less no straight loses its form
 };
 constexpr EasedSettings kEased;
 
@@ -298,7 +299,10 @@ void DoubtBendUponBend(const SurfaceFit& fit, Measurement& measurement) {
 void DoubtStraights(std::span<const StraightForm> straights, Measurement& measurement) {
   const bool is_any = std::any_of(straights.begin(), straights.end(),
                                   [](const StraightForm& of) { return of.length_mm > 0; });
-  if (is_any || measurement.easing.empty()) return;
+  const double least_mm2 = std::pow(kEased.least * measurement.tube.pipe_radius_mm, 2);
+  const auto eases = [least_mm2](double variance_mm2) { return variance_mm2 > least_mm2; };
+  const auto& variance_mm2 = measurement.easing.variance_mm2;
+  if (is_any || std::none_of(variance_mm2.begin(), variance_mm2.end(), eases)) return;
   measurement.warnings.push_back(
       "the bends ease over all of the straights between them: the tube may be bent freely, as a "
       "hose is, and its rows are of lines that no part of it follows; compare it with the drawing");

@@ -57,6 +57,7 @@ bool IsAbout(const BendEnd& end, const Eigen::Vector3d& point, double r_mm) {
 
 std::optional<OwnedBlocks> LeaveOutSunkEnds(std::span<const PointBlock> blocks,
                                             SurfaceFitOptions& options, BowedSolution& solution) {
+  if (!options.section_rise.is_none()) return std::nullopt;  // that fits them
   const SurfaceFit& fit = solution.fit;
   const std::vector<BendEnd> ends = SunkEnds(fit);
   if (ends.empty() || solution.bows.is_lost) return std::nullopt;

@@ -363,7 +363,7 @@ bool IsNoWorse(const TubeParameters& from, const Eigen::VectorXd& at, const Eige
 SurfaceFit FitSome(const hal::Tube& start, std::span<const PointBlock> blocks,
                    const SurfaceFitOptions& options) {
   std::vector<Flattening> round(options.flattened ? start.program.bend_count() : 0,
-                                {.is_wide = options.wide_plateau});
+                                {.is_wide = options.wide_plateau, .rise = options.section_rise});
   const std::size_t stride = CountPoints(blocks) / kFit.leading_points;
   if (stride < kFit.leading_stride) return FitFew(start, std::move(round), blocks, options);
   SurfaceFitOptions to_lead = options;

@@ -33,10 +33,11 @@ struct SurfaceFitOptions {
   // Of the first and the last straight so much lies beyond the points on it, hidden by what sits on
   // the end. Its best-fit line is of all of it.
   std::array<double, 2> hidden_mm{0, 0};
-  bool flattened = false;     // the bends need not be round
-  bool wide_plateau = false;  // where their outer walls sink in
-  DentMargin dents = {};      // left out
-  Easing easing = {};         // to begin with; none: the bends are sharp
+  bool flattened = false;         // the bends need not be round
+  bool wide_plateau = false;      // where their outer walls sink in
+  SectionRise section_rise = {};  // of their oval and their outer walls
+  DentMargin dents = {};          // left out
+  Easing easing = {};             // to begin with; none: the bends are sharp
   FitPriors priors = {};
   // [of what the design effect is beyond 1] Added to it for the covariance. What moves places
   // together is a few displacements more often than many, and what so few tell of their spread is

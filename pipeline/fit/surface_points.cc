@@ -35,6 +35,53 @@ double AlongOf(const Eigen::Vector3d& point, const hal::SpineSegment& segment, b
   return radius * std::clamp(phi, 0.0, angle);
 }
 
+// A bend as so many pieces from the segment `first` on, of a sharp arc so long.
+struct BendPieces {
+  std::size_t first = 0, count = 1;
+  double arc_mm = 0;
+};
+
+// Its section, along its pieces and on the lines beside it.
+void LetRise(std::span<const hal::SpineSegment> segments, const BendPieces& bend,
+             const Flattening& flattening, std::vector<SegmentFrame>& frames) {
+  const std::size_t behind = bend.first + bend.count;
+  double pieces_mm = 0, turn_rad = 0, turn_mm = 0;
+  for (std::size_t k = bend.first; k < behind; ++k) {
+    turn_rad += segments[k].angle_rad();
+    turn_mm += segments[k].angle_rad() * (pieces_mm + 0.5 * segments[k].length_mm);
+    pieces_mm += segments[k].length_mm;
+  }
+  // From where the pieces begin. The sharp arc lies about where they turn on average: skewed ones
+  // reach further beyond it on one side.
+  const double half_mm = 0.5 * bend.arc_mm + flattening.rise.before_mm;
+  const double middle_mm = turn_mm / std::max(1e-12, turn_rad);
+  const double risen_mm = middle_mm - half_mm, fallen_mm = middle_mm + half_mm;
+  double at_mm = 0;
+  for (std::size_t k = bend.first; k < behind; ++k) {
+    frames[k].since_risen_mm = at_mm - risen_mm;
+    at_mm += segments[k].length_mm;
+    frames[k].until_fallen_mm = fallen_mm - at_mm;
+  }
+  const auto out_of = [](const hal::SpineSegment& piece, double along_mm) {
+    return Eigen::Vector3d(-piece.normal.cross(piece.TangentAt(along_mm)).normalized());
+  };
+  const auto beside = [&](std::size_t line, double towards, double begin_mm, double end_mm,
+                          const Eigen::Vector3d& out) {
+    return SectionBeside{flattening,
+                         towards,
+                         begin_mm,
+                         end_mm,
+                         out.dot(frames[line].across),
+                         out.dot(frames[line].normal)};
+  };
+  const double line_mm = segments[bend.first - 1].length_mm;
+  frames[bend.first - 1].beside[1] = beside(bend.first - 1, 1.0, line_mm + risen_mm,
+                                            line_mm + fallen_mm, out_of(segments[bend.first], 0.0));
+  const hal::SpineSegment& last = segments[behind - 1];
+  frames[behind].beside[0] = beside(behind, -1.0, fallen_mm - pieces_mm, risen_mm - pieces_mm,
+                                    out_of(last, last.length_mm));
+}
+
 }  // namespace
 
 void OwnedBlocks::Begin(const Eigen::Vector3d& center_mm, double half_diagonal_mm) {
@@ -225,6 +272,10 @@ std::vector<SegmentFrame> SegmentFrames(std::span<const hal::SpineSegment> segme
     if (k % 2 == 1 && k / 2 < flattening.size()) of_bend = flattening[k / 2];
     frames.emplace_back(segments[k], k == 0, k + 1 == segments.size(), beyond_mm, of_bend);
   }
+  for (std::size_t k = 1; k + 1 < segments.size() && k / 2 < flattening.size(); k += 2) {
+    const Flattening& of_bend = flattening[k / 2];
+    if (!of_bend.rise.is_none()) LetRise(segments, {k, 1, segments[k].length_mm}, of_bend, frames);
+  }
   return frames;
 }
 
@@ -236,10 +287,7 @@ std::vector<SegmentFrame> SegmentFrames(const EasedSpine& spine, double beyond_m
   double half_rad = 0, to_middle_rad = 0;  // of the bend; from the piece's start
   for (std::size_t k = 0; k < spine.segments.size(); ++k) {
     std::optional<Flattening> of_piece;
-    if (!spine.is_line(k) && !flattening.empty()) {
-      of_piece = flattening[spine.row(k)];
-      of_piece->constant *= spine.share[k];
-    }
+    if (!spine.is_line(k) && !flattening.empty()) of_piece = flattening[spine.row(k)];
     SegmentFrame& frame = frames.emplace_back(spine.segments[k], k == 0,
                                               k + 1 == spine.segments.size(), beyond_mm, of_piece);
     if (spine.is_line(k)) continue;
@@ -255,6 +303,15 @@ std::vector<SegmentFrame> SegmentFrames(const EasedSpine& spine, double beyond_m
     frame.bump_floor = std::cos(half_rad);
     frame.bump_scale = 1.0 / std::max(1e-12, 1.0 - frame.bump_floor);
     to_middle_rad -= spine.segments[k].angle_rad();
+    frame.share = spine.share[k];
+  }
+  for (std::size_t k = 1; k < spine.segments.size() && !flattening.empty(); k += spine.pieces + 1) {
+    const Flattening& of_bend = flattening[spine.row(k)];
+    if (of_bend.rise.is_none()) continue;
+    double turn_rad = 0;
+    for (std::size_t i = k; i < k + spine.pieces; ++i) turn_rad += spine.segments[i].angle_rad();
+    const double radius_mm = spine.share[k] * spine.segments[k].bend_radius_mm;
+    LetRise(spine.segments, {k, spine.pieces, turn_rad * radius_mm}, of_bend, frames);
   }
   return frames;
 }

@@ -104,6 +104,22 @@ struct NearSegment {
   double distance_mm = 0;  // from the spine
 };
 
+// How far a section has risen, [halves of its rise] behind the middle of that: 0 up to -1, 1 from 1
+// on, a cubic between.
+inline double Risen(double t) {
+  const double inside = t < -1.0 ? -1.0 : (t > 1.0 ? 1.0 : t);
+  return 0.25 * (2.0 + inside * (3.0 - inside * inside));
+}
+
+// What the bend beyond a line's end makes of the line's section, if it rises by itself.
+struct SectionBeside {
+  Flattening of_bend;
+  double towards = 0;  // 1: the bend lies behind it, -1: before; 0: there is none
+  // Along the line, straight on: where it is half risen, and half fallen behind the bend.
+  double half_risen_mm = 0, half_fallen_mm = 0;
+  double out_y = 1, out_z = 0;  // its outer side, across and normal
+};
+
 // A segment with what the distance from it needs, worked out once for many points.
 struct SegmentFrame {
   // `beyond_mm`: how far an open end goes on.
@@ -113,6 +129,9 @@ struct SegmentFrame {
   // From the segment's spine; beyond its ends from them, unless it is open there: then infinite
   // where it no longer goes on.
   double Distance(const Eigen::Vector3d& point) const;
+  bool is_flattened() const {
+    return flattening || beside[0].towards != 0 || beside[1].towards != 0;
+  }
 
   Eigen::Vector3d start_mm, tangent, across, normal;
   double low_mm, high_mm;          // of a line
@@ -126,6 +145,11 @@ struct SegmentFrame {
   double half_sine, half_cosine;         // of the angle from its start to the bend's middle
   double bump_floor;                     // cosine of half the bend's angle
   double bump_scale;                     // B = (cos(angle from the middle) - bump_floor) * this
+  double share = 1;                      // of the bend's curvature
+  // Where the bend's section rises by itself: how far it is half risen before this arc begins, and
+  // half fallen behind where this arc ends.
+  double since_risen_mm = 0, until_fallen_mm = 0;
+  std::array<SectionBeside, 2> beside;  // of a line
 };
 // Of r_P: how far the end straights may go on beyond the nodes; further out another part of the
 // tube may lie in their way.

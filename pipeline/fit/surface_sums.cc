@@ -218,7 +218,7 @@ CondensedSum SumThrough(const SegmentPoints& points,
 }
 
 // d = |(y, z)| - r, outward o = (0, oy, oz), torque x * (0, -oz, oy).
-CondensedSum SumOfLine(const SegmentPoints& points, double pipe_radius_mm, double inverse_sigma) {
+Eigen::Matrix<double, kCondensedRow, kLineFunctions> LineRows() {
   Eigen::Matrix<double, kCondensedRow, kLineFunctions> rows_of =
       Eigen::Matrix<double, kCondensedRow, kLineFunctions>::Zero();
   rows_of(1, kOy) = -1;
@@ -227,6 +227,11 @@ CondensedSum SumOfLine(const SegmentPoints& points, double pipe_radius_mm, doubl
   rows_of(5, kXOy) = -1;
   rows_of(7, kLineOne) = -1;
   rows_of(kLocalState, kLineDistance) = 1;
+  return rows_of;
+}
+
+CondensedSum SumOfLine(const SegmentPoints& points, double pipe_radius_mm, double inverse_sigma) {
+  const auto rows_of = LineRows();
   return SumThrough<kLineFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
     AddLine(batch, pipe_radius_mm, inverse_sigma, sums);
   });
@@ -267,6 +272,15 @@ enum OvalFunction {
   kOvalFunctions
 };
 
+// Of a line's section.
+enum OvalLineFunction {
+  kQuadrantBefore = kLineDistance + 1,
+  kOuterBefore,
+  kQuadrantBehind,
+  kOuterBehind,
+  kOvalLineFunctions
+};
+
 struct OvalBend {
   OvalBend(const SegmentFrame& frame, double r_mm)
       : bend_radius_mm(frame.bend_radius_mm),
@@ -279,10 +293,21 @@ struct OvalBend {
         bump(0.5 * r_mm * frame.flattening->bump),
         collapse(r_mm * frame.flattening->collapse),
         plateau(r_mm * frame.flattening->plateau),
-        wide(frame.flattening->is_wide ? 1.0 : 0.0) {}
+        wide(frame.flattening->is_wide && frame.flattening->rise.is_none() ? 1.0 : 0.0),
+        rises(frame.flattening->rise.is_none() ? 0.0 : 1.0),
+        share(frame.share),
+        sine(frame.sine),
+        cosine(frame.cosine),
+        before(rises > 0 ? frame.since_risen_mm / frame.flattening->rise.half_mm : 0.0),
+        behind(rises > 0 ? frame.until_fallen_mm / frame.flattening->rise.half_mm : 0.0),
+        per_half_turn(rises > 0 ? 2.0 * frame.bend_radius_mm / frame.flattening->rise.half_mm
+                                : 0.0) {}
   double bend_radius_mm, pipe_radius_mm, half_sine, half_cosine, bump_floor, bump_scale;
   double constant, bump, collapse, plateau;  // [mm]
-  double wide;                               // 1 or 0
+  double wide, rises;                        // 1 or 0
+  double share;
+  double sine, cosine;                   // of the arc's angle
+  double before, behind, per_half_turn;  // [rises]
 };
 
 // B at a place around the centre of the bend.
@@ -291,6 +316,34 @@ BENDLOOP_LOOP double Bump(const OvalBend& oval, double a, double b) {
 }
 BENDLOOP_LOOP double Square(double x) { return x * x; }
 BENDLOOP_LOOP double Plateau(double bump) { return 1.0 - Square(Square(1.0 - bump)); }
+// Of an angle up to a quarter turn, to 1e-5; of a wider one, up to three quarters, that quarter.
+// Arc tangent: Abramowitz & Stegun, 4.4.47.
+BENDLOOP_LOOP double HalfAngleOf(double sine, double cosine) {
+  const double u = Least(Most(sine / Most(1.0 + cosine, 1e-9), -1.0), 1.0);
+  const double u2 = u * u;
+  return u *
+         (0.9998660 + u2 * (-0.3302995 + u2 * (0.1801410 + u2 * (-0.0851330 + u2 * 0.0208351))));
+}
+// How far the section has risen at a place around the centre of the bend.
+BENDLOOP_LOOP double RisenAt(const OvalBend& oval, double a, double b) {
+  const double to_end_sine = -oval.sine * b - oval.cosine * a;
+  const double to_end_cosine = oval.sine * a - oval.cosine * b;
+  const double from_start = oval.before + oval.per_half_turn * HalfAngleOf(a, -b);
+  const double to_end = oval.behind + oval.per_half_turn * HalfAngleOf(to_end_sine, to_end_cosine);
+  // No section rises further into a bend than a quarter turn (section_rise.cc).
+  const double begun = b > 0 ? 1.0 : Risen(from_start);
+  const double not_ended = to_end_cosine < 0 ? 1.0 : Risen(to_end);
+  return oval.share + oval.rises * (Most(begun + not_ended - 1.0, 0.0) - oval.share);
+}
+// Parts of a collapse and of a plateau, of the square of the outer side's cosine.
+struct SunkAt {
+  double collapse, plateau;
+};
+BENDLOOP_LOOP SunkAt SinksAt(const OvalBend& oval, double bump, double risen, double outer) {
+  const double inside = Plateau(bump);
+  const double plateau = inside + oval.rises * (risen - inside);
+  return {bump + oval.rises * (risen - bump), plateau * Most(outer, oval.wide)};
+}
 
 BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double inverse_sigma,
                                   Sums<kOvalFunctions>& sums) {
@@ -306,9 +359,9 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
     const double c = u * inverse;
     const double s = p.z[l] * inverse;
     const double quadrant = c * c - s * s;
-    const double bump = Bump(oval, a, b);
+    const double bump = Bump(oval, a, b), risen = RisenAt(oval, a, b);
     const double outer = Square(Most(c, 0.0));
-    const double plateau = Plateau(bump) * Most(outer, oval.wide);
+    const SunkAt sinks = SinksAt(oval, bump, risen, outer);
     f[kCa][l] = c * a;
     f[kCb][l] = c * b;
     f[kC][l] = c;
@@ -316,13 +369,13 @@ BENDLOOP_LOOP void AddOvalArcBody(const Batch& p, const OvalBend& oval, double i
     f[kSb][l] = s * b;
     f[kS][l] = s;
     f[kArcOne][l] = 1.0;
-    f[kQuadrant][l] = quadrant;
+    f[kQuadrant][l] = risen * quadrant;
     f[kBumpQuadrant][l] = bump * quadrant;
-    f[kBumpOuter][l] = bump * outer;
-    f[kPlateauOuter][l] = plateau * outer;
-    f[kArcDistance][l] = distance - oval.pipe_radius_mm + oval.constant * quadrant +
+    f[kBumpOuter][l] = sinks.collapse * outer;
+    f[kPlateauOuter][l] = sinks.plateau * outer;
+    f[kArcDistance][l] = distance - oval.pipe_radius_mm + oval.constant * risen * quadrant +
                          oval.bump * bump * quadrant +
-                         (oval.collapse * bump + oval.plateau * plateau) * outer;
+                         (oval.collapse * sinks.collapse + oval.plateau * sinks.plateau) * outer;
     sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
   }
   AddProducts(sums);
@@ -339,11 +392,12 @@ BENDLOOP_LOOP void InsideOfBody(const OvalBend& oval, const LocalLanes& local, d
     const double u2 = Square(rho - oval.bend_radius_mm);
     const double z2 = local.z[l] * local.z[l];
     const double inverse = 1.0 / Most(u2 + z2, kTiny);
-    const double bump = Bump(oval, local.x[l] * inverse_rho, local.y[l] * inverse_rho);
+    const double a = local.x[l] * inverse_rho, b = local.y[l] * inverse_rho;
+    const double bump = Bump(oval, a, b), risen = RisenAt(oval, a, b);
     const double outer = rho > oval.bend_radius_mm ? u2 * inverse : 0.0;
-    inside[l] =
-        (oval.constant + oval.bump * bump) * (u2 - z2) * inverse +
-        (oval.collapse * bump + oval.plateau * Plateau(bump) * Most(outer, oval.wide)) * outer;
+    const SunkAt sinks = SinksAt(oval, bump, risen, outer);
+    inside[l] = (oval.constant * risen + oval.bump * bump) * (u2 - z2) * inverse +
+                (oval.collapse * sinks.collapse + oval.plateau * sinks.plateau) * outer;
   }
 }
 BENDLOOP_MULTIVERSION(void, InsideOf,
@@ -362,6 +416,102 @@ CondensedSum SumOfOvalArc(const SegmentPoints& points, const SegmentFrame& frame
   const OvalBend oval(frame, pipe_radius_mm);
   return SumThrough<kOvalFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
     AddOvalArc(batch, oval, inverse_sigma, sums);
+  });
+}
+
+// A line's section: what the bends beyond its ends make of it.
+struct OvalLine {
+  struct Side {
+    Side(const SectionBeside& of, double r_mm)
+        : half_risen_mm(of.half_risen_mm),
+          half_fallen_mm(of.half_fallen_mm),
+          per_mm(of.towards != 0 ? of.towards / of.of_bend.rise.half_mm : 0.0),
+          is_there(of.towards != 0 ? 1.0 : 0.0),
+          out_y(of.out_y),
+          out_z(of.out_z),
+          constant(0.5 * r_mm * of.of_bend.constant),
+          collapse(r_mm * of.of_bend.collapse),
+          plateau(r_mm * of.of_bend.plateau) {}
+    double half_risen_mm, half_fallen_mm, per_mm, is_there, out_y, out_z;
+    double constant, collapse, plateau;  // [mm]
+  };
+  OvalLine(const SegmentFrame& frame, double r_mm)
+      : sides{Side(frame.beside[0], r_mm), Side(frame.beside[1], r_mm)} {}
+  std::array<Side, 2> sides;
+};
+struct OvalAt {
+  double quadrant, outer, inside_mm;
+};
+BENDLOOP_LOOP OvalAt SectionAt(const OvalLine::Side& side, double x, double oy, double oz) {
+  const double c = oy * side.out_y + oz * side.out_z;
+  const double outer = Square(Most(c, 0.0));
+  const double begun = Risen((x - side.half_risen_mm) * side.per_mm);
+  const double not_ended = Risen((side.half_fallen_mm - x) * side.per_mm);
+  const double risen = side.is_there * Most(begun + not_ended - 1.0, 0.0);
+  const double quadrant = 2.0 * c * c - 1.0;
+  return {risen * quadrant, 0.5 * risen * (outer + outer * outer),
+          risen * (side.constant * quadrant + (side.collapse + side.plateau * outer) * outer)};
+}
+BENDLOOP_LOOP double InsideOfLine(const OvalLine& oval, double x, double y, double z) {
+  const double inverse = 1.0 / Most(std::sqrt(y * y + z * z), kTiny);
+  double inside_mm = 0;
+  for (const OvalLine::Side& side : oval.sides) {
+    inside_mm += SectionAt(side, x, y * inverse, z * inverse).inside_mm;
+  }
+  return inside_mm;
+}
+
+BENDLOOP_LOOP void AddOvalLineBody(const Batch& p, double pipe_radius_mm, const OvalLine& oval,
+                                   double inverse_sigma, Sums<kOvalLineFunctions>& sums) {
+  auto& f = sums.functions;
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    const double distance = std::sqrt(p.y[l] * p.y[l] + p.z[l] * p.z[l]);
+    const double inverse = 1.0 / Most(distance, kTiny);
+    const double oy = p.y[l] * inverse;
+    const double oz = p.z[l] * inverse;
+    const OvalAt before = SectionAt(oval.sides[0], p.x[l], oy, oz);
+    const OvalAt behind = SectionAt(oval.sides[1], p.x[l], oy, oz);
+    f[kOy][l] = oy;
+    f[kOz][l] = oz;
+    f[kXOy][l] = p.x[l] * oy;
+    f[kXOz][l] = p.x[l] * oz;
+    f[kLineOne][l] = 1.0;
+    f[kQuadrantBefore][l] = before.quadrant;
+    f[kOuterBefore][l] = before.outer;
+    f[kQuadrantBehind][l] = behind.quadrant;
+    f[kOuterBehind][l] = behind.outer;
+    f[kLineDistance][l] = distance - pipe_radius_mm + before.inside_mm + behind.inside_mm;
+    sums.weight[l] = p.weight[l] * Weight(std::abs(p.distance[l]), inverse_sigma);
+  }
+  AddProducts(sums);
+}
+BENDLOOP_MULTIVERSION(void, AddOvalLine,
+                      (const Batch& p, double pipe_radius_mm, const OvalLine& oval,
+                       double inverse_sigma, Sums<kOvalLineFunctions>& sums),
+                      (p, pipe_radius_mm, oval, inverse_sigma, sums))
+
+BENDLOOP_LOOP void InsideOfLinesBody(const OvalLine& oval, const LocalLanes& local,
+                                     double* inside) {
+  for (std::size_t l = 0; l < kBatch; ++l) {
+    inside[l] = InsideOfLine(oval, local.x[l], local.y[l], local.z[l]);
+  }
+}
+BENDLOOP_MULTIVERSION(void, InsideOfLines,
+                      (const OvalLine& oval, const LocalLanes& local, double* inside),
+                      (oval, local, inside))
+
+CondensedSum SumOfOvalLine(const SegmentPoints& points, const SegmentFrame& frame,
+                           double pipe_radius_mm, double inverse_sigma) {
+  Eigen::Matrix<double, kCondensedRow, kOvalLineFunctions> rows_of =
+      Eigen::Matrix<double, kCondensedRow, kOvalLineFunctions>::Zero();
+  rows_of.leftCols<kLineFunctions>() = LineRows();
+  for (const int side : {0, 2}) {
+    rows_of(kFlatteningState + side, kQuadrantBefore + side) = 0.5 * pipe_radius_mm;
+    rows_of(kFlatteningState + side + 1, kOuterBefore + side) = pipe_radius_mm;
+  }
+  const OvalLine oval(frame, pipe_radius_mm);
+  return SumThrough<kOvalLineFunctions>(points, rows_of, [&](const Batch& batch, auto& sums) {
+    AddOvalLine(batch, pipe_radius_mm, oval, inverse_sigma, sums);
   });
 }
 
@@ -391,7 +541,15 @@ void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t 
 
 void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLanes& local,
                  std::array<double, kBatch>& inside_mm) {
-  InsideOf(OvalBend(frame, pipe_radius_mm), local, inside_mm.data());
+  if (frame.flattening) {
+    InsideOf(OvalBend(frame, pipe_radius_mm), local, inside_mm.data());
+  } else {
+    InsideOfLines(OvalLine(frame, pipe_radius_mm), local, inside_mm.data());
+  }
+}
+
+double FlattenedBy(const SegmentFrame& line, double pipe_radius_mm, double x, double y, double z) {
+  return InsideOfLine(OvalLine(line, pipe_radius_mm), x, y, z);
 }
 
 void SegmentPoints::MakeRoom(std::size_t more) {
@@ -418,6 +576,7 @@ void SegmentPoints::AddFirst(const LocalLanes& from, std::size_t count,
 CondensedSum SumOfRows(const SegmentPoints& points, const SegmentFrame& frame,
                        double pipe_radius_mm, double sigma_mm) {
   if (frame.flattening) return SumOfOvalArc(points, frame, pipe_radius_mm, 1.0 / sigma_mm);
+  if (frame.is_flattened()) return SumOfOvalLine(points, frame, pipe_radius_mm, 1.0 / sigma_mm);
   return frame.bend_radius_mm > 0
              ? SumOfArc(points, frame.bend_radius_mm, pipe_radius_mm, 1.0 / sigma_mm)
              : SumOfLine(points, pipe_radius_mm, 1.0 / sigma_mm);

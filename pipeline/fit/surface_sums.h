@@ -14,7 +14,8 @@ namespace bendloop::pipeline {
 
 // A segment's local state, which its surface depends on: velocity of its start (3), angular
 // velocity (3), both in the frame (tangent, normal x tangent, normal), bend radius, pipe radius,
-// flattening (4).
+// flattening (4): of an arc its own; of a line, of the bend before it and of the one behind it,
+// constant and what sinks in, of either width alike.
 constexpr int kPipeRadiusState = 7;
 constexpr int kFlatteningState = 8;  // the first of it
 constexpr int kLocalState = kFlatteningState + kFlatteningParameters;
@@ -38,10 +39,12 @@ struct LocalLanes : PointLanes {
 void ToSegment(const SegmentFrame& frame, const PointLanes& points, std::size_t count,
                LocalLanes& local);
 
-// How far inside the round surface the flattened one lies at the places of points of an arc [mm];
-// `local` as from ToSegment.
+// How far inside the round surface the flattened one lies at the places of points [mm]; `local` as
+// from ToSegment, `frame` flattened.
 void FlattenedBy(const SegmentFrame& frame, double pipe_radius_mm, const LocalLanes& local,
                  std::array<double, kBatch>& inside_mm);
+// The same at a place of a line's frame.
+double FlattenedBy(const SegmentFrame& line, double pipe_radius_mm, double x, double y, double z);
 
 // Any number of points of one segment in its frame, with their distance from the surface times
 // their certainty.

@@ -254,7 +254,8 @@ std::vector<Flattening> TubeParameters::FlatteningAt(const Eigen::VectorXd& para
   std::vector<Flattening> list;
   for (std::size_t i = 0; i < flattening_.size(); ++i) {
     const auto of_bend = parameters.segment<kFlatteningParameters>(flattening(i));
-    list.push_back({of_bend[0], of_bend[1], of_bend[2], of_bend[3], flattening_[i].is_wide});
+    list.push_back({of_bend[0], of_bend[1], of_bend[2], of_bend[3], flattening_[i].is_wide,
+                    flattening_[i].rise});
   }
   return list;
 }
@@ -275,6 +276,25 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(
   return FrameDerivatives(EasedSpine{segments, 1, std::vector<double>(segments.size(), 1.0)});
 }
 
+// A bend's own; of a line those of the bends beside it. Where these begin, and their planes, move
+// it, too: by that the derivative is less than it is, as by what moves a bend's section along it.
+void TubeParameters::SetFlattening(bool is_line, std::size_t row,
+                                   Eigen::MatrixXd& derivative) const {
+  if (!is_line) {
+    derivative
+        .block<kFlatteningParameters, kFlatteningParameters>(kFlatteningState, flattening(row))
+        .setIdentity();
+    return;
+  }
+  const auto beside = [&](std::size_t of_bend, int state) {
+    derivative(state, flattening(of_bend)) = 1.0;
+    derivative(state + 1, flattening(of_bend) + 2) = 1.0;
+    derivative(state + 1, flattening(of_bend) + 3) = 1.0;
+  };
+  if (row > 0) beside(row - 1, kFlatteningState);
+  if (row < bends_) beside(row, kFlatteningState + 2);
+}
+
 std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(const EasedSpine& spine) const {
   const auto& segments = spine.segments;
   std::vector<RigidMotion> motions = MotionsOfStart(reference_.X_WT.orientation.toRotationMatrix(),
@@ -289,11 +309,7 @@ std::vector<Eigen::MatrixXd> TubeParameters::FrameDerivatives(const EasedSpine& 
     Eigen::MatrixXd& derivative =
         derivatives.emplace_back(Eigen::MatrixXd::Zero(kLocalState, size_));
     if (pipe_radius_ >= 0) derivative(kPipeRadiusState, pipe_radius_) = 1.0;
-    if (!spine.is_line(k) && flattened()) {
-      derivative.block<kFlatteningParameters, kFlatteningParameters>(kFlatteningState,
-                                                                     flattening(bend)) =
-          Eigen::Vector4d(spine.share[k], 1.0, 1.0, 1.0).asDiagonal();
-    }
+    if (flattened()) SetFlattening(spine.is_line(k), bend, derivative);
     if (spine.pieces > 1 && !spine.is_line(k)) {
       if (spine.is_line(k - 1)) {
         const hal::BendRow& row = reference_.program.rows[bend];

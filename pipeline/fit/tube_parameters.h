@@ -69,6 +69,8 @@ class TubeParameters {
   // Angle and plane of a slight bend are polar coordinates near their pole, where long steps go
   // astray: such bends move straight on in the plane of these.
   std::vector<Turn> TurnsAt(const Eigen::VectorXd& parameters) const;
+  // What flattening does to a segment's local state. `row`: of the program.
+  void SetFlattening(bool is_line, std::size_t row, Eigen::MatrixXd& derivative) const;
 
   hal::Tube reference_;
   std::vector<Flattening> flattening_;

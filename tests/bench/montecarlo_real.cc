@@ -40,7 +40,8 @@ struct RealKind {
   Range thinning = {1, 1};
   Range drift_mm = {0, 0};
   Range heavy_tail = {0, 0};
-  Range ovality = {0, 0};
+  Range ovality = {0, 0}, sunk = {0, 0};
+  std::optional<Range> section_rise_r = {};
   tests::EndFitting at_end = tests::EndFitting::kNone;
   int slight_bends = 0;  // of 1.5 to 4 degrees
   Range noise_mm = {0.05, 0.05};
@@ -120,6 +121,11 @@ const std::vector<RealKind>& Kinds() {
        .dents = 2,
        .dent_depth_r = {0.03, 0.15},
        .dents_in_bends_r = Range{0.5, 1.2},
+       .noise_mm = {0.01, 0.05}},
+      {.name = "oval before bends",
+       .ovality = {0.01, 0.05},
+       .sunk = {0, 0.02},
+       .section_rise_r = Range{0.3, 0.8},
        .noise_mm = {0.01, 0.05}},
   };
   return kinds;
@@ -397,6 +403,10 @@ RealCase DrawRealCase(std::uint64_t seed, const std::string& kind_name) {
   form.ramps = Uniform(random, 0, 1) < 0.3;
   form.half_sine = Uniform(random, 0, 1) < 0.5;
   form.ovality = Uniform(random, kind.ovality);
+  if (kind.section_rise_r) {
+    form.section_rise_r = Uniform(random, *kind.section_rise_r);
+    form.sunk = Uniform(random, kind.sunk);
+  }
   form.wrinkles = Uniform(random, kind.wrinkles);
   form.seam = Uniform(random, kind.seam);
   form.at_end = kind.at_end;

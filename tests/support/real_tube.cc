@@ -52,6 +52,7 @@ struct Spine {
   std::vector<Eigen::Vector2d> turn;       // the sum of curvature up to a place
   std::vector<double> bentness;            // 0 on straights, 1 in bends
   std::vector<double> sunk;                // the same of sharp bends, whose ends are ramps
+  std::vector<Eigen::Vector2d> section;    // the same towards the bend's inner side, if it rises
   double length_mm() const { return step_mm * static_cast<double>(place.size() - 1); }
   // From the start along the wall on that side: outside bends longer than the spine, inside
   // shorter.
@@ -164,6 +165,30 @@ std::vector<Value> Smoothed(const std::vector<Value>& values, const Form& form, 
   return smooth;
 }
 
+// How far the section has risen, towards the inner side of the bend: sharp bends under a raised
+// cosine.
+std::vector<Eigen::Vector2d> RisingSection(const std::vector<Eigen::Vector2d>& sharp,
+                                           const std::vector<double>& bentness, double rise_r) {
+  const int reach = static_cast<int>(std::ceil(rise_r / kStep));
+  std::vector<double> kernel;
+  double sum = 0;
+  for (int i = -reach; i <= reach; ++i) {
+    kernel.push_back(1.0 + std::cos(kPi * i / reach));
+    sum += kernel.back();
+  }
+  std::vector<Eigen::Vector2d> section(sharp.size(), Eigen::Vector2d::Zero());
+  const auto last = static_cast<int>(sharp.size()) - 1;
+  for (int i = 0; i <= last; ++i) {
+    for (int k = std::max(0, i - reach); k <= std::min(last, i + reach); ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      if (bentness[at] == 0) continue;
+      section[static_cast<std::size_t>(i)] += kernel[static_cast<std::size_t>(k - i + reach)] /
+                                              sum * bentness[at] * sharp[at].normalized();
+    }
+  }
+  return section;
+}
+
 Spine MakeSpine(const hal::Tube& tube, const Form& form, std::mt19937_64& random) {
   Spine spine;
   spine.step_mm = kStep * tube.pipe_radius_mm;
@@ -173,6 +198,7 @@ Spine MakeSpine(const hal::Tube& tube, const Form& form, std::mt19937_64& random
   spine.bentness = Smoothed<double>(bentness, form, 0.0);
   spine.sunk = Smoothed<double>(bentness, {.easing_r = kSinks, .ramps = true}, 0.0);
   for (double& part : spine.sunk) part = std::max(0.0, 2.0 * part - 1.0);
+  if (form.section_rise_r) spine.section = RisingSection(sharp, bentness, *form.section_rise_r);
   const Eigen::Matrix3d R = tube.X_WT.orientation.toRotationMatrix();
   Eigen::Vector3d place = tube.X_WT.position_mm, tangent = R.col(0), across = R.col(1);
   Eigen::Vector2d turned = Eigen::Vector2d::Zero();
@@ -311,6 +337,18 @@ class Scanner {
   }
 
  private:
+  // Of the wall, at a place and on a side.
+  double FlattenedRadiusMm(std::size_t i, double phi) const {
+    const bool rises = form_.section_rise_r.has_value();
+    const Eigen::Vector2d inner = rises ? spine_.section[i] : spine_.curvature[i];
+    if (inner.norm() == 0) return r_;
+    const double from_plane = phi - std::atan2(inner.y(), inner.x());
+    const double oval = rises ? inner.norm() : spine_.bentness[i];
+    const double sunk = rises ? inner.norm() : spine_.sunk[i];
+    return r_ * (1.0 - 0.5 * form_.ovality * oval * std::cos(2 * from_plane)) -
+           form_.sunk * r_ * sunk * std::pow(std::max(0.0, -std::cos(from_plane)), 3);
+  }
+
   // A point of the surface with its normal. False: less area there, drawn again.
   bool Place(double s_mm, double phi, Eigen::Vector3d& point, Eigen::Vector3d& normal) {
     const double at = s_mm / spine_.step_mm;
@@ -329,15 +367,7 @@ class Scanner {
     normal = std::cos(phi) * side + std::sin(phi) * binormal;
     const double area = 1.0 - r_ * (k.x() * std::cos(phi) + k.y() * std::sin(phi));
     if (Uniform(random_, 0, 1.0 + r_ * k.norm()) > area) return false;
-    double radius_mm = r_;
-    if (form_.ovality > 0 && k.norm() > 0) {
-      const double from_plane = phi - std::atan2(k.y(), k.x());
-      radius_mm *= 1.0 - 0.5 * form_.ovality * spine_.bentness[i] * std::cos(2 * from_plane);
-    }
-    if (form_.sunk > 0 && k.norm() > 0) {
-      const double outer = std::max(0.0, -std::cos(phi - std::atan2(k.y(), k.x())));
-      radius_mm -= form_.sunk * r_ * spine_.sunk[i] * std::pow(outer, 3);
-    }
+    double radius_mm = FlattenedRadiusMm(i, phi);
     if (form_.wrinkles > 0 && k.norm() > 0) {
       const double inner = std::max(0.0, std::cos(phi - std::atan2(k.y(), k.x())));
       radius_mm += form_.wrinkles * r_ * spine_.bentness[i] * inner * inner *

@@ -33,9 +33,12 @@ struct Form {
   double easing_r = 0;     // curvature is smoothed over a gaussian of this sigma
   // The same where bends end; none: they fall as they rise. Of straights that do not bow.
   std::optional<double> falling_r = {};
-  bool ramps = false;   // instead over a box as wide as twice this: curvature rises linearly
-  double ovality = 0;   // (greatest - least diameter) / nominal in the middle of bends
-  double sunk = 0;      // depth of the outer wall of bends, all along them
+  bool ramps = false;  // instead over a box as wide as twice this: curvature rises linearly
+  double ovality = 0;  // (greatest - least diameter) / nominal in the middle of bends
+  double sunk = 0;     // depth of the outer wall of bends, all along them
+  // Both rise from so far before a bend to so far behind its tangent point, and fall likewise, as a
+  // mandrel leaves them. None: the one follows the curvature, the other begins with the arc.
+  std::optional<double> section_rise_r = {};
   double wrinkles = 0;  // on the inner side of bends, half of them wave crest to trough
   double seam = 0;  // height of a weld seam along the tube, one radian from the first bend's plane
   double seam_rad = 0.12;        // 1 sigma of its gaussian

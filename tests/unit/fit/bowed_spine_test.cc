@@ -39,7 +39,9 @@ TEST(BowedSpine, PointsOfABowedStraightLieOnItsSurface) {
     ++points.size;
     leaning_mm = std::max(leaning_mm, 0.5 * kRadiusMm * slope.squaredNorm());
   }
-  Straighten(bow, kLengthMm, kRadiusMm, points);
+  hal::SpineSegment line;
+  line.length_mm = kLengthMm;
+  Straighten(bow, SegmentFrame(line, false, false), kLengthMm, kRadiusMm, points);
   EXPECT_GT(leaning_mm, 5e-4);
   for (int i = 0; i < 1000; ++i) EXPECT_NEAR(points.distance[i], 0, 0.03 * leaning_mm) << i;
 }
